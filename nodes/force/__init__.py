@@ -1,0 +1,1 @@
+"""Pressure and force from the height of a pressed film."""

@@ -1,0 +1,128 @@
+"""The modulus of a gel, and how thick it is, from presses under known weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Interval, MinLen
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import F4, Metrics
+from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.force.press_to_pressure import press_to_pressure
+
+THICKNESSES = 0.3, 30.0
+"""Range in mm that a thickness is looked for in."""
+MIN_PRESSES = 3
+"""Fewest presses that tell modulus and thickness apart."""
+MAX_SPREAD = 0.1
+"""Relative spread of the modulus over the presses that is told."""
+Newtons = Annotated[float, Gt(0)]
+
+
+@node
+def fit_modulus(
+    *,
+    results: Path,
+    force_n: Annotated[tuple[Newtons, ...], MinLen(1)],
+    thickness_mm: Annotated[float, Gt(0)] | None = None,
+    poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
+) -> Metrics:
+    """Fit Young's modulus to presses whose weight is known.
+
+    The layer is linear: a force comes out proportional to the modulus that it is computed with,
+    so each press gives one.  The thickness, if it is not given, is the one that makes those of
+    presses of different depths agree.
+
+    Parameters
+    ----------
+    results
+        A folder of results of `reconstruct` or `precise`, one per press.
+    force_n
+        The force on each press in newtons, in order of the folders' names: a mass of 100 g is
+        0.981 N.
+    thickness_mm
+        Of the gel; None: fitted, from three presses on.
+    poisson
+        Poisson's ratio of the gel.
+
+    Returns
+    -------
+    dict
+        ``modulus_kpa``, ``modulus_error`` (its relative standard deviation), ``thickness_mm``.
+
+    Raises
+    ------
+    InputError
+        If results and forces do not match in number, a press shows no contact, or presses are
+        too few.
+    """
+    presses = _presses(results, len(force_n))
+    if thickness_mm is None and len(presses) < MIN_PRESSES:
+        raise InputError(
+            f"{results}: {len(presses)} presses do not tell modulus and thickness apart: measure "
+            f"thickness_mm=, or press {MIN_PRESSES} times or more, to different depths"
+        )
+
+    def moduli(thickness: float) -> NDArray[np.float64]:
+        forces = [_force(height, pixel, thickness, poisson) for height, pixel in presses]
+        return np.asarray(force_n) / np.array(forces)
+
+    if thickness_mm is None:
+        low, high = (float(np.log(end)) for end in THICKNESSES)
+        found = minimize_scalar(
+            lambda log: float(np.std(np.log(moduli(float(np.exp(log)))))),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 0.01},
+        )
+        thickness_mm = float(np.exp(found.x))
+    each = moduli(thickness_mm)
+    spread = float(np.std(each) / np.mean(each))
+    if spread > MAX_SPREAD:
+        warn(
+            f"the presses' moduli spread by {spread:.0%}: is every weight in the order of the "
+            "folders, and did nothing else carry it?"
+        )
+    error = spread / np.sqrt(max(len(each) - 1, 1))
+    return {
+        "modulus_kpa": float(np.mean(each)),
+        "modulus_error": float(error),
+        "thickness_mm": thickness_mm,
+    }
+
+
+def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:
+    """Height and pixel size of every result in the folder."""
+    folders = sorted(d for d in results.iterdir() if (d / "height.tiff").is_file())
+    if len(folders) != count:
+        raise InputError(
+            f"{results}: holds {len(folders)} results, but force_n= names {count} forces; give one "
+            "per press, in order of the folders' names"
+        )
+    read = [read_height_file(folder / "height.tiff") for folder in folders]
+    for folder, one in zip(folders, read, strict=True):
+        if one.pixel is None:
+            raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
+        if not find_contact(one.height).max(initial=0):
+            raise InputError(f"{folder}: shows no contact")
+    return [(one.height, float(one.pixel or 0)) for one in read]
+
+
+def _force(height: F4, pixel: float, thickness: float, poisson: float) -> float:
+    """The force in newtons of all contacts, at a modulus of 1 kPa."""
+    found = press_to_pressure(
+        height,
+        find_contact(height),
+        pixel,
+        modulus_kpa=1.0,
+        thickness_mm=thickness,
+        poisson=poisson,
+    )
+    return sum(v for name, v in found.figures.items() if name.startswith("contact_force_n"))

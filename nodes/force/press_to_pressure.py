@@ -1,0 +1,161 @@
+"""The pressure that presses the film in, and the force on every contact."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+from scipy.fft import dctn, idctn
+
+from tactograph.graph import Port, node, warn
+from tactograph.graph.run.cores import cores
+from tactograph.nodes import F4, Contacts, Height, HeightError, Metrics, PixelSize
+from tactograph.nodes.force.elastic_layer import layer_compliance, wave_numbers
+
+Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
+"""Normal pressure on the film."""
+Array = NDArray[np.float64]
+N = 1e-3
+"""A kPa mm^2 in newtons."""
+MAX_STRAIN = 0.3
+"""Depth over thickness above which a linear layer is too soft."""
+MAX_BORDER_SHARE = 0.01
+"""Share of the contact at the image's border from which its force is only a part."""
+
+
+class PressForce(NamedTuple):
+    """Pressure by pixel, and figures by contact."""
+
+    pressure: Pressure
+    figures: Metrics
+
+
+@node
+def press_to_pressure(
+    height: Height,
+    contact: Contacts,
+    pixel: PixelSize,
+    error: HeightError | None = None,
+    *,
+    modulus_kpa: Annotated[float, Gt(0)],
+    thickness_mm: Annotated[float, Gt(0)],
+    poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
+    modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
+    steps: Annotated[int, Interval(ge=1, le=100)] = 8,
+) -> PressForce:
+    """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
+
+    The gel is an elastic layer bonded to its window (`elastic_layer`); its response is diagonal
+    in the cosine transform.  The height's error is that of integrated slopes, k times smaller at
+    the wave number k, and its mean means nothing; so the misfit is weighted by k^2: least squares,
+    by conjugate gradients over the pixels of the contacts.  A zero or a tilt of the height that is
+    wrong hardly matters.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    contact
+        H x W, the number of the contact at each pixel, as `find_contact` gives it: outside there
+        is no pressure, and inside it may come out below zero by noise.
+    pixel
+        mm per px.
+    error
+        H x W, the height's standard deviation in mm; without it forces have no deviation.
+    modulus_kpa
+        Young's modulus of the gel.
+    thickness_mm
+        Of the gel, between film and window.
+    poisson
+        Poisson's ratio; 0.5 cannot be compressed.
+    modulus_error
+        Relative standard deviation of the modulus.
+    steps
+        Of conjugate gradients.
+
+    Returns
+    -------
+    PressForce
+        Pressure H x W in kPa, and for each contact ``contact_force_n/c1``, its standard deviation
+        ``contact_force_sd_n/c1``, the highest pressure ``contact_pressure_kpa/c1``, and the
+        force's centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
+    """
+    _warn_of_limits(height, contact, thickness_mm)
+    k = wave_numbers(height.shape, pixel)
+    compliance = layer_compliance(k, thickness_mm, poisson) / modulus_kpa
+    weight = (compliance * k) ** 2
+    to_load = compliance * k * k / weight.max()
+    inside = contact > 0
+    solve = partial(_solve, weight=weight / weight.max(), inside=inside, steps=steps)
+    pressure = solve(inside * _filtered(np.nan_to_num(height), to_load))
+    figures = _figures(pressure, contact, pixel)
+    if error is not None:
+        for number in np.unique(contact[inside]):
+            functional = _filtered(solve(np.where(contact == number, 1.0, 0.0)), to_load)
+            chance = N * pixel**2 * _deviation(functional * np.nan_to_num(error), k)
+            force = figures[f"contact_force_n/c{number}"]
+            deviation = float(np.hypot(chance, modulus_error * force))
+            figures[f"contact_force_sd_n/c{number}"] = deviation
+    return PressForce(pressure.astype(np.float32), figures)
+
+
+def _filtered(plane: Array, gain: Array) -> Array:
+    """A plane whose waves are multiplied by `gain`."""
+    spectrum = dctn(plane, norm="ortho", workers=cores())
+    return np.asarray(idctn(gain * spectrum, norm="ortho", workers=cores()))
+
+
+def _solve(load: Array, weight: Array, inside: NDArray[np.bool_], steps: int) -> Array:
+    """Conjugate gradients for the plane inside the contacts that `weight` turns into `load`."""
+    plane, left = np.zeros_like(load), load.copy()
+    direction, square = left.copy(), float(np.sum(left * left))
+    enough = 1e-12 * square
+    for _ in range(steps):
+        if square <= enough:
+            break
+        moved = inside * _filtered(direction, weight)
+        length = square / float(np.sum(direction * moved))
+        plane += length * direction
+        left -= length * moved
+        before, square = square, float(np.sum(left * left))
+        direction = left + square / before * direction
+    return plane
+
+
+def _deviation(sensitivity: Array, k: Array) -> float:
+    """The standard deviation of a sum over the height, its errors those of integrated slopes.
+
+    `sensitivity` is the sum's derivative by the height, times the height's deviation.
+    """
+    variance = np.divide(1, k * k, out=np.zeros_like(k), where=k > 0)
+    spectrum = dctn(sensitivity, norm="ortho", workers=cores())
+    return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
+
+
+def _figures(pressure: Array, contact: Contacts, pixel: float) -> Metrics:
+    figures: Metrics = {}
+    for number in np.unique(contact[contact > 0]):
+        y, x = np.nonzero(contact == number)
+        part = pressure[y, x]
+        total = float(part.sum())
+        figures[f"contact_force_n/c{number}"] = N * pixel**2 * total
+        figures[f"contact_pressure_kpa/c{number}"] = float(part.max(initial=0))
+        if total > 0:
+            figures[f"contact_force_x_px/c{number}"] = float(x @ part) / total
+            figures[f"contact_force_y_px/c{number}"] = float(y @ part) / total
+    return figures
+
+
+def _warn_of_limits(height: Height, contact: Contacts, thickness: float) -> None:
+    deepest = float(np.max(height, initial=0, where=contact > 0))
+    if deepest > MAX_STRAIN * thickness:
+        warn(
+            f"the film is pressed in by {deepest:.2g} mm of {thickness:g}: the gel's response is "
+            "no longer linear there, and forces come out too small"
+        )
+    border = np.concatenate([contact[0], contact[-1], contact[:, 0], contact[:, -1]])
+    if np.count_nonzero(border) > MAX_BORDER_SHARE * np.count_nonzero(contact):
+        warn("a contact reaches the image's border: its force is that of the part in view")

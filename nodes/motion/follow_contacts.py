@@ -1,0 +1,146 @@
+"""Contacts that keep their number from frame to frame."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+from scipy.ndimage import center_of_mass
+from scipy.optimize import linear_sum_assignment
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, Contacts, Metrics, PixelSize
+
+MAX_NUMBER = 254
+"""Largest number of a contact: labels have 8 bits."""
+AGE, UNSEEN, X, Y, VX, VY = range(6)
+"""Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
+px per frame."""
+FORBIDDEN = 1e3
+"""Cost of a pair that cannot be one contact."""
+VELOCITY_SHARE = 0.5
+"""Of the newest displacement in the velocity; the rest is the velocity before."""
+MIN_RADIUS_PX = 3.0
+Tracks = Annotated[F4, Port("254 6", "frames, px, px/frame")]
+"""A row per number, see `AGE`; age 0: the number is free."""
+
+
+class FollowedContacts(NamedTuple):
+    """Contacts under lasting numbers, what is known of each number, and figures."""
+
+    contact: Contacts
+    tracks: Tracks
+    figures: Metrics
+
+
+@node
+def follow_contacts(
+    contact: Contacts,
+    pixel: PixelSize,
+    before: Contacts | None = None,
+    tracks: Tracks | None = None,
+    *,
+    reach: Annotated[float, Gt(0)] = 1.5,
+    patience: Annotated[int, Interval(ge=0, le=1000)] = 3,
+) -> FollowedContacts:
+    """Give each contact the number that it had in the frames before.
+
+    Pairs of a contact now and one before are chosen together for the least total cost (Hungarian
+    algorithm).  Contacts that overlap cost least, by how much they overlap; others cost their
+    distance from where the velocity leads, up to `reach` radii.  So of a contact that splits, the
+    part that overlaps most keeps the number, and the others begin; where contacts merge, the one
+    that overlaps most goes on, and the others end.  One that is gone for no more than `patience`
+    frames keeps its number.  A new contact takes the lowest free number.
+
+    Parameters
+    ----------
+    contact
+        H x W, as `find_contact` gives it.
+    pixel
+        mm per px.
+    before, tracks
+        This node's own ``contact`` and ``tracks`` of the frame before (``previous.NODE.contact``);
+        without them all contacts begin.
+    reach
+        How far a contact may move in a frame without overlapping itself, in multiples of its
+        radius.
+    patience
+        Frames.
+
+    Returns
+    -------
+    FollowedContacts
+        Contacts H x W, tracks 254 x 6, and figures: ``contacts``, their number;
+        ``contact_age/c1`` in frames; ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm
+        per frame.
+    """
+    known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
+    found = np.unique(contact[contact > 0])
+    alive = np.flatnonzero(known[:, AGE] > 0)
+    areas = np.array([np.count_nonzero(contact == number) for number in found])
+    places = np.array(center_of_mass(contact > 0, contact, found)).reshape(-1, 2)[:, ::-1]
+    cost = _costs(contact, found, areas, places, before, known, alive, reach)
+    pairs = zip(*linear_sum_assignment(cost), strict=True)
+    number_of = {int(now): int(alive[then]) for now, then in pairs if cost[now, then] < FORBIDDEN}
+    known[alive, UNSEEN] += 1
+    free = iter(np.flatnonzero(known[:, AGE] == 0).tolist())
+    lasting = np.zeros(256, np.uint8)
+    for now, number in enumerate(found):
+        row = number_of.get(now)
+        if row is None:
+            row = next(free, None)
+        if row is not None:
+            _go_on(known[row], places[now])
+            lasting[number] = row + 1
+    ended = known[:, UNSEEN] > patience
+    known[ended] = 0
+    seen = np.flatnonzero((known[:, AGE] > 0) & (known[:, UNSEEN] == 0))
+    return FollowedContacts(lasting[contact], known, _figures(known, seen, pixel))
+
+
+def _costs(
+    contact: Contacts,
+    found: NDArray[np.uint8],
+    areas: NDArray[np.int_],
+    places: NDArray[np.float64],
+    before: Contacts | None,
+    known: F4,
+    alive: NDArray[np.intp],
+    reach: float,
+) -> NDArray[np.float64]:
+    """Of every contact now and every one before: below 0 where they overlap."""
+    cost = np.full((len(found), len(alive)), FORBIDDEN)
+    frames = known[alive, UNSEEN] + 1
+    expected = known[alive][:, [X, Y]] + frames[:, None] * known[alive][:, [VX, VY]]
+    for now, (number, area, place) in enumerate(zip(found, areas, places, strict=True)):
+        radius = max(np.sqrt(area / np.pi), MIN_RADIUS_PX)
+        apart = np.hypot(*(expected - place).T) / (reach * radius * np.sqrt(frames))
+        cost[now] = np.where(apart < 1, apart, FORBIDDEN)
+        if before is not None:
+            shared = np.bincount(before[contact == number], minlength=256)[alive + 1]
+            earlier = np.bincount(before.ravel(), minlength=256)[alive + 1]
+            either = np.maximum(area + earlier - shared, 1)
+            cost[now] = np.where(shared > 0, -shared / either, cost[now])
+    return cost
+
+
+def _go_on(track: F4, place: NDArray[np.float64]) -> None:
+    """Note where a contact is now."""
+    if track[AGE] > 0:
+        moved = (place - track[[X, Y]]) / max(float(track[UNSEEN]), 1.0)
+        track[[VX, VY]] += VELOCITY_SHARE * (moved - track[[VX, VY]])
+    track[[X, Y]] = place
+    track[AGE] += max(float(track[UNSEEN]), 1.0)
+    track[UNSEEN] = 0
+
+
+def _figures(known: F4, seen: NDArray[np.intp], pixel: float) -> Metrics:
+    figures: Metrics = {"contacts": float(len(seen))}
+    for row in seen:
+        name = f"c{row + 1}"
+        figures[f"contact_age/{name}"] = float(known[row, AGE])
+        figures[f"contact_speed_x_mm/{name}"] = pixel * float(known[row, VX])
+        figures[f"contact_speed_y_mm/{name}"] = pixel * float(known[row, VY])
+    return figures

@@ -1,0 +1,114 @@
+"""Numbers of contacts that move, split, merge and cross."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import pytest
+from scipy.ndimage import label
+
+from tactograph.nodes import U1
+from tactograph.nodes.motion.follow_contacts import FollowedContacts, follow_contacts
+
+SHAPE = (80, 120)
+Disc = tuple[float, float, float]
+"""x, y, radius in px."""
+
+
+def contacts(discs: Iterable[Disc]) -> U1:
+    """Connected regions, numbered from the top left as `find_contact` might."""
+    y, x = np.indices(SHAPE)
+    raised = np.zeros(SHAPE, bool)
+    for cx, cy, radius in discs:
+        raised |= (x - cx) ** 2 + (y - cy) ** 2 < radius**2
+    return np.asarray(label(raised)[0], np.uint8)
+
+
+def follow(frames: Iterable[list[Disc]], patience: int = 3) -> Iterator[FollowedContacts]:
+    before: FollowedContacts | None = None
+    for discs in frames:
+        earlier = (None, None) if before is None else before[:2]
+        before = follow_contacts(contacts(discs), 0.1, *earlier, patience=patience)
+        yield before
+
+
+def number_at(found: FollowedContacts, x: float, y: float) -> int:
+    return int(found.contact[round(y), round(x)])
+
+
+def test_a_contact_that_moves_keeps_its_number_and_has_a_velocity() -> None:
+    moving = [[(20 + 3.0 * t, 40, 6), (100, 20, 5)] for t in range(20)]
+    *_, last = follow(moving)
+    assert number_at(last, 77, 40) == number_at(next(iter(follow(moving))), 20, 40)
+    number = number_at(last, 77, 40)
+    assert last.figures[f"contact_age/c{number}"] == 20
+    assert last.figures[f"contact_speed_x_mm/c{number}"] == pytest.approx(0.3, abs=0.01)
+    assert last.figures[f"contact_speed_y_mm/c{number}"] == pytest.approx(0, abs=0.01)
+
+
+def test_an_order_of_finding_that_changes_swaps_nothing() -> None:
+    rising = [[(30, 60 - 2.0 * t, 6), (80, 30, 6)] for t in range(25)]
+    numbers = {number_at(found, 80, 30) for found in follow(rising)}
+    assert len(numbers) == 1
+
+
+def test_a_contact_jumps_as_far_as_its_reach() -> None:
+    near, far = [[(30, 40, 6)], [(38, 40, 6)]], [[(30, 40, 6)], [(90, 40, 6)]]
+    assert [number_at(f, x, 40) for f, x in zip(follow(near), (30, 38), strict=True)] == [1, 1]
+    assert [number_at(f, x, 40) for f, x in zip(follow(far), (30, 90), strict=True)] == [1, 2]
+
+
+def test_of_a_contact_that_splits_the_larger_part_keeps_the_number() -> None:
+    whole = [(50.0, 40.0, 10.0), (60.0, 40.0, 6.0)]
+    parts = [(46.0, 40.0, 9.0), (68.0, 40.0, 5.0)]
+    first, second = follow([whole, parts])
+    assert number_at(second, 46, 40) == number_at(first, 50, 40)
+    assert number_at(second, 68, 40) == 2
+
+
+def test_where_contacts_merge_the_larger_goes_on() -> None:
+    apart = [(46.0, 40.0, 9.0), (68.0, 40.0, 5.0)]
+    together = [(50.0, 40.0, 10.0), (62.0, 40.0, 6.0)]
+    first, second = follow([apart, together])
+    assert number_at(second, 50, 40) == number_at(first, 46, 40)
+    assert second.figures["contacts"] == 1
+
+
+def test_contacts_that_pass_through_one_another_come_out_with_their_own_numbers() -> None:
+    crossing = [[(20 + 2.0 * t, 40, 6), (100 - 2.0 * t, 43, 6)] for t in range(38)]
+    found = list(follow(crossing, patience=10))
+    right = number_at(found[0], 20, 40)
+    assert number_at(found[-1], 20 + 2 * 37, 40) == right
+    assert number_at(found[-1], 100 - 2 * 37, 43) != right
+
+
+def test_a_contact_that_is_gone_for_longer_than_its_patience_ends() -> None:
+    disc: Disc = (40.0, 40.0, 8.0)
+    for gone, age in ((3, 5), (4, 1)):
+        other: Disc = (90.0, 20.0, 5.0)
+        frames = [[disc, other], *[[other]] * gone, [disc, other]]
+        *_, last = follow(frames)
+        assert last.figures[f"contact_age/c{number_at(last, 40, 40)}"] == age
+
+
+def test_nothing_begins_where_nothing_touches() -> None:
+    for found in follow([[]] * 5):
+        assert found.figures == {"contacts": 0}
+
+
+def test_no_number_is_lost_or_swapped_in_a_long_stream() -> None:
+    rng = np.random.default_rng(2)
+    places, speeds = rng.uniform(15, 65, (4, 2)), rng.normal(0, 1.2, (4, 2))
+    places[:, 0] = [15, 45, 75, 105]
+    lowest = np.array([[8, 10], [38, 10], [68, 10], [98, 10]])
+    before: FollowedContacts | None = None
+    numbers: set[tuple[int, ...]] = set()
+    for _ in range(400):
+        speeds += rng.normal(0, 0.2, (4, 2)) - 0.02 * speeds
+        places = np.clip(places + speeds, lowest, lowest + np.array([14, 60]))
+        discs = [(x, y, 6 + rng.uniform(-1, 1)) for x, y in places]
+        earlier = (None, None) if before is None else before[:2]
+        before = follow_contacts(contacts(discs), 0.1, *earlier)
+        numbers.add(tuple(number_at(before, x, y) for x, y in places))
+    assert len(numbers) == 1
