@@ -20,7 +20,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.spatial.transform import Rotation
 
 from tactograph.nodes import F4
@@ -33,11 +33,11 @@ STEPS = 8
 STILL = 1e-2
 """Of a cell's side: a step below it ends a level."""
 MIN_PAIRS = 30
-OPEN_SHARE = 0.4
+OPEN_SHARE = 0.25
 """Of what the shape tells of a motion: if noise alone would tell more, the motion is open."""
 OPEN_MM = 100.0
 """Standard deviation of an open motion."""
-TURN_COST = 10.0
+TURN_COST = 30.0
 """Of motions that differ by an open one, the one that turns least, this much, is taken."""
 ZERO_MM = 0.01
 """Standard deviation of a height's zero."""
@@ -313,15 +313,15 @@ def _descend(
     keys: list[_Key], second: list[Surface], motion: F8, still: F8
 ) -> tuple[F8, _Seen] | None:
     """Gauss-Newton, coarse to fine, without the motions `still`, 6 x k and orthonormal."""
-    seen = None
+    seen, free = None, null_space(still.T) if still.size else np.eye(6)
     for key, now in zip(keys, second, strict=True):
         for _ in range(STEPS):
             seen = _see(key, now, motion)
             if seen is None:
                 break
             matrix, gradient = seen.equations(key)
-            step = np.linalg.solve(matrix + np.eye(6) / OPEN_MM**2, gradient)
-            step -= still @ (still.T @ step)
+            matrix += np.eye(6) / OPEN_MM**2
+            step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
             motion = motion @ small_motion(key.to_middle @ step)
             if np.abs(step).max() < STILL * key.surface.side:
                 break
