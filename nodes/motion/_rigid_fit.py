@@ -49,6 +49,8 @@ INTEGRATED = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
 TO_DEVIATION = 1.4826
+IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
+"""Six numbers in mm and rad to mm and degrees."""
 
 
 class Surface(NamedTuple):
@@ -151,6 +153,14 @@ def normals(height: F4, side: float) -> tuple[F4, F4]:
     return -right, -down
 
 
+def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4, F4]:
+    """Column and row of `surface` at which points lie that `motion` moves, and their height."""
+    r = motion.astype(np.float32)
+    across, down, up = (r[i, 0] * x + r[i, 1] * y + r[i, 2] * z + r[i, 3] for i in range(3))
+    side = np.float32(surface.side)
+    return (across - np.float32(surface.left)) / side, (down - np.float32(surface.top)) / side, up
+
+
 def pulled_back(
     surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: tuple[F4, F4]
 ) -> tuple[F4, NDArray[np.bool_]]:
@@ -161,12 +171,10 @@ def pulled_back(
     steepness
         -dz/dx and -dz/dy of the points' surface.
     """
-    r = motion.astype(np.float32)
-    across, down, up = (r[i, 0] * x + r[i, 1] * y + r[i, 2] * z + r[i, 3] for i in range(3))
-    column = (across - np.float32(surface.left)) / np.float32(surface.side)
-    row = (down - np.float32(surface.top)) / np.float32(surface.side)
+    column, row, up = cells_at(surface, motion, x, y, z)
     heights = cv2.remap(surface.height, column, row, cv2.INTER_LINEAR)
     both = cv2.remap(surface.touched.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+    r = motion.astype(np.float32)
     leaning = r[2, 0] * steepness[0] + r[2, 1] * steepness[1] + r[2, 2]
     return (heights - up) * leaning, both
 

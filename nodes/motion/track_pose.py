@@ -13,6 +13,7 @@ from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize, SlopeVariance
 from tactograph.nodes.motion._rigid_fit import (
     F8,
+    IN_DEGREES,
     MIN_PAIRS,
     Fit,
     carried,
@@ -38,7 +39,6 @@ AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
 UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
 OPEN_SHARE = 0.3
 """Of an axis, that lies in the open motions."""
-IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
 
 
 class TrackedPose(NamedTuple):
