@@ -40,12 +40,16 @@ Stitched = Annotated[F4, Port("Y X", "mm", nan=True)]
 """On a grid of the touches' pixel size; NaN where nothing touched."""
 
 
+Sources = Annotated[U1, Port("Y X", "touch number", high=255)]
+"""The touch that counts most, from 1; 0: none."""
+
+
 class StitchedSurface(NamedTuple):
-    """Height, standard deviation, the touch that counts most (from 1; 0: none), and figures."""
+    """Height, standard deviation, whose they are most, and figures."""
 
     height: Stitched
     error: Stitched
-    source: Annotated[U1, Port("Y X", "touch number", high=255)]
+    source: Sources
     figures: Metrics
 
 
@@ -96,8 +100,9 @@ def stitch(
     -------
     StitchedSurface
         In the frame of the touch that has the most pairs; figures ``stitched_touches``,
-        ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_difference`` (of touches, in
-        multiples of their errors), and ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and
+        ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_left_mm`` and
+        ``stitched_top_mm`` (of the first cell, from that touch's middle),
+        ``stitched_difference`` (of touches, in multiples of their errors), and ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and
         so on: the poses.
 
     Raises
@@ -122,12 +127,15 @@ def stitch(
     surfaces = [pyramid(np.nan_to_num(h), t, None, pixel, 1)[-1] for h, t in zip(heights, touched, strict=True)]
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
-    height, error, source, difference = _fused(surfaces, deviations, poses)
+    grid = _grid(surfaces, poses)
+    height, error, source, difference = _fused(surfaces, deviations, poses, grid)
     error *= max(difference, 1.0) if stated else difference
     figures: Metrics = {
         "stitched_touches": float(len(poses)),
         "stitched_pairs": float(len(pairs)),
         "stitched_area_mm2": float(np.isfinite(height).sum() * pixel**2),
+        "stitched_left_mm": grid.left,
+        "stitched_top_mm": grid.top,
     }
     if stated:
         figures["stitched_difference"] = difference
@@ -172,12 +180,11 @@ def _matched(
 
 
 def _fused(
-    surfaces: list[Surface], deviations: F4, poses: dict[int, F8]
+    surfaces: list[Surface], deviations: F4, poses: dict[int, F8], grid: Surface
 ) -> tuple[F4, F4, U1, float]:
     """Height, its deviation, the touch of most weight, and the touches' root mean square
     difference from their mean, in deviations.
     """
-    grid = _grid(surfaces, poses)
     weights, total, square = (np.zeros(grid.height.shape) for _ in range(3))
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
     seen = np.zeros(weights.shape, np.int64)

@@ -48,10 +48,15 @@ def cylinder(x: F8, y: F8) -> F8:
     return 0.9 - 4 + np.sqrt(np.maximum(16 - y * y, 0.01))
 
 
-def pressed(shape: Shape, motion: F8, size: tuple[int, int] = SHAPE) -> F8:
+def pressed(shape: Shape, motion: F8) -> F8:
     """The object's height above the film, moved by a 4 x 4 matrix."""
-    y, x = (PIXEL * (i - (n - 1) / 2) for i, n in zip(np.indices(size), size, strict=True))
-    back, z = np.linalg.inv(motion), np.zeros(size)
+    y, x = (PIXEL * (i - (n - 1) / 2) for i, n in zip(np.indices(SHAPE), SHAPE, strict=True))
+    return height_at(shape, motion, x, y)
+
+
+def height_at(shape: Shape, motion: F8, x: F8, y: F8) -> F8:
+    """The moved object's height at places in mm."""
+    back, z = np.linalg.inv(motion), np.zeros_like(x)
     for _ in range(10):
         u, v, w = (back[i, 0] * x + back[i, 1] * y + back[i, 2] * z + back[i, 3] for i in range(3))
         z = z + (shape(u, v) - w) * motion[2, 2]

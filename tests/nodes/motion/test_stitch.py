@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.motion._rigid_fit import IN_DEGREES, F8, small_motion
+from tactograph.nodes.motion._rigid_fit import F8, IN_DEGREES, six_numbers, small_motion
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
-from tests.nodes.motion.moved_objects import PIXEL, SHAPE, plate, pressed, seen
+from tests.nodes.motion.moved_objects import PIXEL, height_at, plate, pressed, seen
 
 COUNT = 9
+NAMES = [str(number) for number in range(COUNT)]
+AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
 
 
 def motions() -> list[F8]:
@@ -28,20 +29,86 @@ def motions() -> list[F8]:
 
 
 @pytest.fixture(scope="module")
-def touches() -> tuple[F4, F4, F4]:
-    """Heights, errors, and the heights without noise."""
+def touches() -> tuple[F4, F4]:
+    """Heights with noise, and their errors."""
     rng = np.random.default_rng(6)
     true = np.array([pressed(plate, motion) for motion in motions()])
     heights = np.array([seen(z, rng)[0] for z in true])
-    error = np.sqrt(np.square(heights - true).mean())
-    return heights, np.full_like(heights, error), true
+    return heights, np.full_like(heights, np.sqrt(np.square(heights - true).mean()))
 
 
 @pytest.fixture(scope="module")
-def whole(touches: tuple[F4, F4, F4]) -> StitchedSurface:
-    return stitch(*touches[:2], PIXEL, [str(n) for n in range(COUNT)])
+def whole(touches: tuple[F4, F4]) -> StitchedSurface:
+    return stitch(*touches, PIXEL, NAMES)
 
 
-def test_dbg(whole,touches):
-    print(whole.height.shape, whole.figures, touches[1].mean())
-    np.savez('/tmp/st.npz',h=whole.height,e=whole.error,s=whole.source)
+def root_of(whole: StitchedSurface) -> int:
+    """The touch in whose coordinates the surface is."""
+    zeros = [name for name in NAMES if not whole.figures[f"stitched_x_mm/{name}"]]
+    return int(zeros[0])
+
+
+def departure(whole: StitchedSurface) -> F8:
+    """Height less truth; where the surface lies and how it leans is a choice of the root's."""
+    root = root_of(whole)
+    rows, columns = whole.height.shape
+    # The grid begins where the object's touched part does, in the root's coordinates.
+    y, x = np.indices((rows, columns)) * PIXEL
+    x, y = x + whole.figures["stitched_left_mm"], y + whole.figures["stitched_top_mm"]
+    apart = whole.height - height_at(plate, motions()[root], x, y)
+    known = np.isfinite(apart)
+    plane = np.stack([x[known], y[known], np.ones(known.sum())], axis=1)
+    apart[known] -= plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0]
+    return apart
+
+
+def test_nine_touches_are_as_true_as_one(whole: StitchedSurface, touches: tuple[F4, F4]) -> None:
+    assert whole.figures["stitched_touches"] == COUNT
+    assert whole.figures["stitched_pairs"] >= 12
+    assert whole.figures["stitched_area_mm2"] > 2.5 * touches[0][0].size * PIXEL**2
+    assert np.sqrt(np.nanmean(departure(whole) ** 2)) < 1.3 * touches[1].mean()
+
+
+def test_the_error_holds(whole: StitchedSurface) -> None:
+    apart = departure(whole)
+    known = np.isfinite(apart)
+    held = np.abs(apart[known]) < 1.645 * whole.error[known]
+    assert 0.8 < held.mean() < 0.97
+    assert whole.figures["stitched_difference"] == pytest.approx(1, abs=0.3)
+
+
+def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
+    root = motions()[root_of(whole)]
+    for name, motion in zip(NAMES, motions(), strict=True):
+        pose = np.array([whole.figures[f"stitched_{axis}/{name}"] for axis in AXES]) / IN_DEGREES
+        apart = six_numbers(small_motion(pose) @ motion @ np.linalg.inv(root)) * IN_DEGREES
+        assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
+
+
+def test_each_touch_has_its_part(whole: StitchedSurface) -> None:
+    assert set(np.unique(whole.source)) == {*range(COUNT + 1)}
+    assert np.array_equal(whole.source > 0, np.isfinite(whole.height))
+
+
+def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4]) -> None:
+    rng = np.random.default_rng(8)
+    other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)[0]
+    told: list[str] = []
+    heights = np.stack([*touches[0][:2], other])
+    with collect_warnings(told):
+        found = stitch(heights, touches[1][:3], PIXEL, ["one", "two", "stranger"])
+    assert found.figures["stitched_touches"] == 2
+    assert told == ["stitch: touches that fit no other are left out: stranger"]
+
+
+def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) -> None:
+    heights = touches[0][:2]
+    found = stitch(heights, np.full_like(heights, np.nan), PIXEL, ["one", "two"])
+    single = found.error[(found.source > 0) & np.isfinite(found.error)].max()
+    assert single == pytest.approx(touches[1].mean(), rel=0.5)
+
+
+def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) -> None:
+    heights, errors = touches[0][[0, 8]], touches[1][:2]
+    with pytest.raises(InputError, match="no two of 2 touches fit together"):
+        stitch(heights, errors, PIXEL, ["one", "two"])
