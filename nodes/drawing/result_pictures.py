@@ -60,8 +60,12 @@ def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
     figure, axes = _one_plane()
     extent = _extent(height, pixel)
     axes.imshow(lit, cmap="gray", extent=extent)
-    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (np.diff(source.astype(int))[1:] != 0)
-    axes.imshow(np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none")
+    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (
+        np.diff(source.astype(int))[1:] != 0
+    )
+    axes.imshow(
+        np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none"
+    )
     count = len(np.unique(source[source > 0]))
     axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{count} touches and their seams")
     FigureCanvasAgg(figure).print_png(file)

@@ -6,11 +6,13 @@ when a surface turns about z or is shifted; turns are tried one by one.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from tactograph.nodes import F4
 from tactograph.nodes.motion._rigid_fit import F8, Surface, small_motion
 
 STEP_DEG = 3.0
@@ -56,7 +58,7 @@ def likely_motions(
     return guesses[:GUESSES]
 
 
-def _transforms(surface: Surface, turn: float, size: list[int]) -> list[F8]:
+def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
     """Of the touched cells, their curvature, and its square; turned about the image's middle."""
     curved = cv2.Laplacian(cv2.GaussianBlur(surface.height, (0, 0), SMOOTH_CELLS), cv2.CV_32F)
     inner = cv2.erode(surface.touched.view(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)
@@ -64,6 +66,6 @@ def _transforms(surface: Surface, turn: float, size: list[int]) -> list[F8]:
     # OpenCV's angles are positive against the clock; here from x to y.
     place = cv2.getRotationMatrix2D(((columns - 1) / 2, (rows - 1) / 2), -turn, 1)
     mask = cv2.warpAffine(inner.astype(np.float32), place, (columns, rows)) > 0.99
-    plane: F4 = cv2.warpAffine(curved, place, (columns, rows))
-    plane = np.where(mask, plane - plane[mask].mean() if mask.any() else 0, 0)
+    plane = cv2.warpAffine(curved, place, (columns, rows))
+    plane = np.where(mask, plane - (plane[mask].mean() if mask.any() else 0), 0)
     return [rfft2(p, size) for p in (mask.astype(np.float32), plane, plane**2)]

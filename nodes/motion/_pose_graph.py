@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from tactograph.nodes.motion._rigid_fit import F8, Fit, six_numbers, small_motion
 
 FLOOR = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
-"""Variance in mm^2 and rad^2 that no pair goes below: what is alike in both films is in no scatter."""
+"""Variance in mm^2 and rad^2 that no pair goes below: what a film does alike is in no scatter."""
 MAX_APART = 5.0
 """Standard deviations by which a pair may miss the poses before it counts as false."""
 

@@ -107,7 +107,7 @@ def _cells(
 
 
 def _trimmed(surface: Surface) -> Surface:
-    """Rows and columns that are touched; the contact's rim, which has no central differences, less."""
+    """Rows and columns that are touched, without the rim, which has no central differences."""
     inner = cv2.erode(surface.touched.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     down, right = np.nonzero(surface.touched)
     if not len(down):
@@ -115,7 +115,8 @@ def _trimmed(surface: Surface) -> Surface:
     y, x = max(down.min() - 1, 0), max(right.min() - 1, 0)
     part = slice(y, down.max() + 2), slice(x, right.max() + 2)
     left, top = surface.left + x * surface.side, surface.top + y * surface.side
-    height, touched = (np.ascontiguousarray(p[part]) for p in (surface.height, inner))
+    height = np.ascontiguousarray(surface.height[part])
+    touched = np.ascontiguousarray(inner[part])
     return Surface(height, touched, surface.variance, surface.side, left, top)
 
 
@@ -150,7 +151,7 @@ def places(surface: Surface) -> tuple[F4, F4]:
 def normals(height: F4, side: float) -> tuple[F4, F4]:
     """-dz/dx and -dz/dy, by central differences."""
     down, right = np.gradient(height, np.float32(side))
-    return -right, -down
+    return np.asarray(-right), np.asarray(-down)
 
 
 def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4, F4]:
@@ -367,7 +368,7 @@ def _noise_information(key: _Key, seen: _Seen) -> F8:
     steepness = normals(seen.residual, surface.side)
     planes = columns_of(key.x, key.y, surface.height, steepness, 0.0)
     noise = np.stack([_slopes(plane, key.pairs, surface.side)[kept] for plane in planes])
-    noise = key.to_middle.T @ noise
+    noise = key.to_middle.T.astype(np.float32) @ noise
     share = np.count_nonzero(kept) / np.count_nonzero(seen.weight)
     return np.asarray((noise * seen.weight[kept]) @ noise.T / (2 * share))
 
@@ -389,5 +390,7 @@ def _likeness(key: _Key, seen: _Seen) -> float:
     """Share of the variance of the first surface's slopes that the second one has, too."""
     kept, count = seen.weight > 0, np.count_nonzero(key.pairs[0])
     slopes = _slopes(key.surface.height, key.pairs, key.surface.side)
-    varied = sum(part.var() for part in (slopes[:count][kept[:count]], slopes[count:][kept[count:]]))
+    varied = sum(
+        part.var() for part in (slopes[:count][kept[:count]], slopes[count:][kept[count:]])
+    )
     return 1 - 2 * float(np.square(seen.left[kept]).mean() / max(varied, 1e-12))

@@ -100,10 +100,10 @@ def stitch(
     -------
     StitchedSurface
         In the frame of the touch that has the most pairs; figures ``stitched_touches``,
-        ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_left_mm`` and
-        ``stitched_top_mm`` (of the first cell, from that touch's middle),
-        ``stitched_difference`` (of touches, in multiples of their errors), and ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and
-        so on: the poses.
+        ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_difference`` (of touches, in
+        multiples of their errors), ``stitched_left_mm`` and ``stitched_top_mm`` (of the first
+        cell, from that touch's middle), and the poses: ``stitched_x_mm/NAME``,
+        ``stitched_turn_z_deg/NAME`` and so on.
 
     Raises
     ------
@@ -115,7 +115,9 @@ def stitch(
         pyramid(np.nan_to_num(height), mask, _slope_variance(error, mask, pixel), pixel, cell_px)
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
-    poses, pairs = solve_poses(len(names), _matched(levels, turn_deg, least_overlap, least_likeness))
+    poses, pairs = solve_poses(
+        len(names), _matched(levels, turn_deg, least_overlap, least_likeness)
+    )
     if len(poses) < 2:
         raise InputError(
             f"stitch: no two of {len(names)} touches fit together; they need texture in common, "
@@ -124,7 +126,10 @@ def stitch(
     out = [name for number, name in enumerate(names) if number not in poses]
     if out:
         warn(f"stitch: touches that fit no other are left out: {', '.join(out)}")
-    surfaces = [pyramid(np.nan_to_num(h), t, None, pixel, 1)[-1] for h, t in zip(heights, touched, strict=True)]
+    surfaces = [
+        pyramid(np.nan_to_num(h), t, None, pixel, 1)[-1]
+        for h, t in zip(heights, touched, strict=True)
+    ]
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
     grid = _grid(surfaces, poses)
@@ -189,7 +194,9 @@ def _fused(
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
     seen = np.zeros(weights.shape, np.int64)
     for number, pose in poses.items():
-        height, weight = _turned(surfaces[number], deviations[number], np.linalg.inv(pose), grid)
+        height, weight = _turned(
+            surfaces[number], deviations[number], np.asarray(np.linalg.inv(pose)), grid
+        )
         weights += weight
         total += weight * height
         square += weight * height**2

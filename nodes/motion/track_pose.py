@@ -109,11 +109,11 @@ def track_pose(
     if variance is not None and touched.any():
         stated = float(np.median(variance[:, touched]))
     heights = np.where(touched, height, np.float32(np.nan))
-    found = None
-    if key is not None and memory is not None:
-        found = _fit(key, memory, heights, stated, pixel, cell_px)
+    if key is None or memory is None:
+        return _begin(heights, stated, touched)
+    found = _fit(key, memory, heights, stated, pixel, cell_px)
     shared = 0.0 if found is None else _shared(found, key, touched)
-    if found is None or key is None or memory is None or shared < least_overlap / 2:
+    if found is None or shared < least_overlap / 2:
         return _begin(heights, stated, touched)
     begun = small_motion(memory[KEY].astype(np.float64))
     pose = found.motion @ begun
@@ -130,21 +130,19 @@ def track_pose(
     return _tracked(pose, covariance, key, kept, named, found, shared)
 
 
-def _fit(
-    key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int
-) -> Fit | None:
+def _fit(key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int) -> Fit | None:
     variances = float(memory[COUNTS, 2]) or None, stated or None
-    surfaces = [
+    first, second = (
         pyramid(np.nan_to_num(plane), np.isfinite(plane), doubt, pixel, cell_px)
         for plane, doubt in zip((key, heights), variances, strict=True)
-    ]
-    return fit_motion(*surfaces, small_motion(memory[SINCE].astype(np.float64)))
+    )
+    return fit_motion(first, second, small_motion(memory[SINCE].astype(np.float64)))
 
 
-def _shared(found: Fit, key: F4 | None, touched: NDArray[np.bool_]) -> float:
+def _shared(found: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
     """Share of the smaller contact that both frames see."""
-    before, now = np.count_nonzero(np.isfinite(key)), np.count_nonzero(touched)
-    return float(found.overlap * before / max(min(before, now), 1))
+    before, now = int(np.isfinite(key).sum()), int(touched.sum())
+    return found.overlap * before / max(min(before, now), 1)
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:
@@ -193,6 +191,4 @@ def _tracked(
             f"track_pose: the shape leaves {count} of 6 motions open ({', '.join(names)}): they "
             "stay as they were"
         )
-    return TrackedPose(
-        pose.astype(np.float32), covariance.astype(np.float32), key, memory, figures
-    )
+    return TrackedPose(pose.astype(np.float32), covariance.astype(np.float32), key, memory, figures)

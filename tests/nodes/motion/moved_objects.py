@@ -1,4 +1,4 @@
-"""Objects that are pressed against the film, moved, and seen with the noise of integrated slopes."""
+"""Objects pressed against the film, moved, and seen with the noise of integrated slopes."""
 
 from __future__ import annotations
 
@@ -68,4 +68,5 @@ def seen(z: F8, rng: np.random.Generator, sigma: float = SIGMA) -> tuple[F4, U1]
     contact = (z > PRESSED).astype(np.uint8)
     noise = integrate_dct(rng.normal(0, sigma, (2, *z.shape)).astype(np.float32), PIXEL)
     rest = noise[contact == 0]
-    return (np.maximum(z, 0) + noise - (rest.mean() if rest.size else 0)).astype(np.float32), contact
+    noise -= rest.mean() if rest.size else 0
+    return (np.maximum(z, 0) + noise).astype(np.float32), contact

@@ -121,6 +121,6 @@ def test_a_touch_that_ends_begins_anew() -> None:
 
 def test_a_jump_begins_anew() -> None:
     surfaces = [pressed(coin, small_motion(np.array([x, 0, 0, 0, 0, 0]))) for x in (-3.5, 3.5)]
-    first, second = track(surfaces)
+    _, second = track(surfaces)
     assert second.figures["pose_frames"] == 1
     assert not second.pose.any()
