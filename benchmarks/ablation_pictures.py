@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.comparison_record import read_rows
-from tactograph.graph.compare.drawable_arrays import View, load_views
+from tactograph.graph.compare.stored_views import load_views
+from tactograph.graph.show.views import View
 
 SHAPES = ("ball", "teapot", "cat")
 SLANT = "lights.slant_deg"

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.write_capture import write_capture
 from tactograph.nodes.simulate.expose import expose

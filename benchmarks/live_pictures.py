@@ -33,6 +33,7 @@ from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSen
 from tactograph.nodes.live.view._live_picture import draw_touch, round_up
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.nodes.stream.touch import Touch
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30.0
@@ -59,12 +60,7 @@ params:
 patch:
   - replace: save
     op: view_rerun
-    in:
-      height: height
-      image: frames.image
-      pixel: cal.pixel_size
-      name: frames.name
-      shadow: label.shadow
+    in: {touch: touch}
     with: {viewer: none, file: $rrd, rate_hz: 1000000.0}
 outputs: {pixel: cal.pixel_size, image: frames.image, time: frames.time}
 """
@@ -169,7 +165,8 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
 def draw_preview(shown: Shown, file: Path) -> None:
     top = round_up(float(shown.height.max()))
     footer = f"{shown.seconds:.2f} s after the film was touched"
-    picture = draw_touch(shown.height, shown.shadow, shown.image, shown.pixel, top, footer)
+    touch = Touch(shown.height, shown.image, shown.pixel, shadow=shown.shadow)
+    picture = draw_touch(touch, top, footer)
     Image.fromarray(picture).save(file, optimize=True)
 
 

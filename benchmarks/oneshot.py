@@ -32,8 +32,8 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 
 RADIUS_MM, PIXEL_MM, FOLDS = 6.31 / 2, 0.0634, 5

@@ -20,10 +20,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.strict_yaml import Place
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes.drawing.led_colours import LED_COLOURS

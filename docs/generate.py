@@ -8,8 +8,10 @@ from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node_page import describe, node_page
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
-from tactograph.graph.plan.draw import to_mermaid
+from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.show.draw_text import to_mermaid
+from tactograph.graph.show.sketch import fold
 
 
 def write_nodes() -> None:
@@ -35,7 +37,7 @@ def write_pipelines() -> None:
             graph = read_graph(name)
             lines += [f"### {name}", "", f"{graph.title}.", "", *_params(graph), ""]
             plan = open_pipeline(graph, graph.placeholders, backend="numpy").plan
-            lines += ["```mermaid", to_mermaid(plan).rstrip(), "```", ""]
+            lines += ["```mermaid", to_mermaid(fold(sketch_of(plan))).rstrip(), "```", ""]
     lines += [f"## {heading}", "", *(f"- `{name}`: {title}" for name, title in overlays.items())]
     with mkdocs_gen_files.open("pipelines.md", "w") as page:
         page.write("\n".join(lines))

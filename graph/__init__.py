@@ -9,16 +9,15 @@ Of optics it knows only that images are lights x rows x columns.
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.declare_node import node
+from tactograph.graph.declare.engine_arguments import EVERYTHING, FRACTIONS, Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import Port
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Close, Exact, Flips
-from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
-from tactograph.graph.declare.whole_images import FRACTIONS, Whole
 from tactograph.graph.errors import (
     EndOfStream,
     GraphError,
@@ -29,7 +28,7 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
-    from tactograph.graph.declare import parity
+    from tactograph.graph.backends import parity
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -63,22 +62,17 @@ __all__ = [
 ]
 
 
+_LATE = {
+    "Cache": "run.cache",
+    "Pipeline": "run.pipeline",
+    "load": "run.open_pipeline",
+    "parity": "backends.parity",
+}
+"""Modules of names that a node file does not need: the planner pulls in pydantic."""
+
+
 def __getattr__(name: str) -> Any:
-    # The planner pulls in pydantic; a node file needs neither.
-    if name == "load":
-        from tactograph.graph.run.open_pipeline import load
-
-        return load
-    if name == "Cache":
-        from tactograph.graph.run.cache import Cache
-
-        return Cache
-    if name == "parity":
-        from tactograph.graph.declare import parity
-
-        return parity
-    if name == "Pipeline":
-        from tactograph.graph.run.pipeline import Pipeline
-
-        return Pipeline
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(f"{__name__}.{_LATE[name]}")
+    return module if name == "parity" else getattr(module, name)

@@ -43,13 +43,13 @@ COMMANDS = (
 )
 
 
-STOPPED = (
+STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
 )
 
-READER_GONE = 141
-"""What a shell calls the end of a program by SIGPIPE."""
+SIGPIPE_EXIT_CODE = 141
+"""The exit code of a shell for a program that SIGPIPE ended."""
 
 
 class _Lazy(click.Group):
@@ -82,7 +82,7 @@ class _Lazy(click.Group):
 
 
 def _meant(word: str) -> str:
-    """What a word may stand for that is no command."""
+    """A hint for a word that is no command."""
     from tactograph.graph.files.read_graph import shipped_names
 
     if word in shipped_names() or word.endswith((".yaml", ".yml")):
@@ -108,51 +108,60 @@ def run_command(words: list[str]) -> None:
 def main() -> None:
     """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else.
 
-    Where nobody reads what is printed any more, it ends like other programs, with 141.
+    If its output has no reader any more, it ends with 141 like other programs.
     """
     collect_seldom()
-    # Pictures are drawn into files; matplotlib refuses a name that it does not know late.
+    # Pictures go into files; matplotlib would refuse an unknown back end late.
     os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
         importlib.import_module("tactograph.graph.commands.completion")
     try:
         code: Any = _group.main(standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        code = error.exit_code
-    except (click.Abort, KeyboardInterrupt):
-        click.echo(STOPPED, err=True)
-        code = 130
-    except TactographError as error:
-        click.echo(f"tactograph: {_one_line(error)}", err=True)
-        code = error.exit_code
-    except MemoryError:
-        click.echo("tactograph: out of memory", err=True)
-        code = 1
     except SystemExit:
         raise
     except BaseException as error:
-        error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
-        if isinstance(error, OSError) and is_of_printing(error):
-            sys.exit(_end_unheard(error))
-        if os.environ.get("TACTOGRAPH_TRACEBACK"):
-            raise
-        full = full_disk(error)
-        said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
-        line = _one_line(full) if full else f"internal error: {said}"
-        click.echo(f"tactograph: {line}", err=True)
-        code = full.exit_code if full else 1
+        code = _report(error)
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _report(error: BaseException) -> int:
+    """Say in one line why the command ended, and return its exit code."""
+    if isinstance(error, click.ClickException):
+        error.show()
+        return error.exit_code
+    if isinstance(error, click.Abort | KeyboardInterrupt):
+        click.echo(STOPPED_MESSAGE, err=True)
+        return 130
+    if isinstance(error, MemoryError):
+        click.echo("tactograph: out of memory", err=True)
+        return 1
+    if isinstance(error, TactographError):
+        click.echo(f"tactograph: {_one_line(error)}", err=True)
+        return error.exit_code
+    return _report_unexpected(error)
+
+
+def _report_unexpected(error: BaseException) -> int:
+    error = error.__cause__ if isinstance(error, _BrokenPipe) and error.__cause__ else error
+    if isinstance(error, OSError) and is_of_printing(error):
+        return _end_unheard(error)
+    if os.environ.get("TACTOGRAPH_TRACEBACK"):
+        raise error
+    if full := full_disk(error):
+        return _report(full)
+    said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
+    click.echo(f"tactograph: internal error: {said}", err=True)
+    return 1
+
+
 def _end_unheard(error: OSError) -> int:
-    """Print nothing from now on, say why if anybody may want to know, and return the exit code."""
+    """Print nothing from now on, say why if that can be read, and return the exit code."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):  # the reader, such as `| head`, has gone
         os.dup2(nowhere, sys.stderr.fileno())
-        return READER_GONE
+        return SIGPIPE_EXIT_CODE
     with suppress(OSError):
         reason = error.strerror or error
         click.echo(f"tactograph: what it prints cannot be written: {reason}", err=True)

@@ -1,17 +1,17 @@
-"""What goes wrong, said in one line: what, where, and what to do."""
+"""Errors and warnings in one line: what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
 import difflib
 import errno
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from traceback import walk_tb
 
-MOST_LETTERS = 2000
-"""So much of a text out of a file is printed."""
+MAX_CHARACTERS = 2000
+"""The most characters of a text from a file that are printed."""
 
 
 class TactographError(Exception):
@@ -24,7 +24,7 @@ class TactographError(Exception):
     item = ""
 
     def at_item(self, name: str) -> None:
-        """Let the message begin with the item's name."""
+        """Put the item's name before the message."""
         if name:
             self.item, self.args = name, (f"{name}: {self}",)
 
@@ -52,11 +52,11 @@ class DeviceError(NodeError):
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
-    """A sink raises it when it wants no further item: this one counts, and the stream ends."""
+    """Raised by a sink that wants no further item: this one counts, and the stream ends."""
 
 
 def message_of(error: BaseException) -> str:
-    """What an exception says; one of somebody else's may fail even at that."""
+    """The message of an exception; a foreign one may fail even to give that."""
     try:
         return str(error)
     except Exception as second:
@@ -64,7 +64,7 @@ def message_of(error: BaseException) -> str:
 
 
 def full_disk(error: BaseException) -> WriteError | None:
-    """What to tell the user where an error says that a disk is full; None for any other."""
+    """An error for the user if another says that a disk is full, else None."""
     if not isinstance(error, OSError) or error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return None
     where = error.filename or "a disk"
@@ -72,24 +72,24 @@ def full_disk(error: BaseException) -> WriteError | None:
 
 
 def printable(text: str) -> str:
-    """Text without what a terminal obeys: control characters become ``\\x1b`` and the like."""
+    """Text with control characters, which a terminal obeys, written as ``\\x1b`` and the like."""
     return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)
 
 
 def one_line(text: str) -> str:
-    """Text out of a file, for one line: printable, without breaks, and not endless."""
-    start = text[:MOST_LETTERS].encode("utf-8", "backslashreplace").decode()
-    more = "…" if len(text) > MOST_LETTERS else ""
+    """Text from a file as one line: printable, without breaks, of limited length."""
+    start = text[:MAX_CHARACTERS].encode("utf-8", "backslashreplace").decode()
+    more = "…" if len(text) > MAX_CHARACTERS else ""
     return printable(" ".join(start.splitlines())).replace("\t", " ") + more
 
 
 def _is_control(character: str) -> bool:
-    """Control characters, and those that turn the direction of the text around."""
+    """Whether a character controls a terminal or turns the direction of the text."""
     kind = unicodedata.category(character)
-    return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _TURNS)
+    return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _BIDI_CLASSES)
 
 
-_TURNS = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
+_BIDI_CLASSES = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -98,11 +98,17 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
+def a_few(words: Sequence[str], most: int) -> str:
+    """Join the first words of a list, and count the others: ``a, b and 3 more``."""
+    left = len(words) - most
+    return ", ".join(words[:most]) + (f" and {left} more" if left > 0 else "")
+
+
 _notes: ContextVar[list[str] | None] = ContextVar("tactograph_notes", default=None)
 
 
 def warn(message: str) -> None:
-    """Tell the user something that does not stop the run.
+    """Warn the user without stopping the run.
 
     The engine prints it once and writes it into ``result.json``.  Outside a run
     (a node called as a plain function) it does nothing.
@@ -113,14 +119,14 @@ def warn(message: str) -> None:
 
 
 def is_of_printing(error: OSError) -> bool:
-    """Whether it was raised where click or rich print: the reader, such as ``| head``, has gone."""
+    """Whether click or rich raised it while printing: the reader, such as ``| head``, has gone."""
     modules = [frame.f_globals["__name__"] for frame, _ in walk_tb(error.__traceback__)]
     return modules[-1].partition(".")[0] in ("click", "rich")
 
 
 @contextmanager
 def collect_warnings(notes: list[str]) -> Iterator[None]:
-    """Let `warn` append to `notes` inside the block."""
+    """Collect the warnings of the block in `notes`."""
     token = _notes.set(notes)
     try:
         yield

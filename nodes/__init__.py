@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
+from tactograph.nodes.stored import Stored
 
 F4 = NDArray[np.float32]
+F8 = NDArray[np.float64]
 I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]
 
@@ -37,6 +39,9 @@ CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
 """Standard deviation of the height."""
+BAND_DEVIATIONS = 1.645
+"""Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
+UM_PER_MM = 1e3
 Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
 """One bit per LED: bit k-1 stands for LED k."""
 Confidence = Annotated[F4, Port("H W", "1", high=1)]
@@ -102,37 +107,109 @@ class KnownSlopes(NamedTuple):
     mask: Mask
 
 
-class Film(NamedTuple):
-    """LEDs, film and camera: everything that relates light to the surface (`optics/film`)."""
+USUAL_RIM_MM = 2.0
+"""Width of the film beyond the frame where nothing is known of it."""
 
-    lights: LightPositions
-    others: LightPlaces
-    diffuse: Annotated[F4, Port("K", "1", high=0.4)]
-    """b_k: the share of LED light that is diffused in the gel."""
-    harmonics: Annotated[F4, Port("K 8 6", "1", low=-0.05, high=0.05)]
-    """Coefficients of the harmonics of the normal, by terms in the position."""
-    flattest: Annotated[float, Port(unit="n_z", low=0.3, high=0.9)]
-    """Smallest n_z on the calibration presses."""
-    reach: Annotated[float, Port(unit="mm", low=5, high=20)]
-    """Half the width of the film that the camera sees: the unit of position."""
-    gain: Annotated[float, Port(unit="1", low=0.95, high=1.1)]
-    """Light of touched film, relative to untouched film."""
-    contact: Annotated[float, Port(unit="mm", low=0.02, high=0.2)]
-    """Height above which film counts as touched."""
-    base: Annotated[float, Port(unit="1", low=0.3, high=1)]
-    """k_d: the albedo of the matt base under the coat."""
-    roughness: Annotated[float, Port(unit="1", low=0.1, high=0.5)]
-    """Beckmann's alpha of the coat."""
-    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)]
-    """The coat's refractive index; 1: no coat."""
-    albedo: Albedo
-    """rho: the film's albedo for light reflected from film to film."""
-    rim: Annotated[float, Port(unit="mm", low=0, high=4)]
-    """How far the film extends beyond the frame."""
-    camera: Vergence
-    grain: Grain
-    """Noise added to the light by texture, dirt and an imperfect model."""
-    uneven: Uneven
+
+class Film(NamedTuple):
+    """LEDs, film and camera: everything that relates light to the surface (`optics/film`).
+
+    A calibration keeps all of it; files from before films were described were made for a matt
+    one, seen from afar.
+    """
+
+    lights: Annotated[
+        LightPositions,
+        Stored(-1e8, 1e8),
+        "mm, x y z per LED, from the middle of the image on the film at rest",
+    ]
+    others: Annotated[
+        LightPlaces,
+        Stored(-1e8, 1e8, older="lights"),
+        "mm, other places of the LEDs that the fit allows",
+    ]
+    diffuse: Annotated[
+        F4,
+        Port("K", "1", high=0.4),
+        Stored(0, 0.99, older=0.0),
+        "b_k, share of an LED's light that the gel diffuses",
+    ]
+    harmonics: Annotated[
+        F4,
+        Port("K 8 6", "1", low=-0.05, high=0.05),
+        Stored(-100, 100, older=0.0),
+        "harmonics x y z-1 xy xz yz xx-yy 3(zz-1) of the unit normal, by 1 u v uu uv vv",
+    ]
+    flattest: Annotated[
+        float,
+        Port(unit="n_z", low=0.3, high=0.9),
+        Stored(0, 1, older=1.0),
+        "smallest n_z that was pressed",
+    ]
+    pressed_slope: Annotated[
+        float,
+        Port(unit="mm/mm", low=0.3, high=2),
+        Stored(0, 1e3, older=0.0),
+        "mm/mm, steepest slope that was pressed; 0: not known",
+    ]
+    reach: Annotated[
+        float,
+        Port(unit="mm", low=5, high=20),
+        Stored(1e-6, 1e6, older=1.0),
+        "mm, half the width of the film that the camera sees, the unit of u and v",
+    ]
+    gain: Annotated[
+        float,
+        Port(unit="1", low=0.95, high=1.1),
+        Stored(0.1, 10, older=1.0),
+        "light of touched film relative to untouched film",
+    ]
+    contact: Annotated[
+        float,
+        Port(unit="mm", low=0.02, high=0.2),
+        Stored(1e-9, 1e3, older=0.05),
+        "mm, height from which film counts as touched",
+    ]
+    base: Annotated[
+        float,
+        Port(unit="1", low=0.3, high=1),
+        Stored(1e-3, 1e3, older=1.0),
+        "k_d, albedo of the matt base under the coat",
+    ]
+    roughness: Annotated[
+        float,
+        Port(unit="1", low=0.1, high=0.5),
+        Stored(0.01, 10, older=0.2),
+        "Beckmann's alpha of the coat",
+    ]
+    refraction: Annotated[
+        float,
+        Port(unit="1", low=1, high=1.6),
+        Stored(1, 10, older=1.0),
+        "refractive index of the coat; 1: none",
+    ]
+    albedo: Annotated[
+        Albedo, Stored(0, 0.95, older=0.0), "rho, share of light that the film throws back"
+    ]
+    rim: Annotated[
+        float,
+        Port(unit="mm", low=0, high=4),
+        Stored(0, 1e3, older=USUAL_RIM_MM),
+        "mm of film beyond the frame",
+    ]
+    camera: Annotated[
+        Vergence, Stored(0, 10, older=0.0), "1/mm, one over the pupil's height; 0: far"
+    ]
+    grain: Annotated[
+        Grain,
+        Stored(0, 1, older=0.0),
+        "light departs by this share, beyond the camera's noise: texture, dirt, the model's errors",
+    ]
+    uneven: Annotated[
+        Uneven,
+        Stored(0, 1, older=0.03),
+        "brightness of touched film departs by this share, under all LEDs alike",
+    ]
 
 
 class ShadowRises(NamedTuple):

@@ -19,7 +19,7 @@ class DeviceArray(NamedTuple):
 
     @property
     def buffer(self) -> Any:
-        """What kernels and copies take; it is this array's as long as that is held."""
+        """The buffer for kernels and copies; it belongs to this array as long as that is held."""
         return self.memory.buffer
 
     @property
@@ -28,17 +28,17 @@ class DeviceArray(NamedTuple):
 
 
 def bytes_for(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """The size of a buffer for an array, at least some bytes and in words of four."""
+    """The size of a buffer for an array: whole words of four bytes, at least one."""
     return -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
 
 
 def in_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """Work-items that do so many elements each of a grid that is counted through as one axis."""
+    """Work-items that each do `lanes` elements of a grid, counted through as one axis."""
     return (-(-math.prod(grid) // lanes),)
 
 
 def in_row_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """The same, but none goes on into the next row."""
+    """Work-items that each do `lanes` elements of a row, and none of the next row."""
     return (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
 
 

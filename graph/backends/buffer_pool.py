@@ -1,8 +1,8 @@
 """Buffers on one device, lent and taken back.
 
-Of those that are free the one of the lowest number is lent first.  An item of a stream takes
-and returns what the item before did, so each launch gets the buffers that it had before, and
-can be enqueued again as it was (see `Prepared`).
+The free buffer with the lowest number is lent first.  An item of a stream takes and returns the
+same buffers as the item before, so each launch gets the buffers that it had before and can be
+enqueued again as it was (see `Prepared`).
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from heapq import heappop, heappush
 from typing import Any
 
 Free = list[tuple[int, Any]]
-"""A heap of the buffers of one size that nobody holds, by number."""
-STEPS = 4
-"""Buffers come in sizes of 2^STEPS steps from each power of two to the next."""
+"""A heap of the free buffers of one size, by number."""
+SIZE_STEP_BITS = 4
+"""Buffer sizes divide the span between two powers of two into 2^SIZE_STEP_BITS steps."""
 
 
 class Memory:
-    """A buffer on loan: it returns to its pool when nobody holds this any more.
+    """A buffer on loan, which returns to its pool when this object is freed.
 
-    `number` is its own as long as the device lives.
+    `number` identifies it for the life of the device.
     """
 
     __slots__ = ("_free", "buffer", "number")
@@ -37,14 +37,14 @@ class Memory:
 
 
 class BufferPool:
-    """What `allocate` made, by size; it raises `exhausted` if the device has no more.
+    """Buffers made by `allocate`, by size; it raises `exhausted` if the device has no more memory.
 
-    Nothing here waits: on an in-order queue the next owner of a buffer cannot overtake the last.
+    No call waits: on an in-order queue the next owner of a buffer cannot overtake the last.
 
     Attributes
     ----------
     count, nbytes
-        Of all buffers that there are, lent or free.
+        Number and bytes of all buffers, lent or free.
     """
 
     def __init__(self, allocate: Callable[[int], Any], exhausted: type[Exception]) -> None:
@@ -54,12 +54,12 @@ class BufferPool:
         self.count = self.nbytes = 0
 
     def take(self, nbytes: int) -> Memory:
-        """Lend a buffer of so many bytes, or a few more.
+        """Lend a buffer of at least `nbytes`.
 
         Raises
         ------
         Exception
-            The pool's `exhausted`, if even what is free here does not suffice.
+            The pool's `exhausted`, if there is too little memory even without the free buffers.
         """
         size = _rounded(nbytes)
         free = self._free[size]
@@ -76,11 +76,11 @@ class BufferPool:
         return Memory(buffer, next(self._numbers), free)
 
     def own(self, buffer: Any) -> Memory:
-        """A number for a buffer that was made elsewhere, and never comes here."""
+        """Number a buffer that was made elsewhere and never enters the pool."""
         return Memory(buffer, next(self._numbers))
 
     def _give_back(self) -> None:
-        """Return to the device what nobody holds."""
+        """Return the free buffers to the device."""
         for size, free in self._free.items():
             self.count -= len(free)
             self.nbytes -= size * len(free)
@@ -88,6 +88,6 @@ class BufferPool:
 
 
 def _rounded(nbytes: int) -> int:
-    """The size of the buffer that so many bytes are lent in."""
-    shift = max(nbytes.bit_length() - STEPS - 1, 0)
+    """The buffer size for a request of `nbytes`."""
+    shift = max(nbytes.bit_length() - SIZE_STEP_BITS - 1, 0)
     return -(-nbytes >> shift) << shift

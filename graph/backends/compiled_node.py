@@ -21,11 +21,11 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 
 Convert = Callable[[Any], list[Any]]
-"""From a parameter's value to kernel arguments."""
+"""Converts a parameter's value to kernel arguments."""
 
 
 class Compiled:
-    """A node's kernels on one device, and what its launches keep from one to the next."""
+    """A node's kernels on one device, and the values that its launches keep."""
 
     def __init__(self, node: Node, queue: Queue) -> None:
         self.node = node
@@ -35,7 +35,7 @@ class Compiled:
         self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
 
     def kernels_with(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
-        """By name; built when first asked for, `constants` defined as macros besides LANES.
+        """The kernels by name, built on first use with `constants` and LANES as macros.
 
         Raises
         ------
@@ -66,17 +66,17 @@ def _build(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, 
 
 
 def _converters(node: Node) -> dict[str, Convert]:
-    """By parameter; empty for a node with a launch function, which passes its own."""
+    """The converters by parameter; empty for a node whose launch function converts its own."""
     if node.kernels.grid is None:
         return {}
     return {name: _converter(p.annotation) for name, p in node.parameters.items()}
 
 
 def _converter(annotation: Any) -> Convert:
-    """Pass a number itself, a tuple item by item, a choice by its index."""
-    found = scalar_type(annotation)
-    assert found is not None
-    c_type, count, choices = found
+    """Make a converter: a number passes as it is, a tuple item by item, a choice as its index."""
+    scalar = scalar_type(annotation)
+    assert scalar is not None
+    c_type, count, choices = scalar
     make = np.float32 if c_type == "float" else np.int32
     if choices:
         return lambda value: [np.int32(choices.index(value))]

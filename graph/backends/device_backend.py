@@ -1,4 +1,4 @@
-"""What planning and running need of a device's back end."""
+"""The interface of a device's back end to planning and running."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
+from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
@@ -26,7 +26,7 @@ class Event(Protocol):
 
 
 Timer = tuple[Any, Any]
-"""The first and the last `Event` of something that is timed."""
+"""The first and the last `Event` of a timed operation."""
 
 
 class PreparedNode(Protocol):
@@ -37,7 +37,7 @@ class PreparedNode(Protocol):
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]] | None:
-        """The outputs' shapes; None where only the data tell one of them."""
+        """The outputs' shapes; None where one of them depends on the data."""
         ...
 
     def launch(self, inputs: Mapping[str, Any]) -> tuple[dict[str, DeviceArray], Timer]:
@@ -51,19 +51,19 @@ class DeviceBackend(Protocol):
     Attributes
     ----------
     backend
-        What graph files call it.
+        Its name in graph files.
     name
         The device's own name.
     driver
-        What runs it, and which version: another may give other numbers.
+        Driver and version; another version may give other numbers.
     serial
         Unique identifier of this device, and its compiled kernels, within the process.
     error
-        What the device's library raises.
+        The exception type of the device's library.
     lanes
-        How many elements a work-item does side by side.
+        Number of elements that a work-item does side by side.
     poison
-        In tests, what every byte of a fresh buffer holds.
+        Value of every byte of a fresh buffer, in tests.
     """
 
     backend: str
@@ -77,7 +77,7 @@ class DeviceBackend(Protocol):
 
     @property
     def buffers(self) -> int:
-        """How many buffers were ever allocated."""
+        """The number of buffers ever allocated."""
         ...
 
     def compile(self, node: Node) -> object:
@@ -115,12 +115,12 @@ class DeviceBackend(Protocol):
     def milliseconds(self, timer: Timer) -> float: ...
 
     def span(self, timer: Timer) -> tuple[float, float]:
-        """When it began and ended, in seconds of the device's clock."""
+        """Start and end, in seconds of the device's clock."""
         ...
 
     @property
     def clock_ahead(self) -> float:
-        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        """Seconds by which the device's clock is ahead of `time.perf_counter`."""
         ...
 
 

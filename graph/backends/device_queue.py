@@ -1,7 +1,7 @@
 """One OpenCL device, one in-order queue, one pool of buffers.
 
-Nothing waits but a download.  Buffers return to the pool when the plan says that their value
-has been read for the last time; on an in-order queue the next owner cannot overtake.
+Only a download waits.  A buffer returns to the pool after the last step that reads its value; on
+an in-order queue the next owner cannot overtake.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ _serials = itertools.count(1)
 class Queue:
     """One OpenCL device with its queue and its buffers.
 
-    `lanes` is how many elements a work-item does side by side; None takes what suits the
-    device: CPUs' compilers do not all vectorise across work-items, GPUs want one each.
+    `lanes` is the number of elements that a work-item does side by side.  None suits it to the
+    device: CPU compilers do not all vectorise across work-items, GPUs want one element each.
     """
 
     error: type[Exception] = cl.Error
@@ -88,7 +88,7 @@ class Queue:
         return self.take(bytes_for(shape, dtype), shape, dtype)
 
     def take(self, nbytes: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
-        """`empty`, with the result of `bytes_for` at hand."""
+        """`empty`, where the result of `bytes_for` is known."""
         memory = self.pool.take(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
@@ -115,9 +115,9 @@ class Queue:
         return cl.enqueue_copy(self.queue, to.buffer, source, is_blocking=False)
 
     def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]:
-        """Begin to copy unsigned integers, and there make them fractions of full scale.
+        """Begin to copy unsigned integers and convert them there to fractions of full scale.
 
-        A quarter of the bytes of float32 for 8 bits; the same values as on the host.
+        8 bits are a quarter of the bytes of float32.  The values equal those made on the host.
         """
         source, (started, _) = self.start_upload(array)
         target = self.empty(array.shape, np.dtype(np.float32))
@@ -142,14 +142,14 @@ class Queue:
 
     @cached_property
     def clock_ahead(self) -> float:
-        """By how many seconds the device's clock is ahead of `time.perf_counter`."""
+        """Seconds by which the device's clock is ahead of `time.perf_counter`."""
         marker = cl.enqueue_marker(self.queue)
         marker.wait()
         ended: Any = marker.get_profiling_info(cl.profiling_info.END)
         return 1e-9 * float(ended) - time.perf_counter()
 
     def constant(self, array: NDArray[Any]) -> DeviceArray:
-        """Copy a host array to a buffer of its own, that the pool does not lack afterwards."""
+        """Copy a host array to a buffer of its own, outside the pool."""
         if not array.size:
             return self.empty(array.shape, array.dtype)
         flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
@@ -163,7 +163,7 @@ class Queue:
         return target
 
     def start_download(self, source: DeviceArray) -> tuple[NDArray[Any], Timer]:
-        """Begin to copy an array to the host, where it is complete after the event."""
+        """Begin to copy an array to the host; it is complete after the event."""
         target = np.empty(source.shape, source.dtype)
         if not target.size:
             return target, self._now()
@@ -183,14 +183,14 @@ class Queue:
         self.queue.finish()
 
     def has_failed(self, timer: Timer) -> bool:
-        """Whether what the two events stand for ended in an error."""
+        """Whether the operation between two events ended in an error."""
         try:
             return any(event.command_execution_status < 0 for event in timer)
         except cl.Error:
             return True
 
     def span(self, timer: Timer) -> tuple[float, float]:
-        """When it began and ended, in seconds of the device's clock."""
+        """Start and end, in seconds of the device's clock."""
         first, last = timer
         start: Any = first.get_profiling_info(cl.profiling_info.START)
         end: Any = last.get_profiling_info(cl.profiling_info.END)
@@ -206,5 +206,5 @@ class Queue:
 
     @property
     def buffers(self) -> int:
-        """How many buffers the pool has: it hands back none but for lack of memory."""
+        """The number of buffers in the pool, which frees none unless memory runs out."""
         return self.pool.count

@@ -1,8 +1,7 @@
 """OpenCL devices: every one listed, none trusted before it has run a real kernel.
 
-A listed device is no proof: runtimes exist that enumerate a CPU and then cannot compile for
-it.  Each candidate compiles and runs a small kernel, and the verdict says why one was passed
-over.
+Some runtimes list a CPU and then cannot compile for it.  So each candidate compiles and runs a
+small kernel, and the verdict says why one was passed over.
 """
 
 from __future__ import annotations
@@ -87,12 +86,12 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
         if device.works:
             return device, ""
         reasons.append(f"{device.name}: {device.verdict}")
-    found = f" ({'; '.join(reasons)})" if reasons else " here"
-    return None, f"no OpenCL device works{found}; {how_to_get_one()}"
+    refused = f" ({'; '.join(reasons)})" if reasons else " here"
+    return None, f"no OpenCL device works{refused}; {how_to_get_one()}"
 
 
 def how_to_get_one() -> str:
-    """What to type on this system for an OpenCL device on its CPU."""
+    """The command that installs an OpenCL device for the CPU of this system."""
     if sys.platform == "darwin":
         return "macOS has one of its own; conda install -c conda-forge pyopencl pocl brings another"
     if intel_runtime.is_for_this_system():
@@ -120,7 +119,7 @@ def _handles() -> Iterator[cl.Device]:
         except cl.Error:
             continue
     gpu = cl.device_type.GPU
-    # Loaders list drivers in the order of a folder, which is none; by name Intel's comes first.
+    # Loaders list drivers in no order; by name Intel's comes first.
     yield from sorted(handles, key=lambda h: (0, "") if h.type & gpu else (1, h.platform.name))
 
 
@@ -151,9 +150,9 @@ def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
-    from tactograph.graph.backends.programs import POCL, build, context_of
+    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
 
-    if handle.platform.name == POCL:
+    if handle.platform.name == POCL_PLATFORM:
         pocl_cache.note_crash()
     context = context_of(handle)
     queue = cl.CommandQueue(context)
@@ -163,9 +162,9 @@ def _run_probe(handle: cl.Device) -> str | None:
     source = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)
     target = cl.Buffer(context, flags.WRITE_ONLY, a.nbytes)
     kernel(queue, (128,), (64,), source, target, np.float32(1))
-    found = np.empty_like(a)
-    cl.enqueue_copy(queue, found, target)
+    result = np.empty_like(a)
+    cl.enqueue_copy(queue, result, target)
     expected = np.sqrt(a.reshape(2, 64)[:, ::-1].ravel()) + np.float32(1)
-    if not np.allclose(found, expected, rtol=1e-6):
+    if not np.allclose(result, expected, rtol=1e-6):
         return "a test kernel ran but gave wrong numbers"
     return None

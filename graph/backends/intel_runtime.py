@@ -1,6 +1,6 @@
-"""Intel's OpenCL runtime for CPUs, where the Python package `intel-opencl-rt` brings it.
+"""Intel's OpenCL runtime for CPUs, as installed by the Python package `intel-opencl-rt`.
 
-The package lists its driver nowhere that an OpenCL loader looks; /etc and the registry belong to
+The package does not register its driver with the OpenCL loader; /etc and the registry belong to
 the administrator.  Loaders on Linux read the folder that OCL_ICD_VENDORS names in place of the
 system's, so `listed` names a folder that holds both the system's drivers and this one.  On Windows
 the loader of Khronos loads the drivers that OCL_ICD_FILENAMES names before those of the registry.
@@ -80,8 +80,8 @@ def _runtime() -> Path | None:
     except PackageNotFoundError:
         return None
     name = _DRIVERS.get(sys.platform)
-    found = (Path(str(file.locate())).resolve() for file in files if file.name == name)
-    return next((path for path in found if path.is_file()), None)
+    paths = (Path(str(file.locate())).resolve() for file in files if file.name == name)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def _drivers(folder: Path) -> list[str]:

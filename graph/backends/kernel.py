@@ -14,11 +14,10 @@ from tactograph.graph.backends.kernel_source import Argument
 
 
 class Kernel:
-    """A kernel whose arguments have the types that they had at its first launch.
+    """A kernel whose argument types are fixed at its first launch.
 
-    With the argument types declared, pyopencl sets all arguments in the time that one number
-    takes without them.
-    `signature` is what its source says that it takes.
+    With declared argument types, pyopencl sets all arguments in the time of a single one without
+    them.  `signature` holds the arguments as the source declares them.
     """
 
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
@@ -30,12 +29,12 @@ class Kernel:
         self._typed = False
 
     def converted(self, arguments: Sequence[Any]) -> list[Any]:
-        """The arguments as the kernel takes them: numbers of its types, and buffers.
+        """Convert the arguments to numbers of the kernel's types and buffers.
 
         Raises
         ------
         TypeError
-            If there are too many or too few, or one is not what the kernel takes.
+            If there are too many or too few, or one has a wrong type.
         """
         try:
             pairs = zip(self._converters, arguments, strict=True)
@@ -59,12 +58,12 @@ class Kernel:
         raise AssertionError(name)
 
     def copy(self) -> Kernel:
-        """The same kernel, which keeps arguments of its own."""
+        """Copy the kernel, with arguments of its own."""
         again = cl.Kernel(self._kernel.program, self.name)
         return Kernel(again, self._signature)
 
     def twin(self, number: int) -> Kernel:
-        """A copy, made when its number is first asked for."""
+        """The copy of this number, made on first use."""
         while len(self._twins) <= number:
             self._twins.append(self.copy())
         return self._twins[number]
@@ -87,7 +86,7 @@ class Kernel:
         local: tuple[int, ...],
         arguments: Sequence[Any],
     ) -> Callable[[], cl.Event]:
-        """Set the arguments once; return what launches the kernel with them."""
+        """Set the arguments once; return a function that launches the kernel with them."""
         self._be_typed(arguments)
         self._kernel.set_args(*arguments)
         return partial(cl.enqueue_nd_range_kernel, queue, self._kernel, work_items, local)
@@ -99,7 +98,7 @@ class Kernel:
             self._typed = True
 
 
-_ELEMENTS = {
+_ELEMENT_DTYPES = {
     "float": ("float32", "complex64"),
     "uchar": ("uint8",),
     "ushort": ("uint16",),
@@ -107,25 +106,25 @@ _ELEMENTS = {
     "uint": ("uint32",),
     "PIXEL": ("uint8", "uint16", "float32"),
 }
-"""What an array may hold that a kernel reads as a type, or as vectors of it."""
-_WHOLE: dict[str, Callable[[int], Any]] = {
+"""Element types of the arrays that a kernel may read as a C type, or as vectors of it."""
+_INTEGER_TYPES: dict[str, Callable[[int], Any]] = {
     "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
 }  # fmt: skip
 
 
 def converter(c_type: str) -> Callable[[Any], Any]:
-    """What makes a kernel's argument of a value; it raises where the value is no such thing."""
+    """A function that converts a value to a kernel argument, or raises if it cannot."""
     if c_type.endswith("*"):
-        dtypes = _ELEMENTS.get(c_type.rstrip("*").rstrip("0123456789"))
+        dtypes = _ELEMENT_DTYPES.get(c_type.rstrip("*").rstrip("0123456789"))
         known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
         return partial(_buffer, known)
     if c_type == "float":
         return _float
-    return partial(_whole, _WHOLE[c_type]) if c_type in _WHOLE else _as_it_is
+    return partial(_whole, _INTEGER_TYPES[c_type]) if c_type in _INTEGER_TYPES else _as_it_is
 
 
 def in_words(value: Any) -> str:
-    """A value that a kernel cannot take, for an error."""
+    """Describe a value that a kernel cannot take, for an error."""
     if isinstance(value, DeviceArray):
         return f"an array of {value.dtype}"
     return f"{value!r} ({type(value).__name__})"

@@ -27,7 +27,7 @@ _TYPE = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
 _KERNEL = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
 
 Argument = tuple[str, str]
-"""(C type with a star for a buffer, name without the underscore that avoids a built-in)"""
+"""C type, with a star for a buffer, and name, without the underscore that avoids a built-in."""
 
 
 def kernel_source(node: Node) -> str:
@@ -44,7 +44,7 @@ def kernel_source(node: Node) -> str:
 
 
 def kernel_file(node: Node) -> str:
-    """What the node's ``.cl`` file is called in messages.
+    """The name of the node's ``.cl`` file in messages.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def kernel_file(node: Node) -> str:
 
 
 def kernel_text(node: Node) -> str:
-    """The same, without a look at the declaration.
+    """`kernel_source` without the comparison with the declaration.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def kernel_text(node: Node) -> str:
 def _with_headers(node: Node, file: str, written: set[str]) -> str:
     """The text of a file with each header written in where it is first included.
 
-    ``#line`` tells the compiler which file and line it reads, so that its messages do.
+    ``#line`` makes the compiler's messages name the original file and line.
     """
     name, text = _find(node, file)
     written.add(file)
@@ -85,7 +85,7 @@ def _with_headers(node: Node, file: str, written: set[str]) -> str:
 
 
 def _find(node: Node, file: str) -> tuple[str, str]:
-    """What a kernel's file or header is called in messages, and its text."""
+    """The name of a kernel's file or header in messages, and its text."""
     source = node.kernels.source
     if source is not None and file == f"{node.name}.cl":
         return _own(node, source)
@@ -93,17 +93,17 @@ def _find(node: Node, file: str) -> tuple[str, str]:
     is_file = module is not None and not hasattr(module, "__path__")
     packages = () if is_file else (node.kernel_package,)
     for package in (*packages, "tactograph.kernels.headers"):
-        found = resources.files(package) / file
-        if found.is_file():
+        resource = resources.files(package) / file
+        if resource.is_file():
             name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
-            return name, found.read_text(encoding="utf-8")
+            return name, resource.read_text(encoding="utf-8")
     if not packages:
         raise NodeError(f"node '{node.name}': there is no {file}; say opencl(source=…)")
     raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
 
 
 def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
-    """The kernels that a declaration gives itself: their text, or a path."""
+    """Kernels that a declaration gives itself, as text or as a path."""
     if isinstance(source, str) and ("{" in source or "\n" in source):
         return f"source of {node.name}", source
     try:
@@ -115,7 +115,7 @@ def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def expected_arguments(node: Node) -> list[Argument]:
-    """What the kernel must take: inputs, outputs, sizes, parameters, in declared order."""
+    """The arguments of the kernel: inputs, outputs, sizes, parameters, in declared order."""
     arguments: list[Argument] = []
     for port in node.inputs.values():
         name = port.name.replace(".", "_")
@@ -134,7 +134,7 @@ def expected_arguments(node: Node) -> list[Argument]:
 
 
 def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
-    """(C type, how many, choices) of a parameter that a kernel can take, else None."""
+    """C type, count and choices of a parameter that a kernel can take; None for any other."""
     if typing.get_origin(annotation) is typing.Annotated:
         annotation = typing.get_args(annotation)[0]
     if annotation is float:
@@ -151,13 +151,13 @@ def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
 
 
 def _parameter_arguments(node: Node, parameter: Parameter) -> list[Argument]:
-    found = scalar_type(parameter.annotation)
-    if found is None:
+    scalar = scalar_type(parameter.annotation)
+    if scalar is None:
         raise NodeError(
             f"node '{node.name}' has a kernel, but no kernel can take its parameter "
             f"'{parameter.name}'"
         )
-    c_type, count, _ = found
+    c_type, count, _ = scalar
     if count == 1:
         return [(c_type, parameter.name)]
     return [(c_type, f"{parameter.name}_{i}") for i in range(count)]
@@ -171,22 +171,22 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
     """Read the arguments of every kernel from a source, by the kernel's name."""
     plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
     macros = _macros(plain)
-    found: dict[str, list[Argument]] = {}
+    signatures: dict[str, list[Argument]] = {}
     for name, head in _KERNEL.findall(plain):
-        # Arguments that several kernels share are macros; vectors of LANES have a name.
+        # Arguments that several kernels share are macros; vectors of LANES are typedefs.
         written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
-        found[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
-    return found
+        signatures[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
+    return signatures
 
 
 def _macros(plain: str) -> dict[str, str]:
     """Macros and typedefs with a single meaning; PIXEL, which has several, is left out."""
-    found: dict[str, set[str]] = {}
+    meanings: dict[str, set[str]] = {}
     for name, text in (*_MACRO.findall(plain), *((new, old) for old, new in _TYPE.findall(plain))):
-        found.setdefault(name, set()).add(text.strip())
+        meanings.setdefault(name, set()).add(text.strip())
     return {
         name: min(texts)
-        for name, texts in found.items()
+        for name, texts in meanings.items()
         if len({text.rstrip("0123456789") for text in texts}) == 1
     }
 
@@ -200,19 +200,19 @@ def _argument(piece: str) -> Argument:
 
 def _check(node: Node) -> None:
     file, text = _find(node, f"{node.name}.cl")
-    found = kernel_signatures(text).get(node.name)
-    if found is None:
+    stated = kernel_signatures(text).get(node.name)
+    if stated is None:
         raise NodeError(f"{file} holds no kernel '{node.name}'")
     expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]
-    for index, (wanted, there) in enumerate(zip(expected, found, strict=False), start=1):
+    for index, (wanted, there) in enumerate(zip(expected, stated, strict=False), start=1):
         if wanted != there:
             raise NodeError(
                 f"{file}: argument {index} is '{' '.join(there)}', "
                 f"but the declaration says '{' '.join(wanted)}'"
             )
-    if len(expected) != len(found):
+    if len(expected) != len(stated):
         raise NodeError(
-            f"{file}: the kernel takes {len(found)} arguments, "
+            f"{file}: the kernel takes {len(stated)} arguments, "
             f"but the declaration says {len(expected)}: "
             f"{', '.join(name for _, name in expected)}"
         )

@@ -1,4 +1,4 @@
-"""What a node's launch function is handed: its arrays on the device, and how to run kernels."""
+"""The argument of a node's launch function: its arrays on the device, and its kernels."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 class Record:
-    """What a launch enqueued, and the scratch buffers that it took."""
+    """The kernels that a launch enqueued, and the scratch buffers that it took."""
 
     def __init__(self) -> None:
         self.kernels: list[Callable[[], cl.Event]] = []
@@ -38,8 +38,8 @@ class Record:
 class Launch:
     """One launch of a node that needs more than one kernel, or a library.
 
-    `repeats` is whether all that it did was to enqueue kernels, which can be enqueued again;
-    they are written into `record` then.
+    `repeats` says whether it only enqueued kernels, which can be enqueued again; `record` then
+    holds them.
     """
 
     def __init__(
@@ -69,39 +69,39 @@ class Launch:
     def timer(self) -> tuple[cl.Event, cl.Event]:
         """The first and the last event; a marker's if there was none.
 
-        Markers around every launch would tell the same, but Intel's runtime runs all that
-        follows a marker on a single core.
+        Markers around every launch would do as well, but Intel's runtime runs all work behind a
+        marker on a single core.
         """
         if not self._events:
             self.mark()
         return self._events[0], self._events[-1]
 
     def mark(self) -> None:
-        """End the timing here: for a library's kernels, which leave no event."""
+        """End the timing here, for a library's kernels, which leave no event."""
         self.repeats = False
         self._events.append(cl.enqueue_marker(self._device.queue))
 
     @property
     def lanes(self) -> int:
-        """How many elements a work-item should do side by side; the kernels' LANES."""
+        """The number of elements that a work-item does side by side: the kernels' LANES."""
         return self._device.lanes
 
     def in_lanes(self, *grid: int) -> tuple[int]:
-        """The grid of a kernel that does LANES elements of this one in each work-item."""
+        """The grid of a kernel in which each work-item does LANES elements of this grid."""
         return in_lanes(grid, self.lanes)
 
     def in_row_lanes(self, *grid: int) -> tuple[int]:
-        """The same for a kernel in which none goes on into the next row."""
+        """The grid of a kernel in which each work-item does LANES elements of one row."""
         return in_row_lanes(grid, self.lanes)
 
     @property
     def group(self) -> int:
-        """Work-items of a kernel that is a single work-group; the kernels' GROUP."""
+        """The size of a kernel that is a single work-group: the kernels' GROUP."""
         return 1 if self.lanes > 1 else 128
 
     @property
     def queue(self) -> cl.CommandQueue:
-        """For what is enqueued by other means; it is not known here, and not repeated."""
+        """The queue, for work that is enqueued by other means and cannot be repeated."""
         self.repeats = False
         return self._device.queue
 
@@ -127,8 +127,8 @@ class Launch:
         local
             Work-group size, fastest axis first, where the kernel relies on it.
         constants
-            What the source sees as macros, so that loops over them can be unrolled; the
-            file is compiled once for each set of values.
+            Macros for the source, so that loops over them can be unrolled; the file is
+            compiled once for each set of values.
         """
         local = local or local_size(len(grid))
         kernel = self._compiled.kernels_with(constants or {})[name]
@@ -147,7 +147,7 @@ class Launch:
         local: tuple[int, ...],
         arguments: Sequence[Any],
     ) -> None:
-        """Enqueue a kernel, all of its launch worked out; see `Kernel.enqueue`."""
+        """Enqueue a kernel whose launch is worked out; see `Kernel.enqueue`."""
         queue = self._device.queue
         if self._record is None:
             self._events.append(kernel.enqueue(queue, work_items, local, arguments))
@@ -157,11 +157,11 @@ class Launch:
         self._events.append(bound())
 
     def capture(self, launches: Callable[[], None]) -> Callable[..., None]:
-        """Return what enqueues the kernels of `launches` as often as it is called.
+        """Return a function that enqueues the kernels of `launches`, as often as it is called.
 
-        Their arguments are set now and once: enqueuing takes a fifth of the time.  One sequence
-        is captured at a time; the one before must not be enqueued any more.  Called with `since`
-        and `to`, it enqueues those of them alone, counted from 0.
+        Their arguments are set once, now, so that enqueuing takes a fifth of the time.  Only the
+        last captured sequence may be enqueued.  `since` and `to` choose a part of it, counted
+        from 0.
         """
         self.repeats = False
         self._captured, self._twins = [], Counter()
@@ -177,40 +177,40 @@ class Launch:
         return enqueue
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
-        """A buffer for this launch alone, from the pool."""
+        """Take a buffer for this launch alone from the pool."""
         taken = self._device.empty(shape, np.dtype(dtype))
         if self._record is not None:
             self._record.scratch.append(taken)
         return taken
 
     def upload(self, array: Any) -> DeviceArray:
-        """Copy a host array to the device, to stay there: for constants, inside `keep`."""
+        """Copy a host array to the device for good: for constants, inside `keep`."""
         self.repeats = False
         return self._device.constant(array)
 
     def put(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array, which may be empty, to a buffer for this launch alone.
 
-        Not one of the pool's, which the queue may still be using: that would have to be waited for.
+        It is none of the pool's: the queue may still use that, and a copy would have to wait.
         """
         self.repeats = False
         return self._device.constant(array)
 
     def send(self, array: NDArray[Any], to: DeviceArray) -> None:
-        """Copy a host array to a buffer that is there, behind what was enqueued before."""
+        """Copy a host array to an existing buffer, behind all that was enqueued before."""
         self.repeats = False
-        # Their events hold the arrays, and would wait for the copy if they were let go of now.
+        # The events hold the arrays; to free them now would mean to wait for the copy.
         self._sent.append(self._device.send(array, to))
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
-        """Wait for an array and copy it to the host: for what decides the next launch."""
+        """Wait for an array and copy it to the host, where its values decide the next launch."""
         self.repeats = False
         return self._device.download(array)
 
     def begin_download(self, array: DeviceArray) -> Callable[[], NDArray[Any]]:
-        """Begin to copy an array to the host; return what waits for it.
+        """Begin to copy an array to the host; return a function that waits for it.
 
-        What is enqueued meanwhile keeps the device busy.
+        Kernels enqueued meanwhile keep the device busy.
         """
         self.repeats = False
         target, (_, copied) = self._device.start_download(array)
@@ -221,22 +221,22 @@ class Launch:
 
         return arrived
 
-    def as_array(self, found: DeviceArray) -> pyopencl.array.Array:
-        """Look at a device array as pyopencl's own array class, for a library that takes it.
+    def as_array(self, source: DeviceArray) -> pyopencl.array.Array:
+        """View a device array as pyopencl's own array class, for a library that takes it.
 
-        What that enqueues is not known here, and not repeated.
+        The library's kernels cannot be repeated.
         """
         self.repeats = False
         array: Any = pyopencl.array.Array(
-            self._device.queue, found.shape, found.dtype, data=found.buffer
+            self._device.queue, source.shape, source.dtype, data=source.buffer
         )
-        array.memory = found.memory  # which stays on loan as long as the array is held
+        array.memory = source.memory  # which stays on loan as long as the array is held
         return array  # type: ignore[no-any-return]
 
     def found(self, symbol: str, size: int) -> None:
-        """Set a size that only the data determine, and make the outputs that have it.
+        """Set a size that depends on the data, and make the outputs that have it.
 
-        An output of several such sizes is made when the last of them is found.
+        An output with several such sizes is made when the last of them is set.
         """
         self.repeats = False
         node = self._compiled.node
@@ -249,11 +249,11 @@ class Launch:
                 self.outputs[name] = self._device.empty(shape, port.dtype)
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what `make` made for `key`, made once for this node on this device."""
+        """Return the result of `make` for `key`, made once for this node on this device."""
         if key not in self._compiled.kept:
-            # Repeated without what was done here, unless that was recorded.
+            # A repeated launch skips what `make` does, unless that was recorded.
             repeats = self.repeats and self._record is None
             self._compiled.kept[key] = make()
             self.repeats = repeats
-        found: T = self._compiled.kept[key]
-        return found
+        value: T = self._compiled.kept[key]
+        return value

@@ -9,8 +9,8 @@ from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
+from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.wanted_outputs import EVERYTHING, Wanted
 
 
 def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:

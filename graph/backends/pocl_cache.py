@@ -1,8 +1,8 @@
-"""PoCL's programs on disk, which it trusts: a damaged one ends the process, whatever it does.
+"""PoCL's programs on disk, which PoCL trusts: a damaged one kills the process.
 
-That can neither be caught nor told by who is ended.  So each process that uses PoCL leaves a
-note, into which Python writes how it was ended.  The next one reads it, and has PoCL keep its
-programs elsewhere.
+The process can neither catch that nor report it.  So each process that uses PoCL leaves a note,
+into which Python writes how the process died.  The next process reads the note and moves PoCL's
+programs to another folder.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from tactograph.graph.files.disk_cache import cache_folder
+from tactograph.graph.disk.disk_cache import cache_folder
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
 """The environment variable that PoCL reads as it is loaded."""
@@ -25,7 +25,7 @@ CACHE_VARIABLE = "POCL_CACHE_DIR"
 
 @cache
 def heed_crashes() -> None:
-    """Have PoCL, before it is loaded, keep its programs where none is damaged, and say so."""
+    """Point PoCL, before it is loaded, to a folder without damaged programs, and say so."""
     folder = _place()
     if folder is None:
         return
@@ -48,7 +48,7 @@ def heed_crashes() -> None:
 
 @cache
 def note_crash() -> None:
-    """Have a note written if this process is ended from now on, unless somebody else listens."""
+    """Leave a note if this process dies from now on, unless a fault handler is set already."""
     folder = _place()
     if folder is None or faulthandler.is_enabled():
         return
@@ -61,12 +61,12 @@ def note_crash() -> None:
 
 
 def _place() -> Path | None:
-    # There one cannot ask whether a process is running without ending it.
+    # On Windows, asking whether a process runs would end it.
     return None if sys.platform == "win32" else cache_folder()
 
 
 def _crashes(folder: Path) -> str:
-    """How a process was ended that left a note, or "" where none was; notes are read once."""
+    """The cause of death in the notes, "" if there is none; each note is read once."""
     how = ""
     with suppress(OSError):
         for file in _notes(folder).iterdir():

@@ -1,7 +1,7 @@
 """A node's launch, worked out once for all items whose arrays have the same sizes.
 
-What it enqueues is enqueued again as it was, arguments and all, for an item that comes with the
-same buffers and numbers: a fifth of the time, and the node's launch function is not asked.
+An item with the same buffers and numbers enqueues the same kernels again, arguments included.
+That takes a fifth of the time and skips the node's launch function.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.launch import Launch, Record
-from tactograph.graph.declare.wanted_outputs import Wanted
+from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.errors import NodeError
 
-MOST_REMEMBERED = 4
-"""Sets of buffers that a node's launch is kept for: what an item recalls comes in turns."""
+MAX_BUFFER_SETS = 4
+"""Sets of buffers for which a node's launch is kept: recalled values alternate."""
 
 
 class Repeatable(NamedTuple):
-    """Kernels with their arguments set, and the scratch buffers among these: bytes and numbers."""
+    """Kernels with their arguments set, and bytes and numbers of their scratch buffers."""
 
     kernels: tuple[Callable[[], cl.Event], ...]
     scratch: tuple[int, ...]
@@ -41,10 +41,10 @@ class Repeatable(NamedTuple):
 
 
 class Prepared:
-    """A node on a device, its arrays' sizes known: from item to item only buffers differ.
+    """A node on a device with known sizes; only buffers differ from item to item.
 
-    `shapes` are those of its outputs, None where only the data tell one of them: the launch
-    function makes that then.
+    `shapes` are those of its outputs, None where one of them depends on the data: the launch
+    function then makes that output.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Prepared:
             self._prepare_kernel(self._declared.grid)
 
     def _prepare_kernel(self, symbols: tuple[str, ...]) -> None:
-        """Work out all that the node's own kernel is launched with, buffers excepted."""
+        """Work out the launch of the node's own kernel, except for buffers."""
         node = self._node
         absent = {s for s in node.symbols if s not in self.sizes and node.may_lack(s)}
         sizes = {**self.sizes, **dict.fromkeys(absent, 0)}
@@ -104,8 +104,7 @@ class Prepared:
         Parameters
         ----------
         inputs
-            By name: device arrays of the sizes that this was prepared for, None for one that
-            is absent, and numbers.
+            By name: device arrays of the prepared sizes, None for an absent one, and numbers.
         """
         take = self._device.take
         outputs = {name: take(*known) for name, known in self._outputs.items()}
@@ -120,11 +119,11 @@ class Prepared:
                 return outputs, (events[0], events[-1])
             del scratch
             return self._launched(inputs, outputs)
-        # Not at once: to copy kernels takes longer than to enqueue them a few times.
+        # Not the first time: copying kernels takes longer than enqueuing them a few times.
         record = Record() if key in self._known else None
         made = self._launched(inputs, outputs, record)
         self._known[key] = None if record is None else _repeatable(record)
-        if len(self._known) > MOST_REMEMBERED:
+        if len(self._known) > MAX_BUFFER_SETS:
             del self._known[next(iter(self._known))]
         return made
 
@@ -148,14 +147,14 @@ class Prepared:
     def _arguments(
         self, inputs: Mapping[str, Any], outputs: Mapping[str, DeviceArray]
     ) -> list[Any]:
-        """Those of the node's own kernel, in the order of `kernel_source.expected_arguments`."""
+        """The arguments of the node's own kernel, in the order of `expected_arguments`."""
         arguments: list[Any] = []
         for name in self._read:
-            found = inputs.get(name)
+            value = inputs.get(name)
             if self._node.inputs[name].kind == "number":
-                arguments.append(np.float32(found))
+                arguments.append(np.float32(value))
             else:
-                arguments.append(None if found is None else found.buffer)
+                arguments.append(None if value is None else value.buffer)
         for name in self._node.outputs:
             arguments.append(outputs[name].buffer if name in outputs else None)
         return arguments + self._plain
@@ -182,7 +181,7 @@ def _repeatable(record: Record) -> Repeatable | None:
 
 
 def _told(given: DeviceArray | float | None) -> Hashable:
-    """What a launch can tell of an argument: a buffer and the array in it, or a number."""
+    """The identity of an argument: its buffer, element type and shape, or the number itself."""
     if isinstance(given, DeviceArray):
         return given.memory.number, given.dtype.num, given.shape
     return given

@@ -1,10 +1,10 @@
 """OpenCL programs, each built once a process.
 
-Building one takes hundreds of times what a launch takes.  Programs belong to a context, so all
-queues of a device share one.  PoCL keeps binaries on disk, but reads the source of each program
-all the same (60 ms), so what it built is kept here too, and taken in a fifteenth of the time.
-Of other drivers pyopencl, or the driver itself, keeps them.  To give a binary away, PoCL compiles
-every kernel a second time: PYOPENCL_NO_CACHE=1 is for who builds a program only once.
+A build takes hundreds of times as long as a launch.  Programs belong to a context, so all queues of
+a device share one.  PoCL keeps binaries on disk, but still parses each source (60 ms), so binaries
+are kept here too, which takes a fifteenth of that.  For other drivers, pyopencl or the driver keeps
+them.  PoCL compiles every kernel a second time to hand out a binary: set PYOPENCL_NO_CACHE=1 where
+each program is built only once.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from typing import Any
 
 import pyopencl as cl
 
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
-MOST = 64
-"""Of so many programs a process keeps what was built."""
-MOST_BYTES = 2 * 10**8
-"""Of what is kept on disk: some two thousand programs."""
-POCL = "Portable Computing Language"
+MAX_PROGRAMS = 64
+"""Built programs that a process keeps."""
+MAX_PROGRAM_BYTES = 2 * 10**8
+"""Bytes of programs on disk: some two thousand programs."""
+POCL_PLATFORM = "Portable Computing Language"
 """The platform whose programs are kept on disk here."""
 
 
@@ -34,9 +34,9 @@ def context_of(handle: cl.Device) -> cl.Context:
     return cl.Context([handle])
 
 
-@lru_cache(MOST)
+@lru_cache(MAX_PROGRAMS)
 def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    """Build a source, or return what was built of it before.
+    """Build a source, or return the program that was built of it before.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     program = _built(cl.Program(context, source), options)
     if file is not None:
         binaries: Any = program.get_info(cl.program_info.BINARIES)
-        write_cached(file, binaries[0], MOST_BYTES)
+        write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
     return program
 
 
@@ -65,14 +65,14 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 
 
 def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
-    """Where the binary is kept; None if it is not."""
+    """The file for a binary; None where binaries are not kept."""
     folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name != POCL:
+    if folder is None or unwanted or device.platform.name != POCL_PLATFORM:
         return None
-    of = (
+    origin = (
         device.platform.name, device.platform.version, device.name, device.version,
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
-    key = hashlib.blake2b(repr(of).encode(), digest_size=16).hexdigest()
+    key = hashlib.blake2b(repr(origin).encode(), digest_size=16).hexdigest()
     return folder / "programs" / f"{key}{SUFFIX}"

@@ -1,4 +1,4 @@
-"""A batch: which captures are still to do, cut into chunks, handed to workers."""
+"""A batch: the captures that are still to do, in chunks for the workers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, 
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.run.result_origin import Origin
 
-TRIES = 20
-"""So many captures are tried to find out what maps look like."""
+MAX_TRIED_CAPTURES = 20
+"""Captures that are tried to learn the types of the maps."""
 
 
 class Workers(Protocol):
-    """Whoever does the chunks."""
+    """Processes, threads or machines that do the chunks."""
 
     name: str
 
@@ -38,17 +38,15 @@ def open_batch(
 ) -> Store:
     """Make the store, or continue one of the same job; add new captures.
 
-    Where `chunk` does not say how many captures are written together, the size of their maps
-    does, which `workers` find out.  A store in which no capture was finished, as a mistake in
-    the first command leaves it, is made anew for another job or other captures.  A batch's own
-    folder is none of its captures.
+    Without `chunk`, the size of the maps, which `workers` find out, decides how many captures are
+    written together.  A store without a finished capture, as a mistake in the first command leaves
+    it, is made anew for another job or other captures.  The batch's own folder is not a capture.
 
     Raises
     ------
     InputError
         If the store was made by another graph, other values or another calibration, or
-        cannot be written; or if none of the first captures can be done: then it is not the
-        captures.
+        cannot be written; or if none of the first captures can be done.
     """
     place = store_place(out, job)
     wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]
@@ -76,7 +74,7 @@ def open_batch(
 
 
 def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
-    """Refuse captures whose results would have no place among those of the first ones."""
+    """Refuse captures whose results would lie outside the folder of the first ones."""
     for capture in captures:
         if job.below and not capture.startswith(f"{job.below.rstrip('/')}/"):
             raise InputError(
@@ -86,7 +84,7 @@ def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
 
 
 def lies_in(capture: str, place: str, folders: str | None) -> bool:
-    """Whether a match is what this batch itself writes: its store or its table."""
+    """Whether a match is this batch's own store or table."""
     table = f"{folders}/captures.csv" if folders else f"{place.removesuffix('.zarr')}.csv"
     return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
 
@@ -94,7 +92,7 @@ def lies_in(capture: str, place: str, folders: str | None) -> bool:
 def _holds_nothing_for(
     store: Store, identity: Mapping[str, Any], captures: Sequence[str], chunk: int
 ) -> bool:
-    """Whether nothing is lost, and something put right, if the store is made anew."""
+    """Whether the store differs from what is wanted, and holds no finished capture."""
     if store.statuses.any():
         return False
     differs = store.identity != identity or store.chunk != chunk
@@ -102,7 +100,7 @@ def _holds_nothing_for(
 
 
 def reopen_damaged(store: Store) -> int:
-    """Let what is called done, but is not there whole, count as never done; return how many."""
+    """Reopen the captures that are marked done but are not whole; return their number."""
     damaged = set(store.damaged())
     if store.job.folders is not None:
         done = zip(store.captures, store.statuses, strict=True)
@@ -132,7 +130,7 @@ def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
 
 
 def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterator[Tally]:
-    """Do the chunks, and yield how each went as soon as it is written.
+    """Do the chunks, and yield the tally of each as soon as it is written.
 
     Raises
     ------
@@ -146,8 +144,8 @@ def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterat
 
 
 def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str, MapType]:
-    """What maps look like, from the first of the captures that can be done."""
-    reason, tried = "", captures[:TRIES]
+    """The types of the maps, from the first capture that can be done."""
+    reason, tried = "", captures[:MAX_TRIED_CAPTURES]
     for capture in tried:
         try:
             return workers.ask(find_map_types, job, capture)
@@ -165,7 +163,7 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         "versions": "another version of",
         "device": f"another device ({then['device'] or 'none'})",
     }
-    found = []
+    differences = []
     for name in then:
         if then[name] == now[name]:
             continue
@@ -173,7 +171,7 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
             keys = sorted(
                 k for k in {*then[name], *now[name]} if then[name].get(k) != now[name].get(k)
             )
-            found.append(f"{words[name]} {', '.join(keys)}")
+            differences.append(f"{words[name]} {', '.join(keys)}")
         else:
-            found.append(words.get(name, f"another {name} ({then[name]})"))
-    return " and ".join(found)
+            differences.append(words.get(name, f"another {name} ({then[name]})"))
+    return " and ".join(differences)

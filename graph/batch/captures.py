@@ -12,10 +12,10 @@ from typing import NamedTuple
 import fsspec
 from fsspec.core import has_magic
 
+from tactograph.graph.disk.content_hash import content_hash
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.files.captures_in import captures_in
-from tactograph.graph.files.content_hash import content_hash
-from tactograph.graph.files.text_names import refuse_other_names
 
 
 def is_url(place: str) -> bool:
@@ -23,7 +23,7 @@ def is_url(place: str) -> bool:
 
 
 def absolute(place: str) -> str:
-    """A place that means the same to a worker elsewhere."""
+    """A place in the form that every worker understands."""
     return place if is_url(place) else str(Path(place).absolute())
 
 
@@ -41,8 +41,8 @@ class Found(NamedTuple):
 def find_captures(patterns: Sequence[str]) -> Found:
     """Find every place that a pattern matches, once, in order of name.
 
-    A folder that holds folders and no file stands for those.  Files that lie beside matching
-    folders are passed over: no batch has captures of both kinds.
+    A folder that holds folders and no file stands for those folders.  Files beside matching
+    folders are passed over: a batch never mixes both kinds.
 
     Parameters
     ----------
@@ -54,18 +54,18 @@ def find_captures(patterns: Sequence[str]) -> Found:
     InputError
         If a pattern matches nothing, its file system is not known, or a name is not UTF-8.
     """
-    found: dict[str, None] = {}
+    captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}
     spread = [each for pattern in patterns for each in _spread(pattern)]
     for pattern in spread:
         matches, files = _matches(pattern)
         if not matches:
             raise InputError(f"--over {pattern}: nothing is there")
-        found.update(dict.fromkeys(matches))
+        captures.update(dict.fromkeys(matches))
         passed_over.update(dict.fromkeys(files))
-    for capture in found:
+    for capture in captures:
         refuse_other_names(capture)
-    return Found(list(found), _common_start(spread), list(passed_over))
+    return Found(list(captures), _common_start(spread), list(passed_over))
 
 
 def _spread(pattern: str) -> list[str]:
@@ -81,18 +81,18 @@ def _spread(pattern: str) -> list[str]:
 def _common_start(patterns: Sequence[str]) -> str:
     """The folder that all patterns begin in, as far as they say one without ``*``.
 
-    It does not depend on what is there now, so that captures may be added.
+    It does not depend on the present files, so that captures can be added later.
     """
     paths = [_parts(pattern) for pattern in patterns]
     common: list[str] = [parts[0] for parts in takewhile(_are_alike, zip(*paths, strict=False))]
-    # From such a folder results would not lie below the others.
+    # With ".." the results would not lie below the common folder.
     if len(common) < 2 or any(".." in parts[len(common) :] for parts in paths):
         return ""
     return common[0] + "/".join(common[1:])
 
 
 def _parts(pattern: str) -> list[str]:
-    """The scheme and the folders that a pattern speaks of, as `_matches` spells what it finds."""
+    """The scheme and the folders of a pattern, spelled as `_matches` spells its results."""
     system, path = fsspec.core.url_to_fs(absolute(pattern))
     place = str(system.unstrip_protocol(path) if is_url(pattern) else path)
     scheme, mark, path = place.rstrip("/").rpartition("://")
@@ -104,12 +104,12 @@ def _are_alike(parts: tuple[str, ...]) -> bool:
 
 
 def _matches(pattern: str) -> tuple[list[str], list[str]]:
-    """What a pattern matches: captures, and files that are none, each in order of name."""
+    """The captures that a pattern matches, and the files that are none, in order of name."""
     with _reaching(f"--over {pattern}"):
         system, path = fsspec.core.url_to_fs(absolute(pattern))
         matches = system.glob(path.rstrip("/"), detail=True)
     if not path.rstrip("/").rpartition("/")[2].startswith("."):
-        # What a killed writer left is no capture.
+        # A killed writer's leftover is no capture.
         matches = {m: about for m, about in matches.items() if not _is_hidden(str(m))}
     files = {m for m, about in matches.items() if about["type"] == "file"}
     if len(files) == len(matches):
@@ -134,7 +134,7 @@ def _reaching(place: str) -> Iterator[None]:
 
 
 def content_of(place: str) -> str:
-    """What tells one content of a file or folder from another: a hash, or what the store says.
+    """A hash of the content of a file or folder, or the object store's checksum.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def content_of(place: str) -> str:
 
 
 def kept_at_hand(place: str) -> str:
-    """A local path of a file for as long as this process runs.
+    """A local path of a file, valid as long as this process runs.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def kept_at_hand(place: str) -> str:
 
 @contextmanager
 def at_hand(place: str) -> Iterator[str]:
-    """Yield a local path of `place`; what lies elsewhere is fetched, and gone afterwards.
+    """Yield a local path of `place`; a remote place is fetched, and the copy removed afterwards.
 
     Raises
     ------

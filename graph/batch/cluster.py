@@ -1,4 +1,4 @@
-"""Workers of a Dask cluster.  Dask schedules; this only keeps a bounded number of chunks out."""
+"""Workers of a Dask cluster.  Dask schedules; this module bounds the chunks that are out."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.extras import need
 from tactograph.graph.run.result_origin import find_origin
 
-DEATHS = 3
-"""So often may the workers that hold a chunk die (each time as often as Dask allows)."""
-ANSWER = 30.0
-"""Seconds that a scheduler may take to answer."""
-PATIENCE = 300.0
-"""Seconds to wait for a scheduler that has gone."""
-AHEAD = 3
-"""Chunks handed out per worker thread: one running, the others on their way."""
+MAX_WORKER_DEATHS = 3
+"""Times that Dask may give up a chunk because its workers died."""
+ANSWER_TIMEOUT_S = 30.0
+"""Time for a scheduler to answer."""
+RECONNECT_TIMEOUT_S = 300.0
+"""Time to wait for a scheduler that has gone."""
+CHUNKS_PER_THREAD = 3
+"""Chunks out per worker thread: one that runs, the others on their way."""
 
 
 class Cluster:
-    """A Dask scheduler at an address, or the one that a scheduler file tells of.
+    """A Dask scheduler at an address, or in a scheduler file.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Cluster:
     file
         The scheduler file, if there is no address.
     tell
-        Is called with a line whenever the scheduler has gone.
+        Called with a line whenever the scheduler has gone.
 
     Raises
     ------
@@ -62,14 +62,14 @@ class Cluster:
         self._client = self._connect()
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
-        """Have a question answered, in this process: it has what the workers have."""
+        """Answer a question in this process, which has the same code and files as the workers."""
         return question(*about)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
-        """Do every chunk, and yield how each went.
+        """Do every chunk, and yield the tally of each.
 
-        Chunks whose workers or scheduler have gone are handed out again; what was written
-        before counts.  Neither the scheduler nor this process holds more than those under way.
+        Chunks whose workers or scheduler have gone are handed out again; results already written
+        count.  Neither the scheduler nor this process holds more chunks than those under way.
         """
         from distributed import KilledWorker
 
@@ -90,7 +90,7 @@ class Cluster:
                     yield outcome
                 elif not isinstance(outcome, KilledWorker):
                     raise outcome
-                elif deaths[chunk] < DEATHS:
+                elif deaths[chunk] < MAX_WORKER_DEATHS:
                     deaths[chunk] += 1
                     waiting.appendleft(chunk)
                 else:
@@ -100,18 +100,18 @@ class Cluster:
         self._client.close()
 
     def _hand_out(self, waiting: deque[Chunk], running: dict[Any, Chunk]) -> None:
-        """Keep every worker busy, and no more than that on its way."""
+        """Hand out as many chunks as keep every worker busy."""
         for _ in range(min(self._room() - len(running), len(waiting))):
             running[self._client.submit(do_chunk_elsewhere, waiting[0], pure=False)] = waiting[0]
             waiting.popleft()
 
     def _room(self) -> int:
-        """How many chunks may be out; workers come and go."""
+        """The number of chunks that may be out; workers come and go."""
         threads: dict[str, int] = self._client.nthreads()
-        return max(AHEAD * sum(threads.values()), 2 * AHEAD)
+        return max(CHUNKS_PER_THREAD * sum(threads.values()), 2 * CHUNKS_PER_THREAD)
 
     def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
-        """Futures that ended, with what they gave or raised.
+        """Futures that ended, with their tallies or errors.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Cluster:
     def _reconnect(self, reason: Exception) -> None:
         self._tell(f"{self.name}: {reason}; waiting for it")
         self._client.close(timeout=2)
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + RECONNECT_TIMEOUT_S
         while True:
             try:
                 self._client = self._connect()
@@ -148,34 +148,37 @@ class Cluster:
                 time.sleep(1.0)
 
     def _connect(self) -> Any:
+        address = _address_in(self._file) if self._file is not None else self._address
         need("dask", "a cluster", "distributed")
         from distributed import Client
 
         # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        address = _address_in(self._file) if self._file is not None else self._address
         try:
             asyncio.run(_greet(str(address)))
-            return Client(address, timeout=ANSWER, set_as_default=False)
-        except Exception as error:  # whatever another program's answer is taken for
-            reason = message_of(error) or f"nothing came within {ANSWER:.0f} s"
+            return Client(address, timeout=ANSWER_TIMEOUT_S, set_as_default=False)
+        except Exception as error:  # another program at that address may answer anything
+            reason = message_of(error) or f"nothing came within {ANSWER_TIMEOUT_S:.0f} s"
             raise InputError(
                 f"{self.name}: no scheduler answers: {reason}; is it running there?"
             ) from None
 
 
 async def _greet(address: str) -> None:
-    """Have a scheduler answer in time; a client would wait for ever for another program."""
+    """Wait for a scheduler's answer; a client would wait forever for another program."""
     from distributed.core import rpc
     from distributed.security import Security
 
     security = Security().get_connection_args("client")
-    async with asyncio.timeout(ANSWER), rpc(address, connection_args=security) as scheduler:
+    async with (
+        asyncio.timeout(ANSWER_TIMEOUT_S),
+        rpc(address, connection_args=security) as scheduler,
+    ):
         await scheduler.identity()
 
 
 def do_chunk_elsewhere(chunk: Chunk) -> Tally:
-    """Do a chunk where other code may be installed than where the batch was started.
+    """Do a chunk on a machine whose code may differ from that of the batch.
 
     Raises
     ------
@@ -188,7 +191,7 @@ def do_chunk_elsewhere(chunk: Chunk) -> Tally:
 
 @cache
 def _check_origin(out: str, stamp: str) -> None:
-    """Refuse to add to a store what other code, or other versions, would make."""
+    """Refuse to add results of other code or other versions to a store."""
     store = store_of(out, stamp)
     job, begun = store.job, store.origin
     here = find_origin(graph_of(job), backend=job.backend, device=job.device)
@@ -205,7 +208,7 @@ def _check_origin(out: str, stamp: str) -> None:
 
 
 def _address_in(file: str) -> str:
-    """The address in a scheduler file; what Dask would wait for or fail on is refused."""
+    """Read the address in a scheduler file, which Dask itself would wait for or fail on."""
     try:
         about = json.loads(Path(file).read_text(encoding="utf-8"))
     except FileNotFoundError:

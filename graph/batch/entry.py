@@ -1,4 +1,4 @@
-"""What came of one capture."""
+"""The result of one capture."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 PENDING, DONE, FAILED = 0, 1, 2
-STATUS = ("pending", "done", "failed")
+STATUS_NAMES = ("pending", "done", "failed")
 
 
 @dataclass
 class Entry:
-    """What came of one capture."""
+    """The status, figures, warnings and maps of one capture."""
 
     status: int
     reason: str = ""
@@ -27,14 +27,14 @@ class Entry:
     @property
     def checksum(self) -> int:
         """CRC-32 of the figures and of the maps in order of name."""
-        found = zlib.crc32(json.dumps(self.figures).encode())
+        crc = zlib.crc32(json.dumps(self.figures).encode())
         for name in sorted(self.maps):
-            found = zlib.crc32(self.maps[name].tobytes(), found)
-        return found
+            crc = zlib.crc32(self.maps[name].tobytes(), crc)
+        return crc
 
 
 def read_figures(text: str) -> dict[str, float]:
-    """Return the figures that were written as JSON; of what is none, as if never written."""
+    """Read figures that were written as JSON; damaged ones count as none."""
     try:
         return dict(json.loads(text or "{}"))
     except (ValueError, TypeError, RecursionError):

@@ -1,4 +1,4 @@
-"""What a batch's processes need and takes long to import, but starts no thread that stays."""
+"""Modules of a batch's processes that take long to import and start no lasting thread."""
 
 import os
 import threading
@@ -8,15 +8,15 @@ from tactograph.graph.run.collect_seldom import collect_seldom
 
 collect_seldom()
 
-LOOK_S = 0.2
-"""Seconds between two looks whether that process is still there."""
+LOOK_EVERY_S = 0.2
+"""Time between two looks whether the parent still runs."""
 _imported = threading.Event()
 
 
 def _end_with(parent: int) -> None:
-    """End as soon as the process that this is for has: it may be killed in the meantime."""
+    """End as soon as the parent has ended: it may be killed during the imports."""
     while os.getppid() == parent:
-        if _imported.wait(LOOK_S):
+        if _imported.wait(LOOK_EVERY_S):
             return
     os._exit(1)
 

@@ -1,4 +1,4 @@
-"""What is to be done with every capture of a batch."""
+"""The work on every capture of a batch."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.files.flat_graph import NOT_GIVEN, Graph
-from tactograph.graph.files.text_names import refuse_other_names
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.result_origin import Origin, named_files
@@ -18,12 +19,20 @@ from tactograph.graph.run.result_origin import Origin, named_files
 
 @dataclass(frozen=True)
 class Job:
-    """What to do with a capture.
+    """The work on a capture.
 
-    `graph` is the text of the flat graph file; `param` the graph's parameter that takes a
-    capture; `inputs` what the files hold that all captures share; `folders` where results go
-    as folders, None if maps go into the store; `below` the folder whose folders they mirror,
-    "" for the root.
+    Attributes
+    ----------
+    graph
+        The text of the flat graph file.
+    param
+        The graph's parameter that takes a capture.
+    inputs
+        Content hashes of the files that all captures share.
+    folders
+        The folder for result folders; None if maps go into the store.
+    below
+        The folder whose layout the result folders mirror; "" for the root.
     """
 
     graph: str
@@ -41,7 +50,7 @@ class Job:
 
 
 def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
-    """What decides what a capture gives, and must not change between the parts of one store."""
+    """All that decides a capture's results, and must not change between the parts of a store."""
     same = ("hash", "given", "inputs", "param", "maps", "backend", "folders")
     return {name: value for name, value in asdict(job).items() if name in same} | asdict(origin)
 
@@ -58,13 +67,13 @@ def make_job(
     strict: bool = False,
     below: str = "",
 ) -> Job:
-    """Say what is to be done with every capture.
+    """Make the job for every capture.
 
     Parameters
     ----------
     out
-        The store.  If its name does not end in ``.zarr`` it is a folder that takes what the
-        graph's own sinks write, by capture, and the store in it holds the rest.
+        The store.  If its name does not end in ``.zarr``, it is a folder for the files of the
+        graph's own sinks, by capture, and the store in it holds the rest.
     param
         The graph's parameter that takes a capture.
     maps
@@ -77,34 +86,14 @@ def make_job(
     InputError
         If the graph lacks the parameter or a map, or `out` cannot be.
     """
-    if param not in graph.params:
-        raise InputError(
-            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
-            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
-        )
-    if graph.params[param].kind != "path":
-        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
-    for name, option in ((param, "--over"), ("out", "--out")):
-        if name in given:
-            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
-    if not out.strip():
-        raise InputError("--out is empty; give NAME.zarr, or a folder")
-    refuse_other_names(out)
-    folders = None if out.rstrip("/").endswith(".zarr") else absolute(out)
-    if folders is not None and (is_url(folders) or "out" not in graph.params):
-        raise InputError(
-            f"--out {out}: folders are written by the graph's sinks, to a local "
-            "place, through its parameter 'out'; else give a store, NAME.zarr"
-        )
+    _check_param(graph, given, param)
+    folders = _folders(graph, out)
     paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
-    fixed = {
-        name: absolute(value) if name in paths and value is not None else value
-        for name, value in given.items()
-    }
+    read = {n: absolute(v) for n, v in given.items() if n in paths and v is not None}
+    fixed = {**given, **read}
     draft = _draft(graph, fixed, param, sinks=folders is not None)
     kept = _maps(draft, maps)
     named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
-    read = {n: str(v) for n, v in fixed.items() if n in paths and v is not None}
     return Job(
         graph=dump_graph(graph),
         name=graph.name,
@@ -121,15 +110,45 @@ def make_job(
     )
 
 
+def _check_param(graph: Graph, given: Mapping[str, Any], param: str) -> None:
+    """Refuse a param that takes no capture, and values that the batch sets itself."""
+    if param not in graph.params:
+        raise InputError(
+            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
+            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
+        )
+    if graph.params[param].kind != "path":
+        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
+    for name, option in ((param, "--over"), ("out", "--out")):
+        if name in given:
+            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
+
+
+def _folders(graph: Graph, out: str) -> str | None:
+    """The folder for result folders; None if `out` is a store."""
+    if not out.strip():
+        raise InputError("--out is empty; give NAME.zarr, or a folder")
+    refuse_other_names(out)
+    if out.rstrip("/").endswith(".zarr"):
+        return None
+    folders = absolute(out)
+    if is_url(folders) or "out" not in graph.params:
+        raise InputError(
+            f"--out {out}: folders are written by the graph's sinks, to a local "
+            "place, through its parameter 'out'; else give a store, NAME.zarr"
+        )
+    return folders
+
+
 def store_place(out: str, job: Job) -> str:
-    """Where the store of a batch lies."""
+    """The place of a batch's store."""
     return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
 
 
 def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
-    """The graph's nodes and settings, once it is sure that no param but the capture is missing."""
+    """The graph's nodes and settings; refuses a missing param other than the capture."""
     each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
-    return names.bind(graph, {**given, **each}, sinks=sinks, stand_ins=frozenset())
+    return names.bind(graph, {**given, **each}, sinks=sinks)
 
 
 def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:

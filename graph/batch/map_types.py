@@ -1,4 +1,4 @@
-"""What the maps in a store are: their types, the names of their dimensions, where pixels lie."""
+"""The maps in a store: their types, the names of their dimensions, the places of pixels."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 import zarr
 
-HELD = 2**26
-"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
-MOST_TOGETHER = 32
-"""Captures: more are lost at once when a worker dies, and leave others idle at the end."""
-AXES = {"H": "y", "W": "x"}
-"""An image's dimensions, and what they are called outside: y runs down, x to the right."""
+MAX_HELD_BYTES = 2**26
+"""Maps that a worker gathers before it writes them; it may hold twice as much."""
+MAX_CHUNK_CAPTURES = 32
+"""Captures of a chunk: with more, a dead worker loses more, and others idle at the end."""
+COMPRESSED_BYTES = 2**21
+"""Bytes that are compressed and read as one piece: Zarr takes as long for fewer."""
+AXIS_NAMES = {"H": "y", "W": "x"}
+"""The names of an image's dimensions in a store: y runs down, x to the right."""
 
 
 @dataclass(frozen=True)
 class MapType:
     """Shape, element type and unit of one of the graph's outputs.
 
-    `pixel` is the mm from pixel to pixel, where the graph says.
+    `pixel` is the pixel size in mm, where the graph states it.
     """
 
     shape: tuple[int, ...]
@@ -36,27 +38,37 @@ class MapType:
 
 
 def captures_together(types: Iterable[MapType]) -> int:
-    """How many captures to write together: as many as `HELD` holds the maps of, a power of two."""
-    fit = HELD // max(1, sum(kind.nbytes for kind in types))
-    return max(1, min(MOST_TOGETHER, 1 << max(0, fit.bit_length() - 1)))
+    """The number of captures to write together: a power of two whose maps a worker can hold."""
+    fit = MAX_HELD_BYTES // max(1, sum(kind.nbytes for kind in types))
+    return max(1, min(MAX_CHUNK_CAPTURES, 1 << max(0, fit.bit_length() - 1)))
+
+
+def captures_in_one(kind: MapType, chunk: int) -> int:
+    """The number of maps that are compressed as one piece; it divides the shard."""
+    nbytes = max(1, kind.nbytes)
+    return max(
+        n
+        for n in range(1, chunk + 1)
+        if chunk % n == 0 and (n == 1 or n * nbytes <= COMPRESSED_BYTES)
+    )
 
 
 def axes_of(types: Mapping[str, MapType]) -> dict[str, list[str]]:
-    """The names of each map's dimensions: one name is one size in all the store."""
+    """The names of each map's dimensions; a name stands for one size in the whole store."""
     sizes: dict[str, int] = {}
-    found: dict[str, list[str]] = {}
+    axes: dict[str, list[str]] = {}
     for name, kind in types.items():
-        found[name] = []
+        axes[name] = []
         for dim, size in zip(kind.dims, kind.shape, strict=True):
-            axis = AXES.get(dim, dim)
+            axis = AXIS_NAMES.get(dim, dim)
             if sizes.setdefault(axis, size) != size or axis in types:
                 axis = f"{name}_{axis}"
-            found[name].append(axis)
-    return found
+            axes[name].append(axis)
+    return axes
 
 
 def add_places(group: zarr.Group, axis: str, size: int, pixel: float) -> None:
-    """Add where an axis' pixels lie, in mm from the middle of the image, to a store."""
+    """Add the places of an axis' pixels to a store, in mm from the middle of the image."""
     direction = "right" if axis == "x" else "down"
     array = group.create_array(
         axis,

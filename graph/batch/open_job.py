@@ -1,4 +1,4 @@
-"""The pipeline that does a job, opened once for all captures."""
+"""The pipeline of a job, opened once for all captures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def pipeline_of(job: Job) -> Pipeline:
 def open_ahead(job: Job, graph: Graph) -> None:
     """Open a job's pipeline before it is needed, from a graph that is read already.
 
-    If it cannot be opened, whoever needs it learns that.
+    An error is raised again where the pipeline is needed.
     """
     with suppress(TactographError):
         if not _is_open(job):
@@ -45,7 +45,7 @@ def open_ahead(job: Job, graph: Graph) -> None:
 
 
 def graph_of(job: Job) -> Graph:
-    """Read the graph of a job that another process may have made."""
+    """Read the graph of a job, which another process may have made."""
     with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
         file = Path(folder) / f"{job.name}.yaml"
         file.write_text(job.graph, encoding="utf-8")
@@ -53,7 +53,7 @@ def graph_of(job: Job) -> Graph:
 
 
 def forget_pipeline() -> None:
-    """Have the pipeline opened again by whoever needs it next."""
+    """Open the pipeline again when it is next needed."""
     _mine.job = None
 
 
@@ -62,7 +62,7 @@ def _is_open(job: Job) -> bool:
 
 
 def _keep(job: Job, graph: Graph) -> None:
-    # Should opening fail, nothing is taken for open.
+    # If opening fails, no pipeline counts as open.
     forget_pipeline()
     _mine.pipeline = _open(job, graph)
     _mine.job = job

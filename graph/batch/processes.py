@@ -13,18 +13,17 @@ from tactograph.graph.batch.fork_server import hand_over, start_processes, stop_
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
 from tactograph.graph.errors import InputError
 
-TRIES = 2
-"""So often is a chunk done alone before it is held to be what kills its process."""
-DIED = (BrokenProcessPool, SystemExit)
-"""What a process leaves that was killed, or that ended by itself, while a chunk was under way."""
-ALONE = "run this capture alone to see why"
+MAX_LONE_TRIES = 2
+"""Times that a chunk is done alone before it is blamed for the death of its process."""
+PROCESS_DEATHS = (BrokenProcessPool, SystemExit)
+"""Errors of a chunk whose process was killed or ended by itself."""
+RUN_ALONE_HINT = "run this capture alone to see why"
 
 
 class Processes:
     """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there.
 
-    They are those of `idle`, which ends with a ``with`` block, or start with the first thing
-    that they are to do.
+    They are those of `idle`, which end with the ``with`` block, or start with their first work.
     """
 
     def __init__(
@@ -48,26 +47,26 @@ class Processes:
             self._idle.shutdown(cancel_futures=True)
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
-        """Have a question answered by whichever process is first; all open the graph for it.
+        """Ask all processes, which open the graph for it, and return the first answer.
 
         Raises
         ------
         InputError
-            If the process dies of it.
+            If the process dies.
         """
         pool = self._idle = self._idle or start_processes(self.number)
         try:
             asked = [hand_over(pool, question, *about) for _ in range(self.number)]
             return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
-        except DIED:
+        except PROCESS_DEATHS:
             self._idle = None
-            raise InputError(f"{about[-1]}: its process died; {ALONE}") from None
+            raise InputError(f"{about[-1]}: its process died; {RUN_ALONE_HINT}") from None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
-        """Do every chunk, and yield how each went.
+        """Do every chunk, and yield the tally of each.
 
-        When a process dies, every chunk that was under way is done again, alone: so one that
-        kills its process each time is found, written down as failed, and the rest goes on.
+        When a process dies, every chunk that was under way is done again, alone.  A chunk that
+        kills its process every time is so found and recorded as failed; the rest goes on.
         """
         waiting = iter(chunks)
         suspects: list[Chunk] = []
@@ -82,10 +81,12 @@ class Processes:
         waiting, deaths = iter(suspects), Counter[Chunk]()
         while died := (yield from self._until_death(waiting, 1)):
             deaths.update(died)
-            if deaths[died[0]] < TRIES:
+            if deaths[died[0]] < MAX_LONE_TRIES:
                 waiting = chain(died, waiting)
             else:
-                yield fail_chunk(died[0], f"its process died {TRIES + 1} times; {ALONE}")
+                yield fail_chunk(
+                    died[0], f"its process died {MAX_LONE_TRIES + 1} times; {RUN_ALONE_HINT}"
+                )
 
     def _until_death(
         self, chunks: Iterator[Chunk], number: int
@@ -107,7 +108,7 @@ class Processes:
                         tally = future.result()
                         del running[future]
                         yield tally
-            except DIED:
+            except PROCESS_DEATHS:
                 return [*running.values(), *ready]
             except (KeyboardInterrupt, GeneratorExit):
                 stop_processes()

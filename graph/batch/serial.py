@@ -9,14 +9,14 @@ from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunks
 
 
 class Serial:
-    """Does one chunk after the other, here."""
+    """Does one chunk after the other in this process."""
 
     name = "this process"
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
-        """Have a question answered, here."""
+        """Answer a question here."""
         return question(*about)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
-        """Do every chunk, and yield how each went."""
+        """Do every chunk, and yield the tally of each."""
         return do_chunks(chunks)

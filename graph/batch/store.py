@@ -1,10 +1,10 @@
-"""What came of each capture, in one Zarr (version 3) store.
+"""The results of a batch in one Zarr (version 3) store.
 
 The arrays' first axis counts the captures.  ``capture`` (its place), ``status``, ``reason``,
-``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went, ``checksum`` what its
-maps and figures have to add up to; every map that the graph puts out (``height``, ``shadow``, …)
-is an array of that name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is
-one shard, so that one worker writes it alone, and a few captures can be read without the others.
+``figures`` (JSON), ``warnings`` and ``milliseconds`` say how each went; ``checksum`` is that of its
+maps and figures.  Every map that the graph puts out (``height``, ``shadow``, …) is an array of that
+name with ``unit`` and ``dims`` among its attributes.  A chunk of captures is one shard, so that one
+worker writes it alone, and a few captures can be read without the others.
 
 Dimensions have names, so that xarray opens the store: an image's are ``y`` and ``x``, and where
 the graph puts out a pixel size, arrays of these names are its coordinates in mm.
@@ -28,23 +28,27 @@ from zarr.codecs import BloscCodec
 from tactograph.graph.batch.captures import is_url
 from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.graph.batch.job import Job, identity_of
-from tactograph.graph.batch.map_types import AXES, MapType, add_places, axes_of
+from tactograph.graph.batch.map_types import (
+    AXIS_NAMES,
+    MapType,
+    add_places,
+    axes_of,
+    captures_in_one,
+)
 from tactograph.graph.errors import InputError
 from tactograph.graph.run.result_origin import Origin
 
-FORMAT = 3
-MOST_CAPTURES = 10**7
-MOST_CHUNK = 4096
-MOST_PIXELS = 2**25
-"""More than a batch can have: what a store's own description may make a reader allocate."""
-PIECE = 2**21
-"""Bytes that are compressed, and read again, as one: Zarr takes as long for fewer."""
-_WORDS = ("capture", "reason", "figures", "warnings")
-_UNREACHABLE = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
-"""What is raised where a store should be; TypeError by file systems that need more than a URL,
-the last two by Zarr at descriptions that it did not write."""
-_UNDECODABLE = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
-"""What the codecs raise at bytes that they did not write."""
+STORE_FORMAT = 3
+MAX_CAPTURES = 10**7
+MAX_CHUNK = 4096
+MAX_PIXELS = 2**25
+"""Limits on what a store's description can make a reader allocate."""
+_TEXT_ARRAYS = ("capture", "reason", "figures", "warnings")
+_OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
+"""Errors of opening a store; TypeError comes from file systems that need more than a URL, the last
+two from Zarr at descriptions that it did not write."""
+_DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
+"""Errors of the codecs at bytes that they did not write."""
 
 
 class Store:
@@ -53,13 +57,13 @@ class Store:
     Attributes
     ----------
     job
-        What is done with every capture.
+        The work on every capture.
     origin
-        By which code, in which versions, on which device.
+        Code, versions and device of the batch.
     chunk
-        So many captures are written together.
+        Number of captures that are written together.
     stamp
-        No other store has it.
+        Identifier that no other store has.
     """
 
     def __init__(self, group: zarr.Group) -> None:
@@ -67,10 +71,10 @@ class Store:
         self._open: dict[str, zarr.Array[Any]] = {}
         try:
             about: Any = group.attrs["tactograph"]
-            if about["format"] != FORMAT:
+            if about["format"] != STORE_FORMAT:
                 raise InputError(
-                    f"{group.store_path}: format {about['format']}; this reads {FORMAT}; give "
-                    "another --out"
+                    f"{group.store_path}: format {about['format']}; this reads {STORE_FORMAT}; "
+                    "give another --out"
                 )
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
@@ -83,24 +87,24 @@ class Store:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What must not change between its parts."""
+        """The properties that must not change between its parts."""
         return identity_of(self.job, self.origin)
 
     def _check_arrays(self) -> None:
-        """Refuse a store that lacks an array, or speaks of more than a batch can have."""
+        """Refuse a store that lacks an array, or describes more than a batch can have."""
         count = len(self)
-        for name in ("status", "milliseconds", *_WORDS):
+        for name in ("status", "milliseconds", *_TEXT_ARRAYS):
             if len(shape := self._array(name).shape) != 1 or shape[0] < count:
                 raise self._damage(f"'{name}' is not of length {count}")
         for name in self._by_capture():
             array = self._array(name)
             pixels = math.prod(array.shape[1:])
-            if count > MOST_CAPTURES or array.chunks[0] > MOST_CHUNK or pixels > MOST_PIXELS:
+            if count > MAX_CAPTURES or array.chunks[0] > MAX_CHUNK or pixels > MAX_PIXELS:
                 raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
 
     def _by_capture(self) -> list[str]:
         """The arrays whose first axis counts the captures: all but coordinates."""
-        axes = {*AXES.values()} - {*self.job.maps}
+        axes = {*AXIS_NAMES.values()} - {*self.job.maps}
         return [name for name in self._group.array_keys() if name not in axes]
 
     def _damage(self, what: str) -> InputError:
@@ -112,25 +116,25 @@ class Store:
 
     @property
     def captures(self) -> list[str]:
-        """Their places; if one is lost, nothing else tells whose results are whose."""
+        """The captures' places; without them no result could be assigned."""
         try:
-            found = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
-        except _UNDECODABLE as error:
+            places = [str(word) for word in np.asarray(self._array("capture")[: len(self)])]
+        except _DECODE_ERRORS as error:
             raise self._damage(f"'capture' cannot be read: {error}") from None
-        if lost := found.count(""):
-            raise self._damage(f"'capture' lacks {lost} of {len(found)} names")
-        return found
+        if lost := places.count(""):
+            raise self._damage(f"'capture' lacks {lost} of {len(places)} names")
+        return places
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
         return self.statuses_of(slice(None))
 
     def statuses_of(self, here: slice) -> NDArray[np.uint8]:
-        """Of some of the captures, without reading the others'."""
+        """The statuses of some of the captures."""
         return np.asarray(self._read("status", here), np.uint8)
 
     def damaged(self) -> list[int]:
-        """The captures that are called done, but are not there whole.
+        """The captures that are marked done, but are not whole.
 
         Reads every map; a capture whose checksum does not hold, or a map that cannot be
         decoded, counts as damaged.
@@ -140,26 +144,26 @@ class Store:
             return [int(number) for number in done]
         whole = np.ones(len(self), bool)
         for first in range(0, len(self), self.chunk):
-            here = slice(first, min(first + self.chunk, len(self)))
+            here = self._chunk_of(first)
             if ((here.start <= done) & (done < here.stop)).any():
                 whole[here] = self._are_whole(here)
         return [int(number) for number in done if not whole[number]]
 
     def _are_whole(self, here: slice) -> list[bool]:
-        """Whether what was written of captures is what is read; old stores say no checksum.
+        """Whether captures are read as they were written; old stores have no checksums.
 
-        All at once, which takes as long as one of them, unless something cannot be decoded.
+        They are read all at once, which takes as long as one, unless some cannot be decoded.
         """
         try:
             entries = self.read_all(here)
             arrays = {name: self._reaching(name, here.stop) for name in self.job.maps}
             maps = {name: np.asarray(array[here]) for name, array in arrays.items()}
-        except _UNDECODABLE:
+        except _DECODE_ERRORS:
             if here.stop - here.start == 1:
                 return [False]
             middle = (here.start + here.stop) // 2
             halves = slice(here.start, middle), slice(middle, here.stop)
-            return [found for half in halves for found in self._are_whole(half)]
+            return [is_whole for half in halves for is_whole in self._are_whole(half)]
         if "checksum" not in self._group:
             return [True] * len(entries)
         for at, entry in enumerate(entries):
@@ -168,12 +172,15 @@ class Store:
         return [int(c) == e.checksum for c, e in zip(checksums, entries, strict=True)]
 
     def reopen(self, numbers: Sequence[int]) -> None:
-        """Let captures count as never done."""
-        for number in numbers:
-            first = number // self.chunk * self.chunk
-            here = slice(first, min(first + self.chunk, len(self)))
-            with self._refusing():
-                self._merge("status", here, {number: PENDING})
+        """Mark captures as pending."""
+        with self._refusing():
+            for number in numbers:
+                self._merge("status", self._chunk_of(number), {number: PENDING})
+
+    def _chunk_of(self, number: int) -> slice:
+        """The captures that are written together with one."""
+        first = number // self.chunk * self.chunk
+        return slice(first, min(first + self.chunk, len(self)))
 
     @property
     def has_maps(self) -> bool:
@@ -181,20 +188,20 @@ class Store:
 
     def map_types(self) -> dict[str, MapType]:
         """The types of the maps in the store."""
-        found = {}
+        types = {}
         for name in self.job.maps:
             array = self._reaching(name, 0)
             dims: Any = array.attrs["dims"]
             unit = str(array.attrs["unit"])
-            found[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
-        return found
+            types[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
+        return types
 
     def append(self, captures: Sequence[str]) -> None:
-        """Add captures, all pending, behind those that are there."""
+        """Add pending captures at the end."""
         start, stop = len(self), len(self) + len(captures)
         others = [name for name in self._by_capture() if name not in ("capture", "status")]
         with self._refusing():
-            # As many count as have a status: stopped before that, nothing was added.
+            # The status comes last: its length counts the captures.
             for name in ("capture", *others, "status"):
                 array = self._array(name)
                 array.resize((stop, *array.shape[1:]))
@@ -214,32 +221,30 @@ class Store:
             name,
             shape=(len(self), *kind.shape),
             dtype=kind.dtype,
-            chunks=(_captures_in_one(kind, self.chunk), *kind.shape),
+            chunks=(captures_in_one(kind, self.chunk), *kind.shape),
             shards=(self.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
             dimension_names=("capture", *axes),
-            # The second is the name that xarray and others know.
+            # xarray and others know `units`.
             attributes={"unit": kind.unit, "units": kind.unit, "dims": list(kind.dims)},
         )
         for axis, size in zip(axes, kind.shape, strict=True):
-            if kind.pixel is not None and axis in AXES.values() and axis not in self._group:
+            if kind.pixel is not None and axis in AXIS_NAMES.values() and axis not in self._group:
                 add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
-        """Write captures of one chunk; their status last, so that only whole ones are done.
+        """Write captures of one chunk, their status last, so that only whole ones count as done.
 
         Raises
         ------
         InputError
             If the store cannot be written.
         """
-        first = min(entries) // self.chunk * self.chunk
-        here = slice(first, min(first + self.chunk, len(self)))
+        here = self._chunk_of(min(entries))
         with self._refusing():
             for name in self.job.maps:
-                made = {n: e.maps[name] for n, e in entries.items() if name in e.maps}
-                if made:
+                if made := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
                     self._merge(name, here, made)
             self._merge("reason", here, {n: e.reason for n, e in entries.items()})
             self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
@@ -251,7 +256,7 @@ class Store:
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
-        """Say where it was that nothing more can be written: a disk is full, or gone."""
+        """Name the store if it cannot be written: a disk is full, or gone."""
         try:
             yield
         except OSError as error:
@@ -262,10 +267,10 @@ class Store:
             ) from None
 
     def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
-        """Put values among those of the chunk that are there, and write the chunk at once."""
+        """Put values among the present ones of the chunk, and write the chunk at once."""
         array = self._reaching(name, here.stop)
         if len(values) == here.stop - here.start:
-            # Nothing of the chunk that is there stays.
+            # The whole chunk is replaced.
             array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
             return
         block = np.array(self._read(name, here))
@@ -274,11 +279,11 @@ class Store:
         array[here] = block
 
     def _read(self, name: str, here: slice) -> NDArray[Any]:
-        """Part of an array; what of it cannot be decoded is as if never written."""
+        """Part of an array; parts that cannot be decoded count as never written."""
         array = self._reaching(name, here.stop)
         try:
             return np.asarray(array[here])
-        except _UNDECODABLE:
+        except _DECODE_ERRORS:
             start, stop, _ = here.indices(array.shape[0])
             if stop - start == 1:
                 return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
@@ -287,11 +292,11 @@ class Store:
         return np.concatenate(parts)
 
     def read(self, number: int) -> Entry:
-        """What came of one capture, without its maps."""
+        """The entry of one capture, without its maps."""
         return self.read_all(slice(number, number + 1))[0]
 
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
-        """What came of the captures, without their maps."""
+        """The entries of the captures, without their maps."""
         here = slice(*here.indices(len(self)))
         names = ("status", "reason", "figures", "warnings", "milliseconds")
         columns = [self._read(name, here) for name in names]
@@ -308,22 +313,16 @@ class Store:
         array = self._group.get(name)
         if not isinstance(array, zarr.Array):
             raise self._damage(f"'{name}' is missing")
-        # To leave out pieces that hold nothing would mean to look for them.
+        # Searching for empty pieces, to leave them out, would cost time.
         self._open[name] = array.with_config({"write_empty_chunks": True})
         return self._open[name]
 
     def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
-        """An array as it was opened last, which takes a millisecond, if it went so far then."""
+        """An array that reaches `stop`, opened again, which takes a millisecond, only if needed."""
         known = self._open.get(name)
         if known is None or stop is None or known.shape[0] < stop:
             return self._array(name)
         return known
-
-
-def _captures_in_one(kind: MapType, chunk: int) -> int:
-    """How many maps are compressed as one: as many as fit whole times into a shard."""
-    nbytes = max(1, kind.nbytes)
-    return max(n for n in range(1, chunk + 1) if chunk % n == 0 and (n == 1 or n * nbytes <= PIECE))
 
 
 def create_store(
@@ -334,13 +333,13 @@ def create_store(
     Parameters
     ----------
     job
-        What is to be done with every capture.
+        The work on every capture.
     origin
-        By which code, in which versions, on which device.
+        Code, versions and device of the batch.
     chunk
         Captures that are written together.
     overwrite
-        Whether a store that is there is made anew.
+        Whether to replace a store.
 
     Raises
     ------
@@ -353,7 +352,7 @@ def create_store(
             "status": ("uint8", 0),
             "milliseconds": ("float32", np.nan),
             "checksum": ("uint32", 0),
-            **dict.fromkeys(_WORDS, (str, "")),
+            **dict.fromkeys(_TEXT_ARRAYS, (str, "")),
         }
         for name, (dtype, fill) in columns.items():
             group.create_array(
@@ -364,10 +363,10 @@ def create_store(
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about: dict[str, Any] = {"format": FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
+        about: dict[str, Any] = {"format": STORE_FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
         about |= {"job": asdict(job), "origin": asdict(origin)}
         group.attrs["tactograph"] = json.loads(json.dumps(about))
-    except _UNREACHABLE as error:
+    except _OPEN_ERRORS as error:
         raise InputError(f"{place}: cannot be made: {error}") from None
     return Store(group)
 
@@ -388,10 +387,10 @@ def open_store(place: str) -> Store | None:
             zarr.open(_at(place), mode="r", zarr_format=2)
         except FileNotFoundError:
             return None
-        except _UNREACHABLE:
+        except _OPEN_ERRORS:
             pass  # a damaged one
         raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
-    except _UNREACHABLE as error:
+    except _OPEN_ERRORS as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
 
 

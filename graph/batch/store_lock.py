@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tactograph.graph.batch.captures import is_url
+from tactograph.graph.disk.folder_lock import lock_folder
 from tactograph.graph.errors import InputError
 
 
@@ -27,26 +28,17 @@ def alone_in(place: str) -> Iterator[None]:
         return
     try:
         Path(place).mkdir(parents=True, exist_ok=True)
-        folder = os.open(place, os.O_RDONLY)
-    except OSError as error:
-        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
-    try:
-        _lock(folder, place)
-        yield
-    finally:
-        os.close(folder)
-        with suppress(OSError):  # nothing came into it
-            Path(place).rmdir()
-
-
-def _lock(folder: int, place: str) -> None:
-    try:
-        import fcntl
-
-        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock = lock_folder(Path(place))
     except BlockingIOError:
         raise InputError(
             f"{place}: another batch is at work in it; wait until it is done"
         ) from None
-    except (ImportError, OSError):
-        return  # neither Windows nor every file system has such locks
+    except OSError as error:
+        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
+    try:
+        yield
+    finally:
+        if lock is not None:
+            os.close(lock)
+        with suppress(OSError):  # nothing came into it
+            Path(place).rmdir()

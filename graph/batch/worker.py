@@ -1,4 +1,4 @@
-"""What a worker does: open the graph once, then chunk after chunk."""
+"""The work of a worker: it opens the graph once, then does chunk after chunk."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Tally:
-    """How a chunk went."""
+    """The numbers of captures of a chunk that were done and that failed."""
 
     done: int = 0
     failed: int = 0
@@ -56,13 +56,13 @@ def do_chunk(chunk: Chunk) -> Tally:
 def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
     """Reconstruct the captures of chunks and write them into their store, chunk by chunk.
 
-    While a capture is computed the next one is read, and the chunk before is written.  What
-    another worker has done in the meantime is not done again.  A capture that fails is written
-    down with its reason.
+    While a capture is computed, the next one is read and the chunk before is written.  Captures
+    that another worker has finished meanwhile are passed over.  A capture that fails is recorded
+    with its reason.
 
     Yields
     ------
-    How each chunk went, once it is written.
+    The tally of each chunk, once it is written.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
         entries: dict[int, Entry] = {}
         types: dict[str, MapType] = {}
         for turn in _one_ahead(_turns(chunks, reader)):
-            # Opened again if a device failed: it may not recover otherwise.
+            # After a device failed the pipeline is opened again: it may not recover otherwise.
             store, pipeline = _opened(turn.chunk.out, turn.chunk.stamp)
             if turn.coming is not None:
                 types = types if entries else store.map_types()
@@ -91,7 +91,7 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
 
 
 class _Turn(NamedTuple):
-    """A capture that is still to do, being read; or none, where all of a chunk is done."""
+    """A capture that is being read, or None where all of a chunk is done."""
 
     chunk: Chunk
     number: int
@@ -100,21 +100,21 @@ class _Turn(NamedTuple):
 
 
 def _turns(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Turn]:
-    """Begin to read every capture that is still to do, as it is asked for."""
+    """Begin to read every capture that is still to do, on demand."""
     for chunk in chunks:
         store, pipeline = _opened(chunk.out, chunk.stamp)
         first, last = chunk.captures[0][0], chunk.captures[-1][0]
         statuses = store.statuses_of(slice(first, last + 1))
-        found = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
-        for number, place in found:
+        to_do = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
+        for number, place in to_do:
             coming = reader.submit(_read, pipeline, store.job, place)
-            yield _Turn(chunk, number, coming, number == found[-1][0])
-        if not found:
+            yield _Turn(chunk, number, coming, number == to_do[-1][0])
+        if not to_do:
             yield _Turn(chunk, first, None, True)
 
 
 def _one_ahead(turns: Iterator[_Turn]) -> Iterator[_Turn]:
-    """Every turn, once the one after it is begun."""
+    """Yield each turn after the next one is begun."""
     before = next(turns, None)
     for turn in turns:
         assert before is not None
@@ -149,7 +149,7 @@ def find_map_types(job: Job, place: str) -> dict[str, MapType]:
 
 
 def fail_chunk(chunk: Chunk, reason: str) -> Tally:
-    """Write down that a chunk's captures could not be done."""
+    """Record that a chunk's captures could not be done."""
     store = open_store(chunk.out)
     assert store is not None
     store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
@@ -177,9 +177,9 @@ def store_of(out: str, stamp: str) -> Store:
 
 
 class _Ready(NamedTuple):
-    """A capture that was read: for which values of the graph's params, or why it was not.
+    """A capture that was read, with values of the graph's params, or why it was not.
 
-    What is `kept` for it is given back when its block ends.
+    The files in `kept` are given back when its block ends.
     """
 
     place: str
@@ -190,7 +190,7 @@ class _Ready(NamedTuple):
 
 
 def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
-    """Fetch and read a capture, in whichever thread, while the one before it is computed."""
+    """Fetch and read a capture, in any thread, while the one before it is computed."""
     with ExitStack() as kept:
         try:
             folder = kept.enter_context(at_hand(place))
@@ -228,12 +228,7 @@ def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> En
         return Entry(FAILED, str(error))
     except MemoryError:
         return Entry(FAILED, f"{place}: out of memory")
-    figures = {
-        name: float(figure)
-        for value in result.outputs.values()
-        if isinstance(value, dict)
-        for name, figure in value.items()
-    }
+    figures = {name: float(figure) for name, figure in result.figures.items()}
     spent = 1e3 * (time.perf_counter() - start)
     return Entry(DONE, "", figures, result.warnings, spent, maps)
 
@@ -250,14 +245,13 @@ def _run(pipeline: Pipeline, ready: _Ready) -> Result:
 
 
 def folder_name(place: str, below: str) -> str:
-    """Where a capture's results go below the batch's folder: its path without what is common."""
+    """The folder of a capture's results in the batch's folder: its path without the common part."""
     inside = place.removeprefix(below) if below else place.partition("://")[2] or place
     return inside.lstrip("/")
 
 
 def _type_of(result: Result, name: str) -> MapType:
-    value = result.plan.outputs[name]
-    port = result.plan.tasks[value.node].node.outputs[value.port]
+    port = result.plan.port(name)
     if result[name] is None:
         raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
     dims = tuple(str(dim) for dim in port.dims)
@@ -265,11 +259,10 @@ def _type_of(result: Result, name: str) -> MapType:
 
 
 def _pixel_of(result: Result) -> float | None:
-    """The pixel size that the graph puts out, if it is one."""
+    """The pixel size that the graph puts out, if it puts out one."""
     plan = result.plan
-    ports = {n: plan.tasks[v.node].node.outputs[v.port] for n, v in plan.outputs.items()}
-    found = [result[name] for name, port in ports.items() if port.unit == PIXEL_UNIT]
-    return float(found[0]) if len(found) == 1 else None
+    sizes = [result[name] for name in plan.outputs if plan.port(name).unit == PIXEL_UNIT]
+    return float(sizes[0]) if len(sizes) == 1 else None
 
 
 def _by(shape: tuple[int, ...]) -> str:

@@ -1,4 +1,4 @@
-"""How many processes a batch is worth."""
+"""The number of processes for a batch."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Sequence
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.run.cores import cores
 
-FEWEST = 256
-"""Captures that make up for the start of a process, which takes a second."""
+MIN_CAPTURES_PER_PROCESS = 256
+"""Captures that justify the start of a process, which takes a second."""
 
 
 def worker_count(backends: Sequence[str], device: str | None, captures: int) -> int:
-    """How many processes do so many captures soonest, of a graph that prefers these back ends.
+    """The number of processes that finish soonest, for a graph that prefers these back ends.
 
-    One for each core: each does more by itself than with a share of all.  A GPU has one.
+    It is one for each core, since separate processes outrun shared threads, and one for a GPU.
 
     Raises
     ------
     InputError
-        If `device` is the name of none that works.
+        If `device` names no device that works.
     """
     opened = open_device(backends, device)[0]
     if opened is not None and not opened.is_cpu:
@@ -28,5 +28,5 @@ def worker_count(backends: Sequence[str], device: str | None, captures: int) -> 
 
 
 def at_most(captures: int) -> int:
-    """How many that can be, whatever the graph."""
-    return max(1, min(cores(), captures // FEWEST))
+    """The upper limit of that, for any graph."""
+    return max(1, min(cores(), captures // MIN_CAPTURES_PER_PROCESS))

@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 
 def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print, with what a terminal would obey made visible: names and titles come from files."""
+    """Print text with control characters made visible: names and titles come from files."""
     click.echo(printable(text), err=err, nl=nl)
 
 
-_WORDS = f"{__name__}.words"
-"""Where a context keeps the words behind a command."""
+_WORDS_KEY = f"{__name__}.words"
+"""The key of a context's entry for the words after a command."""
 
 
 class GraphCommand(click.Command):
-    """A command that runs a graph; behind the graph's name, --help lists its params."""
+    """A command that runs a graph; after the graph's name, --help lists its params."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
-        # --help is dealt with before the other words are.
-        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS]))
+        # --help is handled before the other words.
+        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS_KEY]))
         if not isinstance(words.get("graph"), str):
             return
         from tactograph.graph.files.read_graph import read_graph, with_overlays
@@ -51,7 +51,7 @@ class GraphCommand(click.Command):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta[_WORDS] = [*args]
+        ctx.meta[_WORDS_KEY] = [*args]
         return super().parse_args(ctx, args)
 
 
@@ -89,14 +89,24 @@ def _complete_overlay(
     from tactograph.graph.commands.completion import complete_overlay
 
     # Click takes no word for the graph where an option still lacks its value.
-    graph = next((word for word in ctx.meta.get(_WORDS, ()) if not word.startswith("-")), None)
+    graph = next((word for word in ctx.meta.get(_WORDS_KEY, ()) if not word.startswith("-")), None)
     return complete_overlay(graph, incomplete)
 
 
 graph_argument = click.argument("graph", type=GraphName())
-values_argument = click.argument(
-    "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
-)
+
+
+def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
+    """Decorate a function as a command that takes a graph and values for its params."""
+    values = click.argument(
+        "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
+    )
+
+    def make(function: Callable[..., None]) -> click.Command:
+        command = click.command(name, cls=GraphCommand, short_help=short_help)
+        return command(graph_argument(values(function)))
+
+    return make
 
 
 with_option = click.option(
@@ -110,7 +120,7 @@ set_option = click.option(
 
 
 def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
-    """A graph with what ``--with`` and ``--set`` say."""
+    """Apply ``--with`` and ``--set`` to a graph."""
     from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.read_graph import with_overlays
     from tactograph.graph.run.typed_values import read_settings
@@ -118,9 +128,19 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
 
 
+def run_shipped(graph: str, given: Mapping[str, Any]) -> None:
+    """Run a graph that ships, whose sink prints."""
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.open_pipeline import open_pipeline
+
+    with open_pipeline(read_graph(graph), given) as pipeline:
+        for _ in pipeline.items():
+            pass
+
+
 @dataclass(frozen=True)
 class RunOptions:
-    """What the options of a command that plans a graph were set to."""
+    """The options of a command that plans a graph."""
 
     overlays: tuple[str, ...]
     settings: tuple[str, ...]
@@ -129,7 +149,7 @@ class RunOptions:
     strict: bool
 
     def read(self, graph: str) -> Graph:
-        """Read a graph with ``--with`` and ``--set`` worked in."""
+        """Read a graph and apply ``--with`` and ``--set``."""
         from tactograph.graph.files.read_graph import read_graph
 
         return changed(read_graph(graph), self.overlays, self.settings)
@@ -141,8 +161,9 @@ class RunOptions:
         *,
         sinks: bool = True,
         cache: Cache | None = None,
+        outputs: Mapping[str, str] | None = None,
     ) -> Pipeline:
-        """Plan and compile a graph where the options say."""
+        """Plan and compile a graph as the options say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
@@ -153,6 +174,7 @@ class RunOptions:
             strict=self.strict,
             sinks=sinks,
             cache=cache,
+            outputs=outputs,
         )
 
 
@@ -178,7 +200,7 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
     ) -> None:  # fmt: skip
         function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
 
-    found: Callable[..., None] = with_options
+    decorated: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):
-        found = option(found)
-    return found
+        decorated = option(decorated)
+    return decorated

@@ -12,31 +12,23 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
+    from tactograph.graph.batch.entry import Entry
     from tactograph.graph.batch.job import Job
     from tactograph.graph.batch.store import Store
     from tactograph.graph.batch.worker import Tally
     from tactograph.graph.files.flat_graph import Graph
 
-EVERY = 10.0
-"""Seconds between two lines where no bar can be drawn."""
+REPORT_S = 10.0
+"""Time between two lines where no bar can be drawn."""
+MAX_FAILURES = 10
+"""Failed captures that are printed; the table has all."""
 
 
-@click.command(
-    "batch", cls=GraphCommand, short_help="Run a graph over many captures, into one store."
-)
-@graph_argument
-@values_argument
+@graph_command("batch", short_help="Run a graph over many captures, into one store.")
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
     help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",
@@ -75,21 +67,21 @@ def command(
 ) -> None:
     """Run GRAPH over every capture that a pattern matches.
 
-    In a folder of results these lie as the captures do below the folder in which the patterns
+    A folder of results has the layout of the captures below the folder in which the patterns
     begin.
 
-    Stopped anywhere, the same command goes on where it was.  A capture that fails is written
-    down with its reason; exit code 1 says that there are some.
+    The same command continues a batch that was stopped.  A capture that fails is recorded with
+    its reason; the exit code is then 1.
     """
     from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.files.text_names import at_home
+    from tactograph.graph.disk.text_names import at_home
 
-    # A shell leaves ~ alone within quotes, which patterns stand in, and behind --out=.
+    # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out = at_home(out)
     captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
     cluster = _cluster(workers, scheduler, scheduler_file)
     with ExitStack() as closing:
-        # Whatever takes long is imported here while the processes import and open, not before.
+        # Slow imports follow here, while the processes import and open.
         if cluster is None:
             _start_importing(workers, len(captures))
         read = options.read(graph)
@@ -117,12 +109,13 @@ def command(
             run_batch,
         )
         from tactograph.graph.batch.store_lock import alone_in
+        from tactograph.graph.errors import a_few
         from tactograph.graph.run.result_origin import find_origin
 
         origin = find_origin(read, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, place, job.folders)]
         if files:
-            say(f"passed over, as it is no folder: {_a_few(files)}", err=True)
+            say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
         closing.enter_context(alone_in(place))
         store = open_batch(out, job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
@@ -139,7 +132,7 @@ def command(
 
 
 def _before(store: Store, *, retry_failed: bool) -> str:
-    """How many captures there are, and how many were finished, or failed, before."""
+    """The numbers of captures, and of those that were finished, or failed, before."""
     from tactograph.graph.batch.entry import DONE, FAILED
 
     statuses = store.statuses
@@ -148,11 +141,6 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     if not failed:
         return said
     return f"{said}, {failed} failed ({'' if retry_failed else 'not '}done again)"
-
-
-def _a_few(places: Sequence[str]) -> str:
-    more = f" and {len(places) - 3} more" if len(places) > 3 else ""
-    return ", ".join(places[:3]) + more
 
 
 def _cluster(
@@ -170,7 +158,7 @@ def _cluster(
 
 
 def _start_importing(number: int | None, captures: int) -> None:
-    """Have processes import what they need, should there be several."""
+    """Start the imports of processes, if there are to be several."""
     from tactograph.graph.batch.fork_server import start_importing
     from tactograph.graph.batch.worker_count import at_most
 
@@ -183,7 +171,7 @@ def _here(
 ) -> Workers:
     """This process, or several that open the job's pipeline while this one goes on.
 
-    Where a store is there, nothing may be left to do: they then wait until they are asked.
+    If a store exists, nothing may be left to do, so they open it only when asked.
     """
     from tactograph.graph.batch.fork_server import hand_over, start_processes
     from tactograph.graph.batch.open_job import open_ahead
@@ -216,7 +204,7 @@ def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:
-    """A bar with rate and time left, or a line now and then where nobody watches."""
+    """Show a bar with rate and time left; without a terminal, a line now and then."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
@@ -235,7 +223,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
             now = time.monotonic()
             rate = (done + failed) / max(now - start, 1e-9)
             progress.update(bar, completed=done + failed, rate=rate, failed=failed)
-            if not console.is_terminal and now - said > EVERY:
+            if not console.is_terminal and now - said > REPORT_S:
                 left = (total - done - failed) / rate
                 console.print(
                     f"{done + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
@@ -245,38 +233,40 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 
 
 def _conclude(store: Store, out: str) -> int:
-    """Write the table beside the store, say how it went, and return how many failed."""
+    """Write the table beside the store, print a summary, and return the number of failures."""
     from tactograph.graph.batch.captures import is_url
-    from tactograph.graph.batch.entry import DONE, FAILED, STATUS
-    from tactograph.graph.files.atomic_files import atomic_file
-    from tactograph.graph.warning_lines import warning_lines
+    from tactograph.graph.batch.entry import DONE, FAILED
+    from tactograph.graph.show.warning_lines import first_lines, warning_lines
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
-    for capture, entry in failures[:10]:
-        # Most reasons begin with the place.
-        told = entry.reason if capture in entry.reason else f"{capture}: {entry.reason}"
-        say(f"failed: {told}", err=True)
-    if len(failures) > 10:
-        say(f"failed: {len(failures) - 10} more, see the table", err=True)
-    for line in warning_lines((c, e.warnings) for c, e in zip(captures, entries, strict=True)):
+    # Most reasons begin with the place.
+    reasons = [e.reason if c in e.reason else f"{c}: {e.reason}" for c, e in failures]
+    warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
+    failed = first_lines([f"failed: {reason}" for reason in reasons], MAX_FAILURES, "failed")
+    for line in (*failed, *warning_lines(warnings)):
         say(line, err=True)
     if not is_url(out):
-        figures = sorted({name for entry in entries for name in entry.figures})
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
-        with atomic_file(table) as file, file.open("w", newline="") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(
-                ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
-            )
-            for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
-                row = [entry.figures.get(name, "") for name in figures]
-                writer.writerow(
-                    [number, capture, STATUS[entry.status], f"{entry.milliseconds:.1f}", *row,
-                     "; ".join(entry.warnings), entry.reason]
-                )  # fmt: skip
+        _write_table(table, captures, entries)
         say(f"table: {table}")
     done = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
     say(f"{done} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else ""))
     return len(failures)
+
+
+def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -> None:
+    """Write a line for each capture."""
+    from tactograph.graph.batch.entry import STATUS_NAMES
+    from tactograph.graph.disk.atomic_files import atomic_file
+
+    figures = sorted({name for entry in entries for name in entry.figures})
+    headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
+    with atomic_file(file) as target, target.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headings)
+        for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
+            start = [number, capture, STATUS_NAMES[entry.status], f"{entry.milliseconds:.1f}"]
+            row = [entry.figures.get(name, "") for name in figures]
+            writer.writerow([*start, *row, "; ".join(entry.warnings), entry.reason])

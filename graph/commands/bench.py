@@ -12,22 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("bench", cls=GraphCommand, short_help="Time a graph on every back end and device.")
-@graph_argument
-@values_argument
+@graph_command("bench", short_help="Time a graph on every back end and device.")
 @run_options
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
@@ -44,13 +35,12 @@ def command(
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 
-    Without --backend and --device: on NumPy, then as the graph prefers on every device that
-    works.  An item counts from
-    what its source yielded to the last output; 'ready' is the time to the first item done, with
-    reading, indexing and compiling.  Nothing is written but --out.
+    Without --backend and --device it runs on NumPy, then as the graph prefers on every device
+    that works.  An item is timed from its source to the last output; 'ready' is the time to the
+    end of the first item, with reading, indexing and compiling.  Only --out is written.
     """
+    from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.atomic_files import atomic_file
     from tactograph.graph.run.typed_values import read_words
 
     read = options.read(graph)
@@ -66,7 +56,7 @@ def command(
         results: list[Result] = []
         for result in pipeline.items(repeats):
             if not results:
-                # All repeats of the first item lie behind it, the first of them as it came.
+                # All repeats of the first item are over; only the first of them counts.
                 ready = time.perf_counter() - start - 1e-3 * (repeats - 1) * result.total
             results.append(result)
         if not results:
@@ -118,7 +108,7 @@ def _medians(results: Sequence[Result]) -> list[tuple[str, str, float]]:
 
 
 def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
-    """What `_report` prints, for a file."""
+    """The figures of `_report`, for a file."""
     return {
         "device": where,
         "graph": results[0].plan.graph.hash,

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import click
 
+from tactograph.graph.commands import run_shipped
+
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
     """List cameras: device, name, serial number, formats, sizes and rates."""
-    from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.run.open_pipeline import open_pipeline
-
-    with open_pipeline(read_graph("cameras"), {}) as pipeline:
-        for _ in pipeline.items():
-            pass  # its sink prints
+    run_shipped("cameras", {})

@@ -41,7 +41,7 @@ def _check(read: Graph) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        # A use of a group need not want all that the group makes.
+        # A use of a group may leave outputs unread.
         if not any(node in plan.tasks for node in alike(read, unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:
@@ -53,8 +53,8 @@ def _check(read: Graph) -> None:
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:
-    """Where the graph's sinks write, and nodes that take one of its places for results."""
-    found = []
+    """Settings that name places to write to, with those places."""
+    written = []
     for task in plan.tasks.values():
         for name, parameter in task.node.parameters.items():
             setting = task.entry.settings.get(name, parameter.default)
@@ -63,5 +63,5 @@ def _written(graph: Graph, plan: Plan) -> list[str]:
             param = graph.params.get(str(setting)[1:]) if str(setting).startswith("$") else None
             if task.node.sink or setting == "$out":
                 default = "" if param is None or param.default is None else f" ({param.default})"
-                found.append(f"{task.id}.{name} to {setting}{default}")
-    return found
+                written.append(f"{task.id}.{name} to {setting}{default}")
+    return written

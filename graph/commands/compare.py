@@ -6,7 +6,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -44,16 +44,7 @@ if TYPE_CHECKING:
     help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
 def command(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
-    overlays: tuple[str, ...],
-    backends: str | None,
-    device: str | None,
-    sweeps: tuple[str, ...],
-    seed: str | None,
-    repeats: int,
-    again: Path | None,
-    out: Path | None,
+    words: tuple[str, ...], again: Path | None, out: Path | None, repeats: int, **choices: Any
 ) -> None:
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
@@ -71,10 +62,10 @@ def command(
 
     if again is None:
         values = [word for word in words if "=" in word]
-        study = _read_study(words, over, overlays, backends, device, sweeps, seed, repeats)
+        study = _read_study(words, repeats=repeats, **choices)
         _compare(study, values, out or Path("report"))
         return
-    if words or over or overlays or backends or device or sweeps or seed or repeats > 1:
+    if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
     then = read_record(again)
     former = read_rows(again)
@@ -86,16 +77,16 @@ def command(
 
 
 def _read_study(
-    words: tuple[str, ...],
-    over: tuple[str, ...],
-    overlays: tuple[str, ...],
+    words: Sequence[str],
+    *,
+    over: Sequence[str],
+    overlays: Sequence[str],
     backends: str | None,
     device: str | None,
-    sweeps: tuple[str, ...],
+    sweeps: Sequence[str],
     seed: str | None,
     repeats: int,
 ) -> Study:
-    from tactograph.graph.backends import BACKENDS
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.errors import InputError
@@ -103,32 +94,47 @@ def _read_study(
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.run.typed_values import read_words
 
-    missing = [word for word in over if not Path(word).is_dir()]
-    if missing:
-        raise InputError(f"--over {missing[0]}: there is no such folder")
-    folders = [Path(w) for w in (*over, *words) if "=" not in w and Path(w).is_dir()]
-    captures = [capture for folder in folders for capture in captures_in(folder)]
-    names = [w for w in words if "=" not in w and not Path(w).is_dir()]
+    values = [word for word in words if "=" in word]
+    others = [word for word in words if "=" not in word]
+    folders = _folders(others, over)
+    names = [word for word in others if not Path(word).is_dir()]
     if not names:
         raise InputError(
             "compare needs at least one graph; 'tactograph graphs' lists those that ship"
         )
-    wanted: list[str | None] = list(backends.split(",")) if backends else [None]
-    for backend in wanted:
-        if backend not in (*BACKENDS, None):
-            raise InputError(f"--backends {backends}: there are {', '.join(BACKENDS)}")
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
-    values = [word for word in words if "=" in word]
     return Study(
         graphs=graphs,
         given={graph.name: read_words(graph, values) for graph in graphs},
-        captures=captures,
-        backends=wanted,
+        captures=[capture for folder in folders for capture in captures_in(folder)],
+        backends=_read_backends(backends),
         device=device,
         sweeps=[read_sweep(word) for word in sweeps],
         seed=seed,
         repeats=repeats,
     )
+
+
+def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
+    """The folders of captures, those of ``--over`` first."""
+    from tactograph.graph.errors import InputError
+
+    for word in over:
+        if not Path(word).is_dir():
+            raise InputError(f"--over {word}: there is no such folder")
+    return [Path(word) for word in (*over, *words) if Path(word).is_dir()]
+
+
+def _read_backends(text: str | None) -> list[str | None]:
+    from tactograph.graph.backends import BACKENDS
+    from tactograph.graph.errors import InputError
+
+    if not text:
+        return [None]
+    names = text.split(",")
+    if not {*names} <= {*BACKENDS}:
+        raise InputError(f"--backends {text}: there are {', '.join(BACKENDS)}")
+    return [*names]
 
 
 def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:

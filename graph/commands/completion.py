@@ -1,4 +1,4 @@
-"""What a shell may complete: graphs, their params, and values of these.
+"""Completion for a shell: graphs, their params, and values of these.
 
 A shell's script comes from click: ``eval "$(_TACTOGRAPH_COMPLETE=bash_source tactograph)"``.
 """
@@ -17,7 +17,7 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names, with_ov
 
 
 class _Bash(BashComplete):
-    """Click's script, but no blank follows a name whose value is still to come."""
+    """Click's script, without a blank after a name whose value is still to come."""
 
     source_template = BashComplete.source_template.replace(
         "    return 0", "    [[ $COMPREPLY == *= ]] && compopt -o nospace\n    return 0"
@@ -28,10 +28,10 @@ add_completion_class(_Bash)
 
 
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
-    """The graphs that ship and begin so, and the studies where these will do; else files."""
+    """The shipped graphs that begin so, with `studies` those too; else files."""
     names = [*shipped_names(), *(shipped_studies() if studies else ())]
-    found = [CompletionItem(name) for name in names if name.startswith(begun)]
-    return found or [CompletionItem(begun, type="file")]
+    items = [CompletionItem(name) for name in names if name.startswith(begun)]
+    return items or [CompletionItem(begun, type="file")]
 
 
 def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
@@ -40,37 +40,41 @@ def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
     names = {*shipped_overlays(), *(read.variants if read is not None else ())}
     begins = [name for name in sorted(names) if name.startswith(begun)]
     fits = [name for name in begins if read is None or _read(graph, (name,)) is not None]
-    found = [CompletionItem(name) for name in fits]
-    return found or [CompletionItem(begun, type="file")]
+    items = [CompletionItem(name) for name in fits]
+    return items or [CompletionItem(begun, type="file")]
 
 
 def complete_value(
     graph: str | None, overlays: Sequence[str], said: Sequence[str], begun: str
 ) -> list[CompletionItem]:
-    """What can follow the words behind a graph: ``name=``, or a value.
+    """Completions after the words behind a graph: ``name=``, or a value.
 
-    zsh and fish give ``name=begun`` as one word; bash makes three of it.
+    zsh and fish give ``name=begun`` as one word, bash as three.
     """
     read = _read(graph, overlays)
     if read is None:
         return []
     name, equals, text = begun.partition("=")
     if equals and name in read.params:
-        found = _words(read.params[name])
-        found = _files(text) if found is None else found
-        return [CompletionItem(f"{name}={value}") for value in found if value.startswith(text)]
-    before = said[-2] if len(said) > 1 and said[-1] == "=" else said[-1] if said else ""
+        values = _words(read.params[name])
+        values = _files(text) if values is None else values
+        return [CompletionItem(f"{name}={value}") for value in values if value.startswith(text)]
+    before = next((word for word in reversed(said) if word != "="), "")
     if before in read.params:
-        found = _words(read.params[before])
-        if found is None:
-            return [CompletionItem(begun, type="file")]
-        return [CompletionItem(value) for value in found if value.startswith(begun)]
+        return _values(read.params[before], begun)
     taken = {word.partition("=")[0] for word in said}
     return [
         CompletionItem(f"{name}=", help=param.help)
         for name, param in read.params.items()
         if name.startswith(begun) and name not in taken
     ]
+
+
+def _values(param: Param, begun: str) -> list[CompletionItem]:
+    values = _words(param)
+    if values is None:
+        return [CompletionItem(begun, type="file")]
+    return [CompletionItem(value) for value in values if value.startswith(begun)]
 
 
 def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
@@ -81,7 +85,7 @@ def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
 
 
 def _words(param: Param) -> list[str] | None:
-    """The values of a param, None where files are."""
+    """The values of a param, None for files."""
     if param.kind == "path":
         return None
     return ["true", "false"] if param.kind == "flag" else []

@@ -1,4 +1,4 @@
-"""``tactograph demo``: from no sensor at all to a height, by the commands that a user types."""
+"""``tactograph demo``: from a simulated sensor to a height, by the commands that a user types."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-STEPS = """
+DEMO_STEPS = """
 # What computes here.
 tactograph devices
 # A simulated sensor: a ball of 7 mm radius to calibrate with, the film at rest, and a touch.
@@ -38,7 +38,7 @@ def command(out: Path) -> None:
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")
-    for line in STEPS.strip().splitlines():
+    for line in DEMO_STEPS.strip().splitlines():
         if line.startswith("#"):
             click.secho(f"\n{line}", bold=True)
             continue

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+
+if TYPE_CHECKING:
+    from tactograph.graph.show.sketch import Sketch
 
 
 @click.command("draw", short_help="Draw a graph as DOT, Mermaid or SVG.")
@@ -25,23 +29,26 @@ def command(
     options: RunOptions,
 ) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
+    from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
-    from tactograph.graph.files.atomic_files import atomic_file
-    from tactograph.graph.plan.draw import to_dot, to_mermaid
-    from tactograph.graph.plan.draw_folded import to_folded_svg
-    from tactograph.graph.plan.draw_svg import to_svg
+    from tactograph.graph.plan.sketch import sketch_of
+    from tactograph.graph.show.draw_folded import to_folded_svg
+    from tactograph.graph.show.draw_svg import to_svg
+    from tactograph.graph.show.draw_text import to_dot, to_mermaid
+    from tactograph.graph.show.sketch import fold
 
     read = options.read(graph)
-    plan = options.open(read, read.placeholders).plan
+    sketch = sketch_of(options.open(read, read.placeholders).plan, transfers=every)
+    sketch = sketch if every else fold(sketch)
     if out is None:
-        say(to_dot(plan, every=every), nl=False)
+        say(to_dot(sketch), nl=False)
         return
-    draw: dict[str, Callable[[], str]] = {
-        ".dot": lambda: to_dot(plan, every=every),
-        ".mmd": lambda: to_mermaid(plan, every=every),
-        ".svg": lambda: to_svg(plan) if every else to_folded_svg(plan),
+    draw: dict[str, Callable[[Sketch], str]] = {
+        ".dot": to_dot,
+        ".mmd": to_mermaid,
+        ".svg": to_svg if every else to_folded_svg,
     }
     if out.suffix not in draw:
         raise InputError(f"--out {out}: the name has to end in .dot, .mmd or .svg")
     with atomic_file(out) as target:
-        target.write_text(draw[out.suffix](), encoding="utf-8")
+        target.write_text(draw[out.suffix](sketch), encoding="utf-8")

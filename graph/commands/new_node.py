@@ -1,4 +1,4 @@
-"""``tactograph new-node``: the files that a node begins with."""
+"""``tactograph new-node``: write the first files of a node."""
 
 from __future__ import annotations
 

@@ -27,9 +27,9 @@ def command(name: str | None) -> None:
             room = rooms.get(each)
             say(f"\n{room or 'of other packages'}")
         try:
-            found = find_node(each)
+            node = find_node(each)
         except TactographError as error:
             say(f"  {each:<{width}}  --  {error}")
             continue
-        kernels = " ".join(found.implementations)
-        say(f"  {each:<{width}}  {kernels:<6}  {found.summary}")
+        kernels = " ".join(node.implementations)
+        say(f"  {each:<{width}}  {kernels:<6}  {node.summary}")

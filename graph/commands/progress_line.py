@@ -1,7 +1,7 @@
-"""One line on a terminal, from two seconds on: what is being done, and the time that is left.
+"""A line on a terminal, from two seconds on: the present stage, and the time that is left.
 
-The time left is what the same graph took from this stage on when it last ran, by the disk cache.
-Where it has not run yet, or a run has several items, it is left out.
+The time left is that of the last run of the same graph from this stage on, by the disk cache.  It
+is left out if the graph has not run yet, or a run has several items.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from tactograph.graph.commands import say
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-START_S = 2.0
-"""A run that ends sooner shows nothing."""
-EVERY_S = 0.2
-FOLDER = "times"
-"""In the cache: by graph, when each stage began, in s from the start; under END, the end."""
-END = ""
+MIN_SHOWN_S = 2.0
+"""Shorter runs show nothing."""
+REDRAW_EVERY_S = 0.2
+TIMES_FOLDER = "times"
+"""The cache folder: by graph, the start of each stage in s; under END_STAGE, the end."""
+END_STAGE = ""
 
 
 class ProgressLine:
-    """Shows what `stage_of` returns, on standard error if that is a terminal; "" shows nothing.
+    """Shows the text of `stage_of` on standard error, if that is a terminal; "" shows nothing.
 
     Parameters
     ----------
@@ -51,48 +51,48 @@ class ProgressLine:
         self._thread = threading.Thread(target=self._watch, daemon=True)
 
     def recall(self, key: str) -> None:
-        """Know the times of the last run of this key."""
+        """Read the times of the last run of this key."""
         folder = cache_folder()
-        body = folder and read_cached(folder / FOLDER / f"{key}{SUFFIX}")
+        body = folder and read_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}")
         with suppress(ValueError):
             self._before = json.loads(body or "{}")
 
     def keep(self, key: str) -> None:
-        """Let the next run of this key know the times of this one."""
+        """Keep the times of this run for the next one of this key."""
         folder, taken = cache_folder(), time.monotonic() - self._start
-        if folder is not None and self._shown and taken > START_S:
-            body = json.dumps({**self._begun, END: taken}).encode()
-            write_cached(folder / FOLDER / f"{key}{SUFFIX}", body)
+        if folder is not None and self._shown and taken > MIN_SHOWN_S:
+            body = json.dumps({**self._begun, END_STAGE: taken}).encode()
+            write_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}", body)
 
     def forget_times(self) -> None:
-        """Tell no time left: what is done is not what was done before."""
+        """Show no time left, since this run differs from the last."""
         self._before, self._end = {}, None
 
     def say(self, text: str, *, err: bool = False) -> None:
-        """Print text where the line stood."""
+        """Print text in place of the line."""
         with self._lock:
             self._hide()
             say(text, err=err)
 
     def end(self) -> None:
-        """Take the line away for good."""
+        """Remove the line for good."""
         self._over.set()
         if self._thread.is_alive():
             self._thread.join()
         self._hide()
 
     def left(self, stage: str, now: float) -> float | None:
-        """Seconds to the end of the run, `now` after its start; None if that is not known."""
-        if stage in self._before and END in self._before:
-            self._end = self._begun.get(stage, now) + self._before[END] - self._before[stage]
+        """Seconds to the end of the run, `now` after its start; None if unknown."""
+        if stage in self._before and END_STAGE in self._before:
+            self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
         return None if self._end is None else max(self._end - now, 0.0)
 
     def _watch(self) -> None:
-        while not self._over.wait(EVERY_S):
+        while not self._over.wait(REDRAW_EVERY_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
             self._begun.setdefault(stage, now)
             with self._lock:
-                if stage and now > START_S:
+                if stage and now > MIN_SHOWN_S:
                     self._draw(stage, now)
                 else:
                     self._hide()

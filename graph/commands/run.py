@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import (
-    GraphCommand,
-    RunOptions,
-    graph_argument,
-    run_options,
-    say,
-    values_argument,
-)
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -32,9 +25,7 @@ if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 
-@click.command("run", cls=GraphCommand, short_help="Run a graph.")
-@graph_argument
-@values_argument
+@graph_command("run", short_help="Run a graph.")
 @run_options
 @click.option(
     "--repeats",
@@ -101,7 +92,7 @@ class _Wanted:
 
 
 def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
-    """Run once, say what is wrong, and wait until a file changes."""
+    """Run once, print any error, and wait until a file changes."""
     from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import graph_file
     from tactograph.graph.run.typed_values import read_words
@@ -129,77 +120,114 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
 
 
 def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
-    from tactograph.graph.errors import InputError
-    from tactograph.graph.run.keep_values import read_kept, with_kept, write_kept
+    from tactograph.graph.run.keep_values import read_kept
     from tactograph.graph.run.keys import key_of
     from tactograph.graph.run.typed_values import read_words
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep) if wanted.keep is not None else {}
-    ported = with_kept(read, kept)
-    if wanted.until is not None:
-        ported = with_kept(read, {**_ports_of(read, wanted.until), **kept}, only=True)
-    pipeline = wanted.options.open(ported, given, sinks=wanted.until is None, cache=cache)
-    # What is looked at besides makes no other graph of it.
-    pipeline.plan.graph = replace(pipeline.plan.graph, outputs=read.outputs)
+    outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
+    pipeline = wanted.options.open(
+        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
+    )
     trace = pipeline.trace() if wanted.trace_file is not None else None
-    default = read.params["out"].default if "out" in read.params else "."
-    folder = Path(str(given.get("out", default))) / "kept"
-    for fallback in pipeline.plan.brief_fallbacks:
-        line.say(f"fallback: {fallback}", err=True)
-    if wanted.options.strict and not wanted.quiet and pipeline.plan.without_kernel:
-        nodes = ", ".join(pipeline.plan.without_kernel)
-        line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
+    report = _Report(line, pipeline, quiet=wanted.quiet)
+    report.plan(strict=wanted.options.strict)
     times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
     line.recall(times)
     line.stage_of = lambda: pipeline.stage
-    told: set[str] = set()
-    count = 0
     try:
-        with pipeline, _stoppable(pipeline) as stop_if_asked:
-            for count, result in enumerate(pipeline.items(wanted.repeats), start=1):
-                _tell(line, result.warnings, told)
-                # A camera's fault is reported whenever it comes back.
-                told = {*(() if pipeline.endless else told), *result.warnings}
-                if kept:
-                    write_kept(result, kept, folder / str(count))
-                if not wanted.quiet and (not pipeline.endless or count == 1):
-                    line.say(_summary(count, result))
-                if count > 1:
-                    line.forget_times()
-                if pipeline.endless:
-                    line.end()
-                stop_if_asked()
-            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
-            if not count:
-                raise InputError(f"{read.name}: its stream ended before a first item came")
-    except InputError as error:
-        if error.item and not pipeline.endless:
-            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
-        raise
+        count = _run_items(pipeline, report, wanted.repeats, kept)
     finally:
-        _tell(line, pipeline.closing_warnings, told)
-        told.update(pipeline.closing_warnings)
+        report.warnings(pipeline.closing_warnings)
     line.end()
     if count == 1:
         line.keep(times)
     if trace is not None and wanted.trace_file is not None:
         trace.write(wanted.trace_file)
-    ending = _ending(pipeline, told) if wanted.until is None else ""
+    ending = _ending(pipeline, report.told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
 
 
-def _tell(line: ProgressLine, warnings: Iterable[str], told: Collection[str]) -> None:
-    for warning in warnings:
-        if warning not in told:
-            line.say(f"warning: {warning}", err=True)
+def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> int:
+    """Run all items, write the values that are to be kept, and return how many items came."""
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.run.keep_values import write_kept
+
+    folder = _out_folder(pipeline) / "kept"
+    count = 0
+    try:
+        with pipeline, _stoppable(pipeline) as stop_if_asked:
+            for count, result in enumerate(pipeline.items(repeats), start=1):
+                if kept:
+                    write_kept(result, kept, folder / str(count))
+                report.item(count, result)
+                stop_if_asked()
+            # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
+            if not count:
+                name = pipeline.plan.graph.name
+                raise InputError(f"{name}: its stream ended before a first item came")
+    except InputError as error:
+        if error.item and not pipeline.endless:
+            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
+        raise
+    return count
+
+
+def _out_folder(pipeline: Pipeline) -> Path:
+    graph = pipeline.plan.graph
+    default = graph.params["out"].default if "out" in graph.params else "."
+    return Path(str(pipeline.plan.given.get("out", default)))
+
+
+class _Report:
+    """The lines that a run prints.
+
+    Attributes
+    ----------
+    told
+        Warnings that were printed.
+    """
+
+    def __init__(self, line: ProgressLine, pipeline: Pipeline, *, quiet: bool) -> None:
+        self._line, self._pipeline, self._quiet = line, pipeline, quiet
+        self.told: set[str] = set()
+
+    def plan(self, *, strict: bool) -> None:
+        """Print where nodes run, if that is not where the graph prefers."""
+        plan = self._pipeline.plan
+        for fallback in plan.brief_fallbacks:
+            self._line.say(f"fallback: {fallback}", err=True)
+        if strict and not self._quiet and plan.without_kernel:
+            nodes = ", ".join(plan.without_kernel)
+            self._line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
+
+    def item(self, number: int, result: Result) -> None:
+        """Print the warnings and the figures of an item; of an endless stream, of the first."""
+        endless = self._pipeline.endless
+        self.warnings(result.warnings)
+        if endless:  # a camera's fault is reported whenever it comes back
+            self.told = {*result.warnings}
+        if not self._quiet and (not endless or number == 1):
+            self._line.say(_summary(number, result))
+        if number > 1:
+            self._line.forget_times()
+        if endless:
+            self._line.end()
+
+    def warnings(self, warnings: Iterable[str]) -> None:
+        """Print the warnings that were not printed yet."""
+        for warning in warnings:
+            if warning not in self.told:
+                self._line.say(f"warning: {warning}", err=True)
+                self.told.add(warning)
 
 
 @contextmanager
 def _without_output(quiet: bool) -> Iterator[None]:
-    """Let nodes print nothing, such as the figures of a live stream, if `quiet`."""
+    """Suppress the output of nodes, such as the figures of a live stream, if `quiet`."""
     with ExitStack() as closing:
         if quiet:
             nowhere = closing.enter_context(Path(os.devnull).open("w"))
@@ -208,7 +236,7 @@ def _without_output(quiet: bool) -> Iterator[None]:
 
 
 def _ports_of(graph: Graph, node: str) -> dict[str, str]:
-    """All that a node makes, by reference."""
+    """All outputs of a node, by reference."""
     from tactograph.graph.declare.find_node import find_node
     from tactograph.graph.errors import InputError
 
@@ -222,7 +250,7 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
 
 
 def _ending(pipeline: Pipeline, told: set[str]) -> str:
-    """Where the results are, and whether there was a warning."""
+    """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
         str(plan.given.get(name[1:], param.default)): None
@@ -239,10 +267,10 @@ def _ending(pipeline: Pipeline, told: set[str]) -> str:
 
 @contextmanager
 def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
-    """Let Ctrl-C, or SIGTERM, end an endless stream as it should end.
+    """Let Ctrl-C or SIGTERM end an endless stream properly.
 
-    Python drops what is raised while it frees an object, an interrupt too. What is yielded
-    raises it again, between items.
+    Python drops an interrupt that arrives while it frees an object.  The yielded function raises it
+    again, between items.
     """
     asked = False
 
@@ -255,7 +283,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
         if asked:
             raise KeyboardInterrupt
 
-    # A shell lets its background jobs ignore Ctrl-C; they keep to that.
+    # A shell's background jobs ignore Ctrl-C, and go on doing so.
     signals = [signal.SIGTERM]
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signals.append(signal.SIGINT)
@@ -272,48 +300,45 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 
 
 def _summary(number: int, result: Result) -> str:
-    """Where and how long an item ran, and the figures and sentences among its outputs."""
+    """The time of an item on each back end, and the figures and texts among its outputs."""
+    words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
+    shown = {**_ranges(result), **_in_rows(result.figures), **words}
+    width = max(map(len, shown), default=0)
+    lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
+    head = " ".join(filter(None, [str(number), _name_of(result)]))
+    return "\n".join([f"{head}: {_times(result) or 'done'}", *lines])
+
+
+def _times(result: Result) -> str:
+    """Milliseconds on each back end, sources and sinks left out."""
     steps = [step for step in result.plan.steps if step.name in result.times]
     by_backend: dict[str, float] = {}
     for step in [step for step in steps if step.stream] or steps:
         task = result.plan.tasks.get(step.name)
         if task is None or not (task.node.sink or task.node.source):
             by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
-    times = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
-    figures = {
-        name: figure
-        for value in result.outputs.values()
-        if isinstance(value, dict)
-        for name, figure in value.items()
-    }
-    words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
-    shown = {**_ranges(result), **_in_rows(figures), **words}
-    width = max(map(len, shown), default=0)
-    lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
-    head = " ".join(filter(None, [str(number), _name_of(result)]))
-    return "\n".join([f"{head}: {times or 'done'}", *lines])
+    return ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
 
 
 def _name_of(result: Result) -> str:
-    """What the stream's source calls the item, if it puts out a name."""
-    found = (made for value, made in result.item.items() if value.port == "name")
-    return next((name for name in found if isinstance(name, str)), "")
+    """The name of the item, if the stream's source yields one."""
+    names = (made for value, made in result.item.items() if value.port == "name")
+    return next((name for name in names if isinstance(name, str)), "")
 
 
 def _ranges(result: Result) -> dict[str, str]:
     """The range of each map among the outputs that has a unit."""
     import numpy as np
 
-    found = {}
-    for name, value in result.plan.outputs.items():
-        port = result.plan.tasks[value.node].node.outputs[value.port]
-        array = result.outputs.get(name)
+    ranges = {}
+    for name in result.plan.outputs:
+        port, array = result.plan.port(name), result.outputs.get(name)
         if port.kind != "array" or port.dims != ("H", "W") or port.unit == "1":
             continue
         if isinstance(array, np.ndarray) and array.dtype.kind == "f" and array.size:
             low, high = np.nanmin(array), np.nanmax(array)
-            found[name] = f"{low:.4g} to {high:.4g} {port.unit}"
-    return found
+            ranges[name] = f"{low:.4g} to {high:.4g} {port.unit}"
+    return ranges
 
 
 def _in_rows(figures: dict[str, float]) -> dict[str, str]:

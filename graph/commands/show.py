@@ -1,10 +1,12 @@
-"""``tactograph show``: what is in a file, by the graph of that name."""
+"""``tactograph show``: print and draw the content of a file, by the graph of that name."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import click
+
+from tactograph.graph.commands import run_shipped
 
 
 @click.command("show", short_help="Print and draw what is in a file.")
@@ -19,10 +21,4 @@ def command(file: Path, out: Path | None) -> None:
 
     A calibration says whether it is doubtful and why, from what settings it was made and when.
     """
-    from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.run.open_pipeline import open_pipeline
-
-    given = {"file": str(file), "out": None if out is None else str(out)}
-    with open_pipeline(read_graph("show"), given) as pipeline:
-        for _ in pipeline.items():
-            pass  # its sink prints
+    run_shipped("show", {"file": str(file), "out": None if out is None else str(out)})

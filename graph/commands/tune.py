@@ -7,14 +7,10 @@ import socket
 
 import click
 
-from tactograph.graph.commands import GraphCommand, graph_argument, say, values_argument
+from tactograph.graph.commands import graph_command, say
 
 
-@click.command(
-    "tune", cls=GraphCommand, short_help="Change a graph in the browser, and see what it gives."
-)
-@graph_argument
-@values_argument
+@graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
 @click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
 @click.option(
     "--backend",
@@ -55,7 +51,7 @@ def command(
 
 
 def _free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        number: int = found.getsockname()[1]
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        number: int = probe.getsockname()[1]
         return number

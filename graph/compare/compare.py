@@ -1,6 +1,6 @@
-"""Every variant on every capture, back end, swept value and seed, each run kept on disk.
+"""Comparisons: every variant on every capture, back end, swept value and seed, kept on disk.
 
-Nothing here knows optics: a row holds whatever figures a graph's outputs hold.
+Nothing here knows optics: a row holds the figures among a graph's outputs.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from tactograph.graph.compare.drawable_arrays import save_views, views_of
+from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
-from tactograph.graph.files.atomic_files import atomic_files
 from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
@@ -27,13 +27,13 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.result_origin import digest, find_origin, named_files
 
-RUNS = 3
-"""How often an item of a stream is computed, for the median of its times."""
+REPEATS_PER_ITEM = 3
+"""Times that an item is computed, for the median of its times."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """What is compared with what: everything that decides which runs there are."""
+    """The settings of a comparison, which decide its runs."""
 
     graphs: Sequence[Graph]
     given: Mapping[str, Mapping[str, Any]]
@@ -45,7 +45,7 @@ class Study:
     repeats: int = 1
 
     def check(self) -> None:
-        """Refuse what cannot become a comparison.
+        """Refuse a comparison that cannot be run.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class Study:
 
 @dataclass(frozen=True)
 class Job:
-    """One run of the comparison: a graph with a swept point and a seed set in it."""
+    """A run of the comparison: a graph with a swept point and a seed set in it."""
 
     graph: Graph
     backend: str | None
@@ -100,7 +100,7 @@ class Job:
 
 @dataclass
 class Row:
-    """What one job gave: figures and times, or the reason why there are none."""
+    """The result of one job: figures and times, or the reason why there are none."""
 
     variant: str
     capture: str
@@ -123,7 +123,7 @@ class Row:
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What tells this run from the others of its comparison."""
+        """The identity of this run in its comparison."""
         return (self.variant, self.capture, self.backend, repr(self.sweep), repr(self.seed))
 
 
@@ -132,7 +132,7 @@ def takes_capture(graph: Graph) -> bool:
 
 
 def make_jobs(study: Study) -> list[Job]:
-    """All combinations, capture by capture, so that neighbours in the table belong together.
+    """Make all combinations, capture by capture, so that related rows are neighbours.
 
     Raises
     ------
@@ -160,11 +160,11 @@ def make_jobs(study: Study) -> list[Job]:
 def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]:
     """Run one job, or take its row from a former run with the same key.
 
-    Nodes whose results are in `cache`, from another job, are not run again.
+    Nodes whose results are in `cache` from another job do not run again.
 
     Returns
     -------
-    The row, and whether it was there already.
+    The row, and whether a former run made it.
     """
     folder = job.folder(out)
     values = {**study.given[job.graph.name], **_places(job, folder)}
@@ -177,7 +177,7 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
         results = _run(job, values, study.device, row, cache)
     except WriteError:
         raise  # no other run can be kept either
-    except Exception as error:  # whatever it is, it must not end the other runs
+    except Exception as error:  # it must not end the other runs
         known = isinstance(error, TactographError)
         row.error = str(error) if known else f"{type(error).__name__}: {error}"
         return row, False
@@ -193,10 +193,10 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     first: Result | None = None
     figures: dict[str, list[float]] = {}
     times: dict[str, list[float]] = {}
-    for result in pipeline.items(repeats=RUNS):
+    for result in pipeline.items(repeats=REPEATS_PER_ITEM):
         first = first or result
-        for name, figure in figures_of(result).items():
-            figures.setdefault(name, []).append(figure)
+        for name, figure in result.figures.items():
+            figures.setdefault(name, []).append(float(figure))
         for name, time in _times_of(result).items():
             times.setdefault(name, []).append(time)
         row.items += 1
@@ -213,19 +213,10 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     return first
 
 
-def figures_of(result: Result) -> dict[str, float]:
-    """All named figures among the outputs."""
-    found: dict[str, float] = {}
-    for value in result.outputs.values():
-        if isinstance(value, dict):
-            found |= {name: float(figure) for name, figure in value.items()}
-    return found
-
-
 def _times_of(result: Result) -> dict[str, float]:
     """Milliseconds of the steps that make an item.
 
-    Reading, writing and rating it are no part of that; nor is what was made once.
+    Steps that read, write or rate it do not count, nor do those that run once.
     """
     return {s.name: result.times.get(s.name, 0.0) for s in _computing(result) if s.stream}
 
@@ -261,7 +252,7 @@ def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
 def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
     """A hash of everything that makes the run: see `Origin`."""
     graph = job.changed
-    draft = names.bind(graph, values, sinks=True, stand_ins=frozenset())
+    draft = names.bind(graph, values, sinks=True)
     files = named_files(draft, values)
     return digest(
         {
@@ -276,7 +267,7 @@ def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) 
 
 
 def _places(job: Job, folder: Path) -> dict[str, str]:
-    """Where the capture is and where results go, as far as the graph wants to know."""
+    """The places of the capture and of the results, for params that the graph has."""
     places = {"out": str(folder)}
     if job.capture is not None:
         places["capture"] = str(job.capture)

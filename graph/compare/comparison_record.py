@@ -1,4 +1,4 @@
-"""How a comparison was made, kept so that it can be made again."""
+"""The record of a comparison, from which it can be made again."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pathlib import Path
 from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
+from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError
-from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.graph.files.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.result_origin import find_origin
 from tactograph.graph.run.typed_values import read_words
 
-FILE = "report.json"
-FORMAT = 1
+RECORD_FILE = "report.json"
+RECORD_FORMAT = 1
 
 
 @dataclass
@@ -43,7 +43,7 @@ class Record:
     repeats: int
     versions: dict[str, str] = field(default_factory=versions)
     code: dict[str, str] = field(default_factory=dict)
-    format: int = FORMAT
+    format: int = RECORD_FORMAT
 
 
 def make_record(
@@ -69,11 +69,11 @@ def make_record(
 
 def _code(study: Study) -> dict[str, str]:
     """The hash of the code of every node of the study's graphs that can be found."""
-    found: dict[str, str] = {}
+    code: dict[str, str] = {}
     for graph in study.graphs:
         with suppress(TactographError):  # a row of the table says what is wrong
-            found |= find_origin(graph, backend="numpy", device=None).code
-    return found
+            code |= find_origin(graph, backend="numpy", device=None).code
+    return code
 
 
 def write_record(record: Record, study: Study, out: Path) -> None:
@@ -81,7 +81,7 @@ def write_record(record: Record, study: Study, out: Path) -> None:
     for graph in study.graphs:
         with atomic_file(out / "graphs" / f"{graph.name}.yaml") as file:
             file.write_text(dump_graph(graph))
-    with atomic_file(out / FILE) as file:
+    with atomic_file(out / RECORD_FILE) as file:
         file.write_text(json.dumps(asdict(record), indent=1) + "\n")
 
 
@@ -93,7 +93,7 @@ def read_record(folder: Path) -> Record:
     InputError
         If there is none, or it is damaged.
     """
-    file = folder / FILE
+    file = folder / RECORD_FILE
     try:
         record = Record(**json.loads(file.read_text()))
     except OSError as error:
@@ -102,8 +102,8 @@ def read_record(folder: Path) -> Record:
         ) from None
     except (ValueError, TypeError):
         raise InputError(f"{file}: damaged, or from another version") from None
-    if record.format != FORMAT:
-        raise InputError(f"{file}: format {record.format}; this version reads {FORMAT}")
+    if record.format != RECORD_FORMAT:
+        raise InputError(f"{file}: format {record.format}; this version reads {RECORD_FORMAT}")
     return record
 
 
@@ -125,7 +125,7 @@ def read_rows(folder: Path) -> list[Row]:
 
 
 def study_again(record: Record, folder: Path) -> Study:
-    """The comparison a record speaks of.
+    """The study that a record describes.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def study_again(record: Record, folder: Path) -> Study:
 
 
 def what_changed(then: Record, now: Record) -> list[str]:
-    """Versions, devices and captures that are no longer the same, in words."""
+    """Versions, code, captures and devices that have changed, in words."""
     pairs = [
         *_pairs(then.versions, now.versions),
         *((f"code of {n}", a, b) for n, a, b in _pairs(then.code, now.code)),
@@ -170,7 +170,7 @@ def what_changed(then: Record, now: Record) -> list[str]:
 
 
 def deviation(then: Sequence[Row], now: Sequence[Row]) -> str:
-    """Say how far the figures of a repeated comparison are from the former ones."""
+    """Describe how far the figures of a repeated comparison are from the former ones."""
     former = {row.key: row.figures for row in then}
     count, worst, where = 0, 0.0, ""
     for row in now:

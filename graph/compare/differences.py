@@ -1,4 +1,4 @@
-"""What sets one graph apart from another, node by node: what exactly was ablated."""
+"""The differences between two graphs, node by node: what exactly was ablated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph.files.flat_graph import Entry, Graph
 
 @dataclass(frozen=True)
 class Difference:
-    """One thing that is not the same: where, what it was, what it is."""
+    """A difference between two graphs: its place, and both values."""
 
     node: str
     what: str
@@ -20,19 +20,19 @@ class Difference:
 
 
 def differences(base: Graph, other: Graph) -> list[Difference]:
-    """What must be changed in `base` to make it compute what `other` does."""
-    found = [_removed(n, e) for n, e in base.nodes.items() if n not in other.nodes]
+    """The changes that turn `base` into `other`."""
+    changes = [_removed(n, e) for n, e in base.nodes.items() if n not in other.nodes]
     for node_id, entry in other.nodes.items():
         if node_id not in base.nodes:
-            found.append(Difference(node_id, "added", "", _described(entry)))
+            changes.append(Difference(node_id, "added", "", _described(entry)))
         else:
-            found += _changed(node_id, base.nodes[node_id], entry)
-    found += _mapping("outputs", "", base.outputs, other.outputs)
+            changes += _changed(node_id, base.nodes[node_id], entry)
+    changes += _mapping("outputs", "", base.outputs, other.outputs)
     defaults = [{n: p.default for n, p in graph.params.items()} for graph in (base, other)]
-    found += _mapping("params", "default of ", *defaults)
+    changes += _mapping("params", "default of ", *defaults)
     if base.prefer != other.prefer:
-        found.append(Difference("prefer", "", ", ".join(base.prefer), ", ".join(other.prefer)))
-    return found
+        changes.append(Difference("prefer", "", ", ".join(base.prefer), ", ".join(other.prefer)))
+    return changes
 
 
 def _removed(node_id: str, entry: Entry) -> Difference:

@@ -16,17 +16,7 @@ from numpy.typing import NDArray
 from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
 from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
-from tactograph.graph.compare.drawable_arrays import View, find_truth, load_views
-from tactograph.graph.compare.pictures import (
-    CLIPPED,
-    Curve,
-    draw_curves,
-    draw_errors,
-    draw_labels,
-    draw_maps,
-    draw_planes,
-    draw_section,
-)
+from tactograph.graph.compare.stored_views import find_truth, load_views
 from tactograph.graph.compare.sweep import Sweep
 from tactograph.graph.compare.tables import (
     Line,
@@ -37,16 +27,27 @@ from tactograph.graph.compare.tables import (
     make_lines,
     over_all,
     sweep_columns,
-    words,
 )
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
-from tactograph.graph.warning_lines import warning_lines
+from tactograph.graph.show.figures import short, words
+from tactograph.graph.show.pictures import (
+    ERROR_PERCENTILE,
+    Curve,
+    draw_curves,
+    draw_errors,
+    draw_labels,
+    draw_maps,
+    draw_planes,
+    draw_section,
+)
+from tactograph.graph.show.views import View
+from tactograph.graph.show.warning_lines import warning_lines
 
-FILE = "report.html"
-TRUTH = "truth"
-MOST_PANELS = 7
-"""Runs of a capture that are drawn; of more, these are taken at even distances."""
+REPORT_FILE = "report.html"
+TRUTH_LABEL = "truth"
+MAX_PANELS = 7
+"""Runs of a capture that are drawn; of more runs, evenly spaced ones."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +73,11 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
     Parameters
     ----------
     study, rows
-        What was compared, and what came of it.
+        The comparison and its results.
     record
-        How it was made, for the page's last part.
+        Its record, for the page's last part.
     out
-        Where the runs are kept: their views are drawn.
+        The folder of the runs, whose views are drawn.
     """
     lines = make_lines(rows)
     page = _template().render(
@@ -93,9 +94,9 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
     )
-    with atomic_file(out / FILE) as file:
+    with atomic_file(out / REPORT_FILE) as file:
         file.write_text(page, encoding="utf-8")
-    return out / FILE
+    return out / REPORT_FILE
 
 
 def _template() -> Any:
@@ -127,16 +128,12 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
             {"text": str(line.figures.get(name, "")), "best": is_best(line, name, shown)}
             for name in names
         ]
-        labels = [line.variant, *(_value(line.sweep.get(t, "")) for t in targets), line.where]
+        labels = [line.variant, *(short(line.sweep.get(t, "")) for t in targets), line.where]
         blocks.setdefault(line.capture, []).append(
             {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
         )
     headings = [{"text": words(name), "higher": higher_is_better(name)} for name in names]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
@@ -159,9 +156,9 @@ def _step_cell(line: Line, name: str) -> str:
 
 
 def _label(line: Line, lines: Iterable[Line]) -> str:
-    """The run in a few words: only what tells it from the others."""
+    """The run in a few words: only those that distinguish it from the others."""
     several = len({other.backend for other in lines}) > 1
-    swept = [f"{target.rpartition('.')[2]} {_value(v)}" for target, v in line.sweep.items()]
+    swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in line.sweep.items()]
     return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
 
 
@@ -211,7 +208,7 @@ def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
                 first.setdefault(_job_label(job, lines), job)
         drawn = dict(_thinned(list(first.items())))
         views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
-        pictures = _pictures({label: found for label, found in views.items() if found})
+        pictures = _pictures({label: view for label, view in views.items() if view})
         sections.append(Section(capture, len(first) - len(drawn), pictures))
     return sections
 
@@ -222,9 +219,9 @@ def _job_label(job: Job, lines: Sequence[Line]) -> str:
 
 
 def _thinned(items: list[Any]) -> list[Any]:
-    if len(items) <= MOST_PANELS:
+    if len(items) <= MAX_PANELS:
         return items
-    chosen = np.linspace(0, len(items) - 1, MOST_PANELS).round().astype(int)
+    chosen = np.linspace(0, len(items) - 1, MAX_PANELS).round().astype(int)
     return [items[i] for i in chosen]
 
 
@@ -241,13 +238,13 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
 
 
 class _Shown:
-    """One view of all runs, and its truth, which a swept scene changes from run to run."""
+    """A view of all runs, and its truth, which differs between runs of a swept scene."""
 
     def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
-        found = {label: views[name] for label, views in runs.items() if name in views}
-        shape = next(iter(found.values())).array.shape
-        self.found = {label: v.array for label, v in found.items() if v.array.shape == shape}
-        truths = {label: find_truth(found[label], runs[label]) for label in self.found}
+        shown = {label: views[name] for label, views in runs.items() if name in views}
+        shape = next(iter(shown.values())).array.shape
+        self.found = {label: v.array for label, v in shown.items() if v.array.shape == shape}
+        truths = {label: find_truth(shown[label], runs[label]) for label in self.found}
         self.truths = {label: truth.array for label, truth in truths.items() if truth is not None}
 
     @property
@@ -258,10 +255,13 @@ class _Shown:
 
     @property
     def panels(self) -> dict[str, NDArray[Any]]:
-        """Every truth there is, and all runs."""
+        """All truths and all runs."""
         if self.truth is not None:
-            return {TRUTH: self.truth, **self.found}
-        return {**{f"{TRUTH}, {k}": v for k, v in _distinct(self.truths).items()}, **self.found}
+            return {TRUTH_LABEL: self.truth, **self.found}
+        return {
+            **{f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()},
+            **self.found,
+        }
 
     @property
     def errors(self) -> dict[str, NDArray[Any]]:
@@ -270,16 +270,16 @@ class _Shown:
 
 def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """The arrays without those that equal a former one."""
-    found: dict[bytes, tuple[str, NDArray[Any]]] = {}
+    distinct: dict[bytes, tuple[str, NDArray[Any]]] = {}
     for label, array in arrays.items():
-        found.setdefault(array.tobytes(), (label, array))
-    return dict(found.values())
+        distinct.setdefault(array.tobytes(), (label, array))
+    return dict(distinct.values())
 
 
 def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
     name, distinct = words(view.name).capitalize(), _distinct(shown.found)
-    of = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
-    return [Picture(draw_planes(view), f"{name}, {of}.")]
+    source = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
+    return [Picture(draw_planes(view), f"{name}, {source}.")]
 
 
 def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
@@ -292,19 +292,19 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
     name, panels = words(view.name), shown.panels
     known = [panel for panel in panels.values() if np.isfinite(panel).any()]
     if not known:
-        return []  # nothing is known of it anywhere
+        return []
     axis = f"{name} / {view.unit}"
     pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
     if shown.errors:
         uri, end = draw_errors(shown.errors, f"error / {view.unit}")
         caption = (
             f"Error of the {name}, one scale for all; it ends at ±{end:.3g} {view.unit}, which "
-            f"{CLIPPED:g} % of the pixels do not reach. Red is too high, blue too low."
+            f"{ERROR_PERCENTILE:g} % of the pixels do not reach. Red is too high, blue too low."
         )
         pictures.append(Picture(uri, caption))
     reference = np.where(np.isfinite(known[0]), known[0], np.nan)
     row = int(np.unravel_index(int(np.nanargmax(reference)), reference.shape)[0])
-    uri = draw_section(panels, axis, row, TRUTH if TRUTH in panels else None)
+    uri = draw_section(panels, axis, row, TRUTH_LABEL if TRUTH_LABEL in panels else None)
     pictures.append(Picture(uri, f"Section through the peak, row {row}."))
     return pictures
 

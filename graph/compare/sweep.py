@@ -1,4 +1,4 @@
-"""Sweeps: the values that a comparison tries for a parameter of a node, and its seeds."""
+"""Sweeps: the values that a comparison tries for a node's parameter, and its seeds."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import numpy as np
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.groups import group_of, meant_nodes
-from tactograph.graph.files.strict_yaml import parse_scalar
 
-MOST_VALUES = 1000
-HOW = "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"
+MAX_VALUES = 1000
+SWEEP_SYNTAX = (
+    "write it as node.param=FROM..TO:COUNT, such as 0.01..0.2:10, log:0.01..1:5, or as a,b,c"
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Sweep:
 def read_sweep(word: str) -> Sweep:
     """Read ``node.param=from..to:count``, the same with ``log:`` before it, or ``a,b,c``.
 
-    A range of whole numbers at whole distances gives whole numbers.
+    A range of whole numbers in whole steps gives whole numbers.
 
     Raises
     ------
@@ -42,12 +44,12 @@ def read_sweep(word: str) -> Sweep:
     """
     target, equals, text = word.partition("=")
     if not equals or not _is_target(target):
-        raise InputError(f"--sweep {word}: {HOW}")
+        raise InputError(f"--sweep {word}: {SWEEP_SYNTAX}")
     log = text.startswith("log:")
     try:
         values = _range(text.removeprefix("log:"), log) if ".." in text else _list(text)
     except (ValueError, InputError) as error:
-        raise InputError(f"--sweep {word}: {error}; {HOW}") from None
+        raise InputError(f"--sweep {word}: {error}; {SWEEP_SYNTAX}") from None
     if len(set(map(repr, values))) < max(2, len(values)):
         raise InputError(f"--sweep {word}: at least two values, each once, are needed")
     return Sweep(target, values, log, word)
@@ -110,13 +112,13 @@ def has_parameter(graph: Graph, target: str) -> bool:
 
 def seed_like(graphs: Iterable[Graph]) -> list[str]:
     """The parameters called ``seed`` of all nodes."""
-    found = (
+    names = (
         f"{node_id}.seed"
         for graph in graphs
         for node_id, entry in graph.nodes.items()
         if has_parameter(graph, f"{node_id}.seed") and entry.op
     )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(names))
 
 
 def _is_target(target: str) -> bool:
@@ -135,13 +137,13 @@ def _range(text: str, log: bool) -> tuple[float, ...]:
     if not colon:
         raise ValueError("the number of values is missing after ':'")
     count = int(count_text)
-    if not 2 <= count <= MOST_VALUES:
-        raise ValueError(f"from 2 to {MOST_VALUES} values")
+    if not 2 <= count <= MAX_VALUES:
+        raise ValueError(f"from 2 to {MAX_VALUES} values")
     if log and not (low > 0 and high > 0):
         raise ValueError("a logarithmic range starts and ends above 0")
     spaced = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
     whole = isinstance(low, int) and isinstance(high, int) and (spaced % 1 == 0).all()
-    # Six digits keep 0.1 from being written as 0.10000000000000002 into tables and folders.
+    # Six digits keep 0.10000000000000002 out of tables and folder names.
     return tuple(int(v) if whole else float(f"{v:.6g}") for v in spaced)
 
 

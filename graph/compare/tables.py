@@ -4,45 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from statistics import fmean, stdev
+from statistics import fmean
 from typing import Any
 
-from scipy.special import stdtrit
-
 from tactograph.graph.compare.compare import Row
-from tactograph.graph.compare.text_table import fitting_table
-from tactograph.graph.files.atomic_files import atomic_files
-from tactograph.graph.warning_lines import warning_lines
+from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.show.figures import Estimate, estimate, short, words
+from tactograph.graph.show.text_table import fitting_table
+from tactograph.graph.show.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
 """Words in a figure's name; of all other figures the one nearest to zero is the best."""
-TIME = "ms"
-STAR = "*"
+TIME_FIGURE = "ms"
+BEST_MARK = "*"
 """Marks the best figure on the terminal."""
-CONFIDENCE = 0.95
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean over runs, and the interval that holds it with 95 % confidence."""
-
-    mean: float
-    low: float
-    high: float
-    count: int
-
-    @property
-    def half(self) -> float:
-        return (self.high - self.low) / 2
-
-    def __str__(self) -> str:
-        if self.count < 2:
-            return f"{self.mean:.4g}"
-        return f"{self.mean:.4g} ± {self.half:.2g}"
 
 
 @dataclass(frozen=True)
@@ -76,19 +54,9 @@ class Line:
 
     @property
     def where(self) -> str:
-        """The back ends that were in fact used."""
+        """The back ends that were used."""
         used = {backend for row in self.rows for backend in row.backends.values()}
         return " + ".join(sorted(used)) or self.backend
-
-
-def estimate(values: Sequence[float]) -> Estimate:
-    """The mean, with Student's interval where there are several values."""
-    mean = fmean(values)
-    if len(values) < 2:
-        return Estimate(mean, mean, mean, len(values))
-    quantile = float(stdtrit(len(values) - 1, 0.5 + CONFIDENCE / 2))
-    half = quantile * stdev(values) / math.sqrt(len(values))
-    return Estimate(mean, mean - half, mean + half, len(values))
 
 
 def make_lines(rows: Iterable[Row]) -> list[Line]:
@@ -100,9 +68,9 @@ def make_lines(rows: Iterable[Row]) -> list[Line]:
 
 
 def over_all(lines: Sequence[Line]) -> list[Line]:
-    """The means over all captures, if there are several: what a paper would state.
+    """The means over all captures, if there are several, as a paper states them.
 
-    Errors of both signs do not cancel: the mean is that of their sizes, and says so.
+    Errors of both signs do not cancel: the mean is that of their sizes, and is labelled so.
     """
     if len({line.capture for line in lines}) < 2:
         return []
@@ -110,8 +78,8 @@ def over_all(lines: Sequence[Line]) -> list[Line]:
     for line in lines:
         groups.setdefault((line.variant, line.backend, repr(line.sweep)), []).append(line)
     whole = [g for g in groups.values() if len(g) > 1 and not any(line.error for line in g)]
-    found = ((name, x.figures.get(name)) for g in whole for x in g for name in columns(g))
-    signed = any(each is not None and _size(name, each.mean) != each.mean for name, each in found)
+    figures = ((name, x.figures.get(name)) for g in whole for x in g for name in columns(g))
+    signed = any(each is not None and _size(name, each.mean) != each.mean for name, each in figures)
     return [_mean_line(group, ", signs left out" if signed else "") for group in whole]
 
 
@@ -123,11 +91,6 @@ def columns(lines: Iterable[Line], details: bool = False) -> list[str]:
 
 def sweep_columns(lines: Iterable[Line]) -> list[str]:
     return list(dict.fromkeys(target for line in lines for target in line.sweep))
-
-
-def words(name: str) -> str:
-    """A figure's name for people."""
-    return name.replace("_", " ").replace("/", ", ")
 
 
 def higher_is_better(name: str) -> bool:
@@ -142,7 +105,7 @@ def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
     if name not in line.figures:
         return False
     peers = [x.figures[name] for x in lines if x.capture == line.capture and name in x.figures]
-    if name == TIME and any(peer.count < 2 for peer in peers):
+    if name == TIME_FIGURE and any(peer.count < 2 for peer in peers):
         return False
     sizes = [_size(name, peer.mean) for peer in peers]
     best = max(sizes) if higher_is_better(name) else min(sizes)
@@ -175,8 +138,8 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
         for line in shown
     ]
     echo(fitting_table([*labels, *map(words, names)], table, len(labels), width))
-    if any(cell.endswith(STAR) for cells in table for cell in cells):
-        echo(f"{STAR} best of its capture: {_what_is_best(names)}")
+    if any(cell.endswith(BEST_MARK) for cells in table for cell in cells):
+        echo(f"{BEST_MARK} best of its capture: {_what_is_best(names)}")
     for line in lines:
         if line.error:
             echo(f"failed: {line.label}: {line.error}")
@@ -194,7 +157,7 @@ def _what_is_best(names: Iterable[str]) -> str:
 
 
 def fallback_lines(rows: Iterable[Row]) -> list[str]:
-    """Each fallback once, behind the names of the graphs that it concerns."""
+    """Each fallback once, after the names of the graphs that it concerns."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
         # Rows that an earlier version kept have no brief lines.
@@ -209,7 +172,7 @@ def _line(rows: Sequence[Row]) -> Line:
     figures = {n: estimate([r.figures[n] for r in good if n in r.figures]) for n in names}
     timed = [sum(row.milliseconds.values()) for row in good if row.milliseconds]
     if timed:
-        figures[TIME] = estimate(timed)
+        figures[TIME_FIGURE] = estimate(timed)
     first = rows[0]
     return Line(first.variant, first.capture, first.backend, first.sweep, rows, figures)
 
@@ -222,9 +185,9 @@ def _mean_line(lines: Sequence[Line], remark: str) -> Line:
     for name in names:
         mean = fmean(_size(name, line.figures[name].mean) for line in lines)
         figures[name] = Estimate(mean, mean, mean, 1)
-    of = f"mean of {len(lines)} captures{remark}"
+    title = f"mean of {len(lines)} captures{remark}"
     rows = [row for line in lines for row in line.rows]
-    return Line(first.variant, of, first.backend, first.sweep, rows, figures)
+    return Line(first.variant, title, first.backend, first.sweep, rows, figures)
 
 
 def _row_headings(lines: Sequence[Line]) -> list[str]:
@@ -234,18 +197,14 @@ def _row_headings(lines: Sequence[Line]) -> list[str]:
 
 def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
     capture = [line.capture] if any(other.capture for other in lines) else []
-    swept = [_value(line.sweep.get(target, "")) for target in sweep_columns(lines)]
+    swept = [short(line.sweep.get(target, "")) for target in sweep_columns(lines)]
     return [*capture, line.variant, *swept, line.where]
-
-
-def _value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:
     if name not in line.figures:
         return ""
-    return f"{line.figures[name]}{STAR if is_best(line, name, lines) else ' '}"
+    return f"{line.figures[name]}{BEST_MARK if is_best(line, name, lines) else ' '}"
 
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:
@@ -260,9 +219,9 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
         )
         for line in lines:
             swept = [line.sweep.get(target, "") for target in targets]
-            found = [line.figures.get(name) for name in names]
-            means = ["" if f is None else f.mean for f in found]
-            ends = [end for f in found for end in (("", "") if f is None else (f.low, f.high))]
+            figures = [line.figures.get(name) for name in names]
+            means = ["" if f is None else f.mean for f in figures]
+            ends = [end for f in figures for end in (("", "") if f is None else (f.low, f.high))]
             more = [len(line.rows), *ends] if several else []
             start = [line.variant, line.capture, line.backend]
             told = ["; ".join(line.warnings), line.error]
@@ -313,5 +272,5 @@ def _marked(line: Line, name: str, lines: Sequence[Line], mark: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Text with LaTeX's own characters made harmless."""
+    """Text with LaTeX's special characters escaped."""
     return "".join(f"\\{c}" if c in "&%$#_{}" else c for c in text.replace("\\", "/"))

@@ -1,1 +1,1 @@
-"""What a node is: its declaration, how it is found, described, written anew and proved."""
+"""Nodes: how they are declared, found, described, and written from templates."""

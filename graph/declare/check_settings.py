@@ -11,15 +11,16 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
 from tactograph.graph.declare.node import Node
+from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.flat_graph import NOT_GIVEN
-from tactograph.graph.files.strict_yaml import parse_scalar
-from tactograph.graph.files.text_names import at_home
 
 _WRAPPERS = (Annotated, Union, UnionType)
 
 
-SMALLEST, LARGEST = 1e-12, 1e12
+NOT_GIVEN = object()
+"""Value of a param where only the plan matters, not the data."""
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Magnitudes that a node's parameters may have."""
 
 
@@ -35,15 +36,19 @@ def check_settings(
     settings
         Their values.
     where
-        For a parameter's name, where its value stands.
+        Gives the place of a parameter's value by the parameter's name.
 
     Raises
     ------
     GraphError
-        If one is unknown, missing, of a wrong type or out of its range.  One that is
-        `NOT_GIVEN` yet is taken to be right.
+        If one is unknown, missing, of a wrong type or out of its range.  `NOT_GIVEN` passes.
     """
     for name in settings:
+        if name in node.former:
+            raise GraphError(
+                f"{where(name)}: node '{node.name}' has no parameter '{name}' any more: "
+                f"{node.former[name]}"
+            )
         if name not in node.parameters:
             raise GraphError(
                 f"{where(name)}: node '{node.name}' has no parameter '{name}'"
@@ -57,20 +62,22 @@ def check_settings(
             raise GraphError(_message(node, where, wrong[0])) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
-    found = {name: getattr(model, name) for name in node.parameters}
-    for name, value in found.items():
+    checked = {name: getattr(model, name) for name in node.parameters}
+    for name, value in checked.items():
         if reason := _beyond_numbers(value):
             raise GraphError(f"{where(name)}: {reason}")
-    return found
+    return checked
 
 
 def _beyond_numbers(value: Any) -> str:
-    """Say if 32-bit floats cannot hold a number's square or inverse, or 64 bits a whole number."""
+    """A complaint if float32 cannot hold a number's square or inverse, or 64 bits an integer."""
     for part in value if isinstance(value, list | tuple) else ():
         if reason := _beyond_numbers(part):
             return reason
-    if isinstance(value, float) and value and not SMALLEST <= abs(value) <= LARGEST:
-        return f"a number from {SMALLEST:g} to {LARGEST:g} (or 0) is needed, not {value:g}"
+    if isinstance(value, float) and value and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
+        return (
+            f"a number from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g} (or 0) is needed, not {value:g}"
+        )
     if isinstance(value, int) and abs(value) >= 2**63:
         return "the whole number is too large"
     return ""
@@ -98,21 +105,23 @@ def model_of(node: Node) -> type[BaseModel]:
 
 
 def _lenient(annotation: Any) -> Any:
-    """Let ``160,120`` stand for a tuple and ``~`` for a home; keep true and false from numbers."""
+    """Accept ``160,120`` for a tuple and ``~`` for a home, but no flag for a number."""
     parts = _parts(annotation)
     if Path in parts:
         annotation = Annotated[annotation, BeforeValidator(_at_home)]
+    before = _validator_for(parts)
+    return annotation if before is None else Annotated[annotation, BeforeValidator(before)]
+
+
+def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
+    """The check that a value passes before pydantic's own, if a type needs one."""
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
         members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
-        split = _split_numbers if {int, float} & members else _split_commas
-        return Annotated[annotation, BeforeValidator(split)]
+        return _split_numbers if {int, float} & members else _split_commas
     if float in parts or (int in parts and bool not in parts):
-        text = str in parts or Path in parts
-        return Annotated[annotation, BeforeValidator(_refuse_bool if text else _only_number)]
-    if bool in parts and not {str, int} & {*parts}:
-        return Annotated[annotation, BeforeValidator(_only_flag)]
-    return annotation
+        return _refuse_bool if {str, Path} & {*parts} else _only_number
+    return _only_flag if bool in parts and not {str, int} & {*parts} else None
 
 
 def _at_home(value: Any) -> Any:
@@ -120,7 +129,7 @@ def _at_home(value: Any) -> Any:
 
 
 def _parts(annotation: Any) -> list[Any]:
-    """An annotation and all that its unions and `Annotated` wrap."""
+    """An annotation and all types that its unions and `Annotated` wrap."""
     inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
     if get_origin(annotation) is Annotated:
         inner = inner[:1]
@@ -149,7 +158,7 @@ def _split_numbers(value: Any) -> Any:
 
 
 def _scalar_of(text: str) -> Any:
-    """A part of a text with commas, read as it would be read alone."""
+    """A part of a text with commas, read like a text of its own."""
     try:
         return _refuse_bool(parse_scalar(text))
     except InputError:
@@ -157,7 +166,7 @@ def _scalar_of(text: str) -> Any:
 
 
 def _only_number(value: Any) -> Any:
-    """Text is no number, whatever could be made of it."""
+    """Refuse text where a number is needed."""
     if isinstance(value, str):
         raise ValueError("a number is needed")
     return _refuse_bool(value)

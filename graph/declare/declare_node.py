@@ -1,20 +1,28 @@
-"""From a function to a `Node`: its signature, read and checked."""
+"""Make a `Node` of a function: read and check its signature."""
 
 from __future__ import annotations
 
 import collections.abc
 import inspect
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
-from tactograph.graph.declare.ports import PortType, is_record, read_port, record_ports
+from tactograph.graph.declare.ports import (
+    PortType,
+    is_record,
+    optional_record,
+    read_port,
+    record_fields,
+    record_ports,
+)
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.session import Session
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-from tactograph.graph.declare.wanted_outputs import Wanted
-from tactograph.graph.declare.whole_images import Whole
+
+_ENGINE_ARGUMENTS: tuple[Any, ...] = (Provenance, Session, Wanted, Whole)
+"""Types of the arguments that the engine gives."""
 
 
 @typing.overload
@@ -29,6 +37,7 @@ def node(
     sizes: Mapping[str, SizeLimit] | None = None,
     derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
+    former: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
 
@@ -40,24 +49,28 @@ def node(
     sizes: Mapping[str, SizeLimit] | None = None,
     derived: Mapping[str, Parts | SizeRule] | None = None,
     endless: bool = False,
+    former: Mapping[str, str] | None = None,
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
 
     Parameters
     ----------
     neutral
-        What stands in when a variant takes the node out: a constant for the output, or the
-        name of the input that is passed on.  None: the node cannot be taken out.
+        Replaces the node when a variant takes it out: a constant output, or the name of the
+        input that is passed on.  None: the node cannot be taken out.
     tolerance
-        How far other back ends' output may differ from the NumPy one, and why.
+        The difference allowed between other back ends and NumPy, with the reason.
     sizes
-        Limits on size symbols, with the sentence a user reads when they are not met.
+        Limits on size symbols, each with the message for a size outside them.
     derived
         Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
         rule, a `SizeRule`.
     endless
         A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
         to end a run, not an accident.
+    former
+        Inputs and parameters of earlier versions, each with a sentence on what to write
+        instead, for graphs that still name them.
 
     Raises
     ------
@@ -66,8 +79,10 @@ def node(
         not keyword-only, a neutral input whose type is not the output's.
     """
     if function is None:
-        return lambda f: _declare(f, neutral, tolerance, sizes or {}, derived or {}, endless)
-    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless)
+        return lambda f: _declare(
+            f, neutral, tolerance, sizes or {}, derived or {}, endless, former or {}
+        )
+    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless, former or {})
 
 
 def _declare(
@@ -77,36 +92,41 @@ def _declare(
     sizes: Mapping[str, SizeLimit],
     derived: Mapping[str, Parts | SizeRule],
     endless: bool,
+    former: Mapping[str, str],
 ) -> Node:
     """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
     inputs: dict[str, PortType] = {}
     records: dict[str, type] = {}
     optional: set[str] = set()
+    repeated: PortType | None = None
     parameters: dict[str, Parameter] = {}
-    provenance: str | None = None
-    session: str | None = None
-    wanted: str | None = None
-    whole: str | None = None
-    for name, argument in inspect.signature(function).parameters.items():
+    parameter_records: dict[str, type] = {}
+    by_engine: dict[Any, str] = {}
+    for name, argument in _arguments(function, hints):
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
         if argument.kind is argument.KEYWORD_ONLY:
-            if annotation is Provenance:
-                provenance = name
-            elif annotation is Session:
-                session = name
-            elif annotation is Wanted:
-                wanted = name
-            elif annotation is Whole:
-                whole = name
+            if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
+                by_engine[annotation] = name
+            elif is_record(annotation):
+                parameter_records[name] = annotation
+                _add_parameters(function.__name__, parameters, _fields_as_parameters(annotation))
             else:
-                parameters[name] = Parameter(name, annotation, argument.default)
-        elif is_record(annotation):
-            records[name] = annotation
-            ports = record_ports(annotation, f"{name}.")
+                _add_parameters(
+                    function.__name__,
+                    parameters,
+                    [Parameter(name, annotation, argument.default)],
+                )
+        elif argument.kind is argument.VAR_POSITIONAL:
+            repeated = read_port(name, annotation)
+        elif record := optional_record(annotation):
+            records[name] = record
+            ports = record_ports(record, f"{name}.")
             inputs.update({port.name: port for port in ports.values()})
+            if argument.default is not argument.empty:
+                optional.add(name)
         else:
             inputs[name] = read_port(name, annotation)
             if argument.default is not argument.empty:
@@ -117,7 +137,9 @@ def _declare(
         function=function,
         inputs=inputs,
         input_records=records,
+        repeated=repeated,
         parameters=parameters,
+        parameter_records=parameter_records,
         outputs=outputs,
         output_record=record,
         stream=stream,
@@ -125,11 +147,12 @@ def _declare(
         tolerance=tolerance or Exact(),
         sizes=sizes,
         derived=derived,
-        provenance=provenance,
-        session=session,
-        wanted=wanted,
-        whole=whole,
+        provenance=by_engine.get(Provenance),
+        session=by_engine.get(Session),
+        wanted=by_engine.get(Wanted),
+        whole=by_engine.get(Whole),
         endless=endless,
+        former=former,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
     )
@@ -139,8 +162,38 @@ def _declare(
     return declared
 
 
+def _arguments(
+    function: Callable[..., Any], hints: dict[str, Any]
+) -> Iterator[tuple[str, inspect.Parameter]]:
+    """A function's arguments; for ``*values: Unpack[Record]`` the record's fields, with `hints`."""
+    for name, argument in inspect.signature(function).parameters.items():
+        if typing.get_origin(hints.get(name)) is not typing.Unpack:
+            yield name, argument
+            continue
+        (record,) = typing.get_args(hints[name])
+        hints |= typing.get_type_hints(record, include_extras=True)
+        for field in record._fields:
+            yield field, inspect.Parameter(field, inspect.Parameter.POSITIONAL_ONLY)
+
+
+def _fields_as_parameters(record: type) -> list[Parameter]:
+    """The fields of a record of parameters."""
+    defaults: Mapping[str, Any] = record._field_defaults  # type: ignore[attr-defined]
+    return [
+        Parameter(field, annotation, defaults.get(field, inspect.Parameter.empty))
+        for field, annotation in record_fields(record).items()
+    ]
+
+
+def _add_parameters(name: str, parameters: dict[str, Parameter], more: Iterable[Parameter]) -> None:
+    for parameter in more:
+        if parameter.name in parameters:
+            raise TypeError(f"{name}: two parameters are called '{parameter.name}'")
+        parameters[parameter.name] = parameter
+
+
 def _kernel_package(module: str) -> str:
-    """Where the kernels of a module's node lie: ``kernels/`` has the same rooms as ``nodes/``."""
+    """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
     room = package.removeprefix("tactograph.nodes")
     return f"tactograph.kernels{room}" if room != package else package or module

@@ -2,8 +2,8 @@
 
 Built-in nodes lie in the rooms of ``tactograph.nodes``: ``op: x`` is function ``x`` of
 ``nodes/ROOM/x.py``, where a room may lie in another.  Third-party nodes come through the
-entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only what a graph names is
-ever imported.
+entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only the nodes that a graph
+names are imported.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ import tactograph.nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_mean, message_of
 
-GROUP = "tactograph.nodes"
-DECLARED = re.compile(rb"^@node\b", re.MULTILINE)
-"""How a file of a node tells itself from one of functions that nodes share."""
+ENTRY_POINT_GROUP = "tactograph.nodes"
+NODE_DECORATOR = re.compile(rb"^@node\b", re.MULTILINE)
+"""The decorator that tells a node's file from one of shared functions."""
 
 
 @cache
 def builtin_rooms() -> Mapping[str, str]:
     """The room of every built-in node, by the node's name; none of their modules is imported."""
-    found: dict[str, str] = {}
+    rooms: dict[str, str] = {}
     for root in map(Path, tactograph.nodes.__path__):
         for file in root.rglob("[!_]*.py"):
-            if DECLARED.search(file.read_bytes()):
-                found[file.stem] = file.parent.relative_to(root).as_posix()
-    return {name: found[name] for name in sorted(found)}
+            if NODE_DECORATOR.search(file.read_bytes()):
+                rooms[file.stem] = file.parent.relative_to(root).as_posix()
+    return {name: rooms[name] for name in sorted(rooms)}
 
 
 def builtin_names() -> list[str]:
@@ -50,26 +50,26 @@ def plugin_entry_points() -> Mapping[str, Sequence[EntryPoint]]:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> Mapping[str, Sequence[EntryPoint]]:
-    """What is installed on `path`, once for all: reading all packages' metadata takes long."""
-    found: dict[str, list[EntryPoint]] = {}
-    for point in entry_points(group=GROUP):
-        found.setdefault(point.name, []).append(point)
-    return found
+    """The entry points on `path`, cached: reading all packages' metadata takes long."""
+    points: dict[str, list[EntryPoint]] = {}
+    for point in entry_points(group=ENTRY_POINT_GROUP):
+        points.setdefault(point.name, []).append(point)
+    return points
 
 
 def node_names() -> list[str]:
-    """Every name that `find_node` knows."""
+    """All names that `find_node` knows."""
     return sorted({*builtin_names(), *plugin_entry_points()})
 
 
 def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
-    """Import and return the node called `name`; one of `own`, where it is there, as it is.
+    """Import and return the node called `name`, or take it from `own`.
 
     Raises
     ------
     InputError
-        If no package has it, or several plug-ins have.  A shipped node goes before a plug-in's
-        of the same name, and a warning says so: graphs keep their meaning.
+        If no package has it, or several plug-ins have.  A shipped node has precedence over a
+        plug-in's of the same name, with a warning, so that graphs keep their meaning.
     NodeError
         If its module does not hold a node of that name.
     """
@@ -77,25 +77,28 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
         return own[name]
     points = plugin_entry_points().get(name, [])
     room = builtin_rooms().get(name)
-    packages = [_package(point) for point in points]
-    if room is not None and packages:
-        warnings.warn(
-            f"'{name}' of {' and '.join(sorted(packages))} is not used: a shipped node has that "
-            "name; rename it there, or uninstall it",
-            stacklevel=2,
-        )
-    if room is None and not packages:
+    packages = " and ".join(sorted(map(_package, points)))
+    if room is not None:
+        if points:
+            warnings.warn(
+                f"'{name}' of {packages} is not used: a shipped node has that name; rename it "
+                "there, or uninstall it",
+                stacklevel=2,
+            )
+        module = importlib.import_module(f"{ENTRY_POINT_GROUP}.{room.replace('/', '.')}.{name}")
+        return _checked(getattr(module, name, None), name)
+    if not points:
         known = [*(own or ()), *node_names()]
         raise GraphError(f"no node is called '{name}'{did_you_mean(name, known)}")
-    if room is None and len(packages) > 1:
-        both = " and ".join(sorted(packages))
-        raise InputError(f"two nodes are called '{name}', in {both}; uninstall one of them")
-    if room is not None:
-        module = importlib.import_module(f"{GROUP}.{room.replace('/', '.')}.{name}")
-        return _checked(getattr(module, name, None), name)
-    point = points[0]
+    if len(points) > 1:
+        raise InputError(f"two nodes are called '{name}', in {packages}; uninstall one of them")
+    return _plugin_node(points[0], name)
+
+
+def _plugin_node(point: EntryPoint, name: str) -> Node:
+    """Load the node of a third-party package."""
     try:
-        found = point.load()
+        loaded = point.load()
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit, too: it would end the command as if it was done
@@ -103,42 +106,40 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
             f"node '{name}' of package {_package(point)} cannot be loaded: "
             f"{message_of(error) or type(error).__name__}"
         ) from error
-    node = _checked(found, name)
+    node = _checked(loaded, name)
     node.package = _package(point)
     # A plug-in's kernel lies in the package folder of the module that declares the node.
-    node.kernel_package = (
-        point.module
-        if _is_package(point.module)
-        else (point.module.rpartition(".")[0] or point.module)
-    )
+    is_package = _is_package(point.module)
+    node.kernel_package = point.module if is_package else point.module.rpartition(".")[0]
+    node.kernel_package = node.kernel_package or point.module
     return node
 
 
 def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
-    """Nodes that a program hands over itself, by name.
+    """The nodes that a program hands over, by name.
 
     Raises
     ------
     InputError
-        If one is no node, or its name is that of a shipped one or of another: graphs keep
+        If one is no node, or has the name of a shipped or another node, so that graphs keep
         their meaning.
     """
-    found: dict[str, Node] = {}
+    own: dict[str, Node] = {}
     for each in nodes:
         if not isinstance(each, Node):
             raise InputError(f"nodes: {each!r} is no node; decorate the function with @node")
         if each.name in builtin_rooms():
             raise InputError(f"nodes: a shipped node is called '{each.name}'; rename the function")
-        if each.name in found:
+        if each.name in own:
             raise InputError(f"nodes: two are called '{each.name}'; rename one")
-        found[each.name] = each
-    return found
+        own[each.name] = each
+    return own
 
 
-def _checked(found: object, name: str) -> Node:
-    if not isinstance(found, Node) or found.name != name:
+def _checked(candidate: object, name: str) -> Node:
+    if not isinstance(candidate, Node) or candidate.name != name:
         raise NodeError(f"the module of node '{name}' defines no @node function of that name")
-    return found
+    return candidate
 
 
 def _package(point: EntryPoint) -> str:

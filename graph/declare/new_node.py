@@ -8,11 +8,11 @@ from pathlib import Path
 
 import jinja2
 
-from tactograph.graph.declare.find_node import GROUP, node_names
+from tactograph.graph.declare.find_node import ENTRY_POINT_GROUP, node_names
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.atomic_files import atomic_file
 
-NAME = re.compile(r"[a-z][a-z0-9_]*")
+NODE_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def write_into_project(place: str, root: Path) -> list[Path]:
@@ -80,13 +80,13 @@ def write_into_package(name: str, folder: Path) -> tuple[list[Path], str]:
         start.write_text('"""Nodes for tactograph."""\n')
         written.append(start)
     line = f'{name} = "{module}.{name}:{name}"'
-    return written, "" if new else f'[project.entry-points."{GROUP}"]  {line}'
+    return written, "" if new else f'[project.entry-points."{ENTRY_POINT_GROUP}"]  {line}'
 
 
 def _write(name: str, files: dict[Path, str], **about: object) -> list[Path]:
     if keyword.iskeyword(name):
         raise InputError(f"'{name}' is a Python keyword; give another name")
-    if not NAME.fullmatch(name):
+    if not NODE_NAME.fullmatch(name):
         raise InputError(f"'{name}': a node's name is of lower-case letters, digits and _")
     if name in node_names():
         raise InputError(f"there is a node '{name}' already; give another name")

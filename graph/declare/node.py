@@ -1,7 +1,10 @@
 """Nodes: a function's signature is its declaration.
 
 Positional arguments are input ports, keyword-only arguments are parameters, the return
-annotation gives the output port, or a record of ports.  A function that returns an iterator
+annotation gives the output port, or a record of ports.  A `NamedTuple` as an input takes all
+outputs of one node, and as a parameter stands for its fields; ``*values: Unpack[Record]`` takes
+the fields of a record, each as an input of its own.  ``*arguments`` takes any number of inputs,
+which a graph names as it likes.  A function that returns an iterator
 is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
 `Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
 """
@@ -12,12 +15,12 @@ import inspect
 import itertools
 import os
 import typing
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from tactograph.graph.backends.kernel_declaration import (
+from tactograph.graph.declare.kernel_declaration import (
     CanRun,
     Kernels,
     Lanes,
@@ -96,7 +99,9 @@ class Node:
     function: Callable[..., Any]
     inputs: dict[str, PortType]
     input_records: dict[str, type]
+    repeated: PortType | None
     parameters: dict[str, Parameter]
+    parameter_records: dict[str, type]
     outputs: dict[str, PortType]
     output_record: type | None
     stream: bool
@@ -110,6 +115,7 @@ class Node:
     wanted: str | None = None
     whole: str | None = None
     endless: bool = False
+    former: Mapping[str, str] = field(default_factory=dict)
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None
@@ -119,7 +125,24 @@ class Node:
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        for name, record in self.parameter_records.items():
+            fields = [field for field in record._fields if field in kwargs]  # type: ignore[attr-defined]
+            kwargs[name] = record(**{field: kwargs.pop(field) for field in fields})
         return self.function(*args, **kwargs)
+
+    def with_inputs(self, names: Iterable[str]) -> Node:
+        """The node with the inputs that a graph names, if it takes any number."""
+        key = tuple(names)
+        if self.repeated is None or not key:
+            return self
+        if key not in self._sized:
+            inputs = {name: replace(self.repeated, name=name) for name in key}
+            self._sized[key] = replace(self, inputs=inputs, repeated=None)
+        return self._sized[key]
+
+    @cached_property
+    def _sized(self) -> dict[tuple[str, ...], Node]:
+        return {}
 
     @cached_property
     def serial(self) -> int:
@@ -128,12 +151,15 @@ class Node:
 
     @property
     def input_names(self) -> list[str]:
-        """What ``in`` of a graph file may name: records as a whole, then ports."""
+        """The names that ``in`` of a graph file may use: records as a whole, then ports.
+
+        Where `repeated` is given, it may use more.
+        """
         return [*self.input_records, *(name for name in self.inputs if "." not in name)]
 
     @property
     def source(self) -> bool:
-        return not self.inputs
+        return not self.inputs and self.repeated is None
 
     @property
     def sink(self) -> bool:
@@ -153,7 +179,7 @@ class Node:
 
     @property
     def kernels(self) -> Kernels:
-        """Its OpenCL implementation; a KeyError where there is none."""
+        """The OpenCL implementation; a KeyError where there is none."""
         return self.implementations["opencl"]
 
     @property
@@ -163,11 +189,11 @@ class Node:
 
     def reads_integers(self, name: str, backend: str) -> bool:
         """Whether a back end's kernel takes an input's images as the camera's integers."""
-        found = self.implementations.get(backend)
-        return found is not None and found.whole == name
+        kernels = self.implementations.get(backend)
+        return kernels is not None and kernels.whole == name
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
-        """Inputs by port as positional arguments, records put together; None for those left out."""
+        """Inputs by port as positional arguments, with records assembled; None for absent ones."""
         if not self.input_records:
             return [inputs.get(name) for name in self.inputs]
         arguments: dict[str, Any] = {}
@@ -178,25 +204,28 @@ class Node:
             else:
                 arguments[name] = inputs.get(name)
         return [
-            make_record(self.input_records[name], found.values())
-            if name in self.input_records
-            else found
-            for name, found in arguments.items()
+            self._record(name, value) if name in self.input_records else value
+            for name, value in arguments.items()
         ]
 
+    def _record(self, name: str, values: Mapping[str, Any]) -> Any:
+        if name in self.optional_inputs and all(value is None for value in values.values()):
+            return None
+        return make_record(self.input_records[name], values.values())
+
     def results(self, made: Any) -> tuple[Any, ...]:
-        """What the function returned or yielded, in the order of the outputs."""
+        """The values that the function returned or yielded, in the order of the outputs."""
         if self.sink:
             return ()
         return (made,) if self.output_record is None else record_values(self.output_record, made)
 
     def name_of(self, made: Any) -> str:
-        """What is called ``name`` among what the function yielded; "" if there is none."""
-        found = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
-        return found if isinstance(found, str) else ""
+        """The text ``name`` among the values that the function yielded; "" if there is none."""
+        name = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
+        return name if isinstance(name, str) else ""
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
-        """The shape of an output whose symbols are all known; a KeyError names one that is not."""
+        """The shape of an output; a KeyError names a symbol that is not known."""
         return tuple(d if isinstance(d, int) else sizes[d] for d in self.outputs[port].dims)
 
     @cached_property
@@ -215,20 +244,20 @@ class Node:
 
     @cached_property
     def finds_sizes(self) -> bool:
-        """Whether only the data determine the size of an output.
+        """Whether the size of an output depends on the data.
 
-        The host waits for a device then, in the midst of the launch.
+        The host then waits for a device in the midst of the launch.
         """
         return not self.source and bool(self.free_symbols)
 
     @property
     def may_be_absent(self) -> list[str]:
-        """The inputs, by port, that an item may come without."""
+        """The inputs, by port, that may be absent from an item."""
         ports = self.inputs.values()
         return [p.name for p in ports if p.optional or p.name in self.optional_inputs]
 
     def may_lack(self, symbol: str) -> bool:
-        """Whether a size is one of absent inputs alone: 0 for a kernel then."""
+        """Whether only inputs that may be absent have a size, which is then 0 for a kernel."""
         absent = self.may_be_absent
         needed = [p for p in self.inputs.values() if p.name not in absent]
         return all(symbol not in port.dims for port in (*needed, *self.outputs.values()))
@@ -265,20 +294,19 @@ class Node:
         Parameters
         ----------
         grid
-            The size symbols that one work-item each is started for, slowest first.  The
-            engine then launches the kernel of the node's own name.  Without it the call is
-            a decorator for a function that is handed a `Launch`, for nodes of several
-            launches.
+            The size symbols of the grid of work-items, slowest first.  The engine then
+            launches the kernel of the node's own name.  Without it the call decorates a
+            function that takes a `Launch`, for nodes of several launches.
         lanes
-            "grid" if a work-item does LANES consecutive elements of the grid, which is then
-            counted through as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.  "rows"
-            if none goes on into the next row of the grid's last axis.
+            "grid" if a work-item does LANES consecutive elements of the grid, counted through
+            as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.  "rows" if each stays in
+            its row of the grid's last axis.
         whole
-            An input, images as fractions of full scale, that the kernel also reads as the
-            unsigned integers which they were; see ``pixels.clh``.
+            An input of images that the kernel reads as fractions of full scale, or as the
+            camera's unsigned integers; see ``pixels.clh``.
         can_run
-            From a device's traits to an `Obstacle`: what the launch function needs and is
-            missing, or why the NumPy function is faster there.  None: it can run.
+            Takes a device's traits and returns an `Obstacle`: what the launch function lacks
+            there, or why the NumPy function is faster.  None: it can run.
         source
             The kernels themselves, as text or as a path, for a node of a script or notebook.
         """
@@ -297,8 +325,8 @@ class Node:
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a maker of test inputs, for nodes whose inputs depend on one another.
 
-        It is called as ``f(rng, **sizes)`` and returns inputs by port name;
-        what it leaves out is drawn from the port's own range.
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name; others are drawn
+        from their ports' ranges.
         """
         self.make_example = function
         return function
@@ -331,8 +359,8 @@ class Node:
     def handed_in(self, check: Callable[[Any, str], None]) -> Callable[[Any, str], None]:
         """Register a check of the images that a caller hands in for an item of this source.
 
-        It is called with the K x H x W array as it came and with the source's name in the
-        graph; it raises `InputError`, or calls `warn`.
+        It is called with the caller's K x H x W array and the source's name in the graph; it
+        raises `InputError`, or calls `warn`.
         """
         self.check_handed_in = check
         return check

@@ -1,21 +1,19 @@
-"""What a node's docstring says of its ports and parameters, and all of that as a page."""
+"""The page of a node: its docstring, ports and parameters."""
 
 from __future__ import annotations
 
 import inspect
 import re
-import types
-import typing
 from dataclasses import dataclass
 
-import annotated_types
 import docstring_parser
 
+from tactograph.graph.declare.limits import choices_of, limits_of
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 
 _RETURNS = re.compile(r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
-"""The whole section: to the parser every line that is not indented is a value of its own."""
+"""The whole section; the parser would take every line without indent for a value."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +29,14 @@ class Description:
 
 def describe(node: Node) -> Description:
     """Read a node's docstring; an argument that is not described has an empty string."""
-    parsed = docstring_parser.parse(node.doc, docstring_parser.DocstringStyle.NUMPYDOC)
+    parsed = _parsed(node.doc)
     said: dict[str, str] = {}
-    for each in parsed.params:
+    records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
+    for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
-            said[name.strip()] = _one_line(each.description)
+            said[name.strip(" *")] = _one_line(each.description)
     known = [*node.input_names, *node.parameters]
+    known += [node.repeated.name] if node.repeated else []
     returns = _RETURNS.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
@@ -47,14 +47,23 @@ def describe(node: Node) -> Description:
     )
 
 
+def _parsed(doc: str) -> docstring_parser.Docstring:
+    return docstring_parser.parse(doc, docstring_parser.DocstringStyle.NUMPYDOC)
+
+
 def node_page(node: Node) -> str:
-    """Everything about a node, as Markdown: what flows in and out, what can be set."""
+    """All about a node as Markdown: its inputs, parameters, outputs and errors."""
     about = describe(node)
     lines = [f"# {node.name}", "", about.summary, ""]
     if about.text:
         lines += [about.text, ""]
     lines += ["## Inputs", ""]
-    lines += [_input(name, node, about) for name in node.input_names] or ["None: it is a source."]
+    if node.repeated:
+        words = about.arguments[node.repeated.name]
+        lines += [_item("any names", f"each {node.repeated}", words)]
+    elif node.source:
+        lines += ["None: it is a source."]
+    lines += [_input(name, node, about) for name in node.input_names]
     lines += ["", "## Parameters", ""]
     lines += [_setting(p, about) for p in node.parameters.values()] or ["None."]
     lines += ["", "## Outputs", ""]
@@ -68,34 +77,21 @@ def node_page(node: Node) -> str:
 
 def range_of(parameter: Parameter) -> str:
     """The values that a parameter may have, in words: ``0 to 1``, ``above 0``, ``one of a, b``."""
-    annotation = parameter.annotation
-    marks: list[object] = []
-    while typing.get_origin(annotation) is typing.Annotated:
-        annotation, *more = typing.get_args(annotation)
-        marks += more
-    choices = [c for each in _members(annotation) for c in _choices(each)]
-    if choices:
+    if choices := choices_of(parameter.annotation):
         return f"one of {', '.join(map(str, choices))}"
-    rules = [
-        rule
-        for mark in marks
-        for rule in (mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,))
-    ]
-    low = next((f"{r.ge:g}" for r in rules if isinstance(r, annotated_types.Ge)), "")
-    above = next((f"{r.gt:g}" for r in rules if isinstance(r, annotated_types.Gt)), "")
-    high = next((f"{r.le:g}" for r in rules if isinstance(r, annotated_types.Le)), "")
-    below = next((f"{r.lt:g}" for r in rules if isinstance(r, annotated_types.Lt)), "")
-    if low and high:
-        return f"{low} to {high}"
-    words = (("at least", low), ("above", above), ("at most", high), ("below", below))
-    return " and ".join(f"{word} {limit}" for word, limit in words if limit)
+    limits = limits_of(parameter.annotation)
+    if limits.at_least is not None and limits.at_most is not None:
+        return f"{limits.at_least:g} to {limits.at_most:g}"
+    words = zip(("at least", "above", "at most", "below"), limits, strict=True)
+    return " and ".join(f"{word} {limit:g}" for word, limit in words if limit is not None)
 
 
 def _input(name: str, node: Node, about: Description) -> str:
     record = node.input_records.get(name)
     kind = f"all outputs of a node that gives a {record.__name__}" if record else ""
     optional = ", may be left out" if name in node.optional_inputs else ""
-    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name])
+    meaning = "" if record else node.inputs[name].meaning
+    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name] or meaning)
 
 
 def _setting(parameter: Parameter, about: Description) -> str:
@@ -105,7 +101,7 @@ def _setting(parameter: Parameter, about: Description) -> str:
 
 
 def _output(name: str, port: PortType) -> str:
-    return _item(name, f"{port}{', may be absent' if port.optional else ''}", "")
+    return _item(name, f"{port}{', may be absent' if port.optional else ''}", port.meaning)
 
 
 def _item(name: str, facts: str, words: str) -> str:
@@ -120,18 +116,6 @@ def _facts(node: Node) -> list[str]:
         facts.append(f"Taken out (`neutral`): {what}.")
     facts += [f"{symbol}: {limit.why}." for symbol, limit in node.sizes.items()]
     return facts
-
-
-def _members(annotation: object) -> tuple[object, ...]:
-    return typing.get_args(annotation) if _is_union(annotation) else (annotation,)
-
-
-def _is_union(annotation: object) -> bool:
-    return typing.get_origin(annotation) in (typing.Union, types.UnionType)
-
-
-def _choices(annotation: object) -> tuple[object, ...]:
-    return typing.get_args(annotation) if typing.get_origin(annotation) is typing.Literal else ()
 
 
 def _one_line(text: str | None) -> str:

@@ -1,10 +1,11 @@
-"""Ports: what may flow along an edge of the graph.
+"""Ports: the ends of the graph's edges, and the types of the values on them.
 
 A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H W")]``
 is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
-type (``str``, ``dict[str, float]``) is an object that stays on the host.  ``X | None``
-makes the port optional.  A ``NamedTuple`` of ports is a record: one edge, several values.
-A record may hold another, whose ports are then as if they stood there themselves.
+type (``str``, ``dict[str, float]``) is an object that stays on the host.  A text among the
+metadata says what the value means.  ``X | None`` makes the port optional.  A ``NamedTuple`` of
+ports is a record: one edge, several values.  The ports of a record inside a record count as the
+outer record's own.  A node that lacks optional fields of a record can be read as that record.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
-"""What the sizes of a stack of images count, in words for messages."""
+"""The sizes of a stack of images in words, for messages."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class PortType:
     python: Any = None
     port: Port = Port()
     optional: bool = False
+    meaning: str = ""
 
     @property
     def unit(self) -> str:
@@ -78,6 +80,19 @@ def is_record(annotation: Any) -> bool:
     return isinstance(annotation, type) and hasattr(annotation, "_fields")
 
 
+def optional_record(annotation: Any) -> type | None:
+    """The record that an annotation stands for, or may stand for; else None."""
+    members = _members(annotation)
+    return members[0] if len(members) == 1 and is_record(members[0]) else None
+
+
+def _members(annotation: Any) -> list[Any]:
+    """The types of a union but None; else the annotation alone."""
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [each for each in typing.get_args(annotation) if each is not type(None)]
+    return [annotation]
+
+
 def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     """Return the ports of a record, and of records in it, by name, each named ``prefix.name``.
 
@@ -87,14 +102,14 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
         If two ports have one name.
     """
     ports: dict[str, PortType] = {}
-    for field, annotation in _fields(record).items():
+    for field, annotation in record_fields(record).items():
         if is_record(annotation):
-            found = record_ports(annotation, prefix)
+            inner = record_ports(annotation, prefix)
         else:
-            found = {field: read_port(f"{prefix}{field}", annotation)}
-        for name in found.keys() & ports.keys():
+            inner = {field: read_port(f"{prefix}{field}", annotation)}
+        for name in inner.keys() & ports.keys():
             raise TypeError(f"{record.__name__}: two ports are called '{name}'")
-        ports |= found
+        ports |= inner
     return ports
 
 
@@ -104,9 +119,9 @@ def record_values(record: type, made: Any) -> tuple[Any, ...]:
     Raises
     ------
     TypeError
-        If what was made is no such record.
+        If the value is no such record.
     """
-    fields = _fields(record)
+    fields = record_fields(record)
     if not isinstance(made, tuple) or len(made) != len(fields):
         size = f" of {len(made)}" if isinstance(made, tuple) else ""
         raise TypeError(
@@ -127,13 +142,13 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
             make_record(annotation, islice(left, len(record_ports(annotation))))
             if is_record(annotation)
             else next(left)
-            for annotation in _fields(record).values()
+            for annotation in record_fields(record).values()
         )
     )
 
 
 @cache
-def _fields(record: type) -> dict[str, Any]:
+def record_fields(record: type) -> dict[str, Any]:
     """The annotations of a record's fields, in order."""
     hints = typing.get_type_hints(record, include_extras=True)
     return {field: hints[field] for field in record._fields}  # type: ignore[attr-defined]
@@ -149,29 +164,33 @@ def read_port(name: str, annotation: Any) -> PortType:
     """
     optional = False
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        members = [a for a in typing.get_args(annotation) if a is not type(None)]
+        members = _members(annotation)
         optional = len(members) < len(typing.get_args(annotation))
         if len(members) != 1:
             raise TypeError(f"port '{name}': a union of types cannot be a port")
         annotation = members[0]
     port: Port | None = None
+    meaning = ""
     if typing.get_origin(annotation) is Annotated:
         annotation, *extras = typing.get_args(annotation)
         port = next((e for e in extras if isinstance(e, Port)), None)
+        meaning = next((e for e in extras if isinstance(e, str)), "")
     annotation = _written_out(annotation)
     if typing.get_origin(annotation) is np.ndarray:
         if port is None:
             raise TypeError(f"port '{name}': an array needs Annotated[..., Port('H W')]")
         scalar = typing.get_args(typing.get_args(annotation)[1])[0]
         dims = tuple(int(d) if d.isdigit() else d for d in port.dims.split())
-        return PortType(name, "array", dims, np.dtype(scalar), port=port, optional=optional)
-    if annotation is float:
-        return PortType(name, "number", port=port or Port(), python=float, optional=optional)
-    return PortType(name, "object", python=annotation, optional=optional)
+        dtype = np.dtype(scalar)
+        return PortType(name, "array", dims, dtype, port=port, optional=optional, meaning=meaning)
+    kind: Literal["number", "object"] = "number" if annotation is float else "object"
+    return PortType(
+        name, kind, python=annotation, port=port or Port(), optional=optional, meaning=meaning
+    )
 
 
 def _written_out(annotation: Any) -> Any:
-    """What an alias stands for: from Python 3.12 and NumPy 2.5 on, `NDArray` is one."""
+    """The type behind an alias: from Python 3.12 and NumPy 2.5 on, `NDArray` is one."""
     alias = typing.get_origin(annotation)
     if not hasattr(alias, "__value__"):
         return annotation

@@ -1,15 +1,16 @@
-"""Where a result comes from: what the engine tells a sink that asks for it."""
+"""The provenance of a result, which the engine hands to a sink that asks for it."""
 
 from __future__ import annotations
 
 import importlib.metadata
 import platform
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-_VERSIONS = (
+_PACKAGES = (
     "tactograph",
     "numpy",
     "scipy",
@@ -35,7 +36,7 @@ class Provenance:
     warnings: list[str]
     fallbacks: list[str]
     given: dict[str, Any] = field(default_factory=dict)
-    """The value of each of the graph's params, given or by default."""
+    """The values of the graph's params, given or by default."""
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -53,16 +54,14 @@ class Provenance:
 
 def versions() -> dict[str, str]:
     """The versions a result depends on."""
-    return {"python": platform.python_version(), **_installed()}
+    return {"python": platform.python_version(), **installed(_PACKAGES)}
 
 
 @cache
-def _installed() -> Mapping[str, str]:
-    """Looked up once: every item of a stream asks."""
-    found: dict[str, str] = {}
-    for name in _VERSIONS:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
+def installed(packages: tuple[str, ...]) -> Mapping[str, str]:
+    """The versions of those packages that are installed; every item of a stream asks."""
+    versions_of: dict[str, str] = {}
+    for name in packages:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            versions_of[name] = importlib.metadata.version(name)
+    return versions_of

@@ -1,4 +1,4 @@
-"""How far two back ends may differ, and why: the measure of every parity test."""
+"""Tolerances: the difference allowed between two back ends, with the reason."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Tolerance(Protocol):
     def why(self) -> str: ...
 
     def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
-        """Return None if `other` is close enough to `reference`, else what is wrong."""
+        """Return None if `other` is close enough to `reference`, else the difference in words."""
 
 
 @dataclass(frozen=True)
 class Exact:
-    """Every element equal, NaN equal to NaN."""
+    """All elements are equal, NaN equal to NaN."""
 
     why: str = "the same operations in the same order"
 
@@ -32,7 +32,7 @@ class Exact:
 
 @dataclass(frozen=True)
 class Close:
-    """Every element within ``absolute + relative * |reference|``."""
+    """All elements are within ``absolute + relative * |reference|``."""
 
     absolute: float
     relative: float = 0.0
@@ -45,9 +45,9 @@ class Close:
 
 @dataclass(frozen=True)
 class Flips:
-    """All but a `share` of the elements close; a decision may fall the other way there.
+    """All but a `share` of the elements are close; there a decision may fall the other way.
 
-    At least one flip is allowed whatever the size, so that tiny arrays can be judged.
+    At least one flip is allowed, so that tiny arrays can be judged.
     """
 
     share: float

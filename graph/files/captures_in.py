@@ -6,6 +6,6 @@ from pathlib import Path
 
 
 def captures_in(folder: Path) -> list[Path]:
-    """The folder itself, or, where it holds folders and no file, those in order of name."""
+    """The folder itself; if it holds folders but no file, these folders sorted by name."""
     inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     return inside if inside and all(path.is_dir() for path in inside) else [folder]

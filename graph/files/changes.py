@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.strict_yaml import Place
 
 
 def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set") -> Graph:
@@ -35,7 +35,7 @@ def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set")
 
 
 def plain(value: Any) -> Any:
-    """A value as a graph file would hold it: numbers for NumPy's, text for paths."""
+    """The value as a graph file would hold it: plain numbers for NumPy's, text for paths."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if isinstance(value, os.PathLike):

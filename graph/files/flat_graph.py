@@ -9,16 +9,17 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.strict_yaml import Place
+from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.strict_yaml import Place
+from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.graph_model import FORMAT
+from tactograph.graph.show.draw_folded import to_folded_svg
+from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
 
-FORMAT = 1
-NOT_GIVEN = object()
-"""Stands for the value of a param where only the plan matters, not the data."""
 PREVIOUS = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""
 
@@ -34,7 +35,7 @@ class Param:
 
     @property
     def state(self) -> str:
-        """Whether it has to be given, in words."""
+        """Say whether the param is required."""
         if self.required:
             return "needed"
         return "optional" if self.default is None else f"default {self.default}"
@@ -141,24 +142,30 @@ class Graph:
         }
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_folded import to_folded_svg
-        from tactograph.graph.plan.make_plan import make_plan
+        return to_folded_svg(self._sketch())
 
-        anywhere = replace(
-            self,
-            prefer=("numpy",),
-            nodes={name: replace(entry, backend=None) for name, entry in self.nodes.items()},
-        )
-        return to_folded_svg(make_plan(anywhere, self.placeholders, device=None))
+    def _sketch(self) -> Sketch:
+        """Nodes and the references between them, without back ends."""
+        edges: list[Edge] = []
+        recalls: list[Edge] = []
+        for name, entry in self.nodes.items():
+            for reference in dict.fromkeys(entry.inputs.values()):
+                bare, previous = split_previous(reference)
+                source, port = split_reference(bare, self.nodes)
+                if source in self.nodes:
+                    (recalls if previous else edges).append((source, name, port or ""))
+        boxes = [Box(n, e.op, "run", "numpy", use_of(n)) for n, e in self.nodes.items()]
+        groups = {name: use.group for name, use in self.uses.items()}
+        return Sketch(self.name, boxes, edges, recalls, groups)
 
     @property
     def placeholders(self) -> dict[str, Any]:
-        """Values that stand for needed params where only the plan matters, not the data."""
+        """Placeholders for required params, where only the plan matters and not the data."""
         return {name: NOT_GIVEN for name, param in self.params.items() if param.required}
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 (first 16 digits) of what the graph computes: its words for people left out."""
+        """SHA-256 (first 16 digits) of what the graph computes, not of its titles."""
         plain = self.as_dict()
         del plain["title"]
         for param in plain["params"].values():
@@ -168,20 +175,28 @@ class Graph:
 
     @property
     def backends(self) -> list[str]:
-        """The back ends that it prefers, in order, then those that its nodes are bound to."""
+        """Back ends that the graph prefers, in order, then those that its nodes are bound to."""
         bound = (entry.backend for entry in self.nodes.values())
         return list(dict.fromkeys([*self.prefer, *filter(None, bound)]))
 
     def entry(self, node_id: str) -> Entry:
-        """The node called `node_id`, or an error that names the ones there are."""
+        """Return the node called `node_id`, or raise an error that lists the existing ones."""
         if node_id not in self.nodes:
             raise GraphError(
                 f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
             )
         return self.nodes[node_id]
 
+    def check_param(self, name: str) -> None:
+        """Refuse a value for a param that the graph does not have."""
+        if name not in self.params:
+            raise InputError(
+                f"{self.name} has no parameter '{name}'{did_you_mean(name, self.params)}"
+                f" (it takes: {', '.join(self.params) or 'none'})"
+            )
+
     def check_node(self, node_id: str, where: str) -> None:
-        """Refuse what is read at `where` if there is no such node.
+        """Refuse a reference at `where` to a node that does not exist.
 
         A node that a change took out is told at the change: its reader was right before.
         """
@@ -197,7 +212,7 @@ class Graph:
         )
 
     def stands(self, node_id: str, where: str) -> str:
-        """Say where a node stands, in brackets, if its file is another than that of `where`.
+        """Place of a node, in brackets, if it is in another file than `where`.
 
         Then a change may have put it before a reader that it does not suit.
         """
@@ -209,7 +224,7 @@ class Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
 
     def without(self, node_ids: Iterable[str], place: Place) -> Graph:
-        """The graph without nodes that the change at `place` takes out."""
+        """Return the graph without the nodes that the change at `place` removes."""
         out = dict.fromkeys(node_ids, place)
         nodes = {n: entry for n, entry in self.nodes.items() if n not in out}
         return replace(self, nodes=nodes, gone={**self.gone, **out})
@@ -225,12 +240,12 @@ class Group:
 
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
-    """Split ``cal.flat`` or ``pass_2.label.slope`` into node and port; ``cal`` has no port."""
+    """Split a reference into node and port: ``pass_2.label.slope``; ``cal`` has no port."""
     node_id, _, port = reference.rpartition(".")
     return (reference, None) if reference in nodes or not node_id else (node_id, port)
 
 
 def split_previous(reference: str) -> tuple[str, bool]:
-    """Take the ``previous.`` off a reference, and say whether it was there."""
+    """Strip ``previous.`` from a reference, and say whether it was there."""
     bare = reference.removeprefix(f"{PREVIOUS}.")
     return bare, bare != reference

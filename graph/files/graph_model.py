@@ -1,4 +1,4 @@
-"""What a graph file may say, as pydantic models: for reading it, and for its JSON schema."""
+"""Pydantic models of graph files: they check what is read, and give the JSON schema."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from pydantic import (
 )
 
 from tactograph.graph.backends import Backend
+from tactograph.graph.disk.strict_yaml import Document, Path_
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import FORMAT
-from tactograph.graph.files.strict_yaml import Document, Path_
 
+FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
@@ -35,7 +35,7 @@ _WANTED = {
 
 
 def _whole(value: Any) -> Any:
-    """Keep `true` and 1.0, which equal 1 to Python, from passing for it."""
+    """Refuse `true` and 1.0, which Python holds equal to 1."""
     if type(value) is not int:
         raise ValueError("a whole number is needed")
     return value
@@ -110,7 +110,7 @@ AnyNode = Annotated[
 
 
 class GroupInputModel(_Strict):
-    """What nodes of a group read from around it."""
+    """Input of a group: a value that its nodes read from outside."""
 
     help: str = Field("", description="One line for people.")
     default: Reference | None = Field(
@@ -151,7 +151,7 @@ class GroupFileModel(GroupModel):
 
 
 class SharedGroupModel(_Strict):
-    """A group that is read from a file, and what is changed of it here."""
+    """A group that is read from a file, with changes made here."""
 
     extends: str = Field(description="The file of the group.")
     patch: list[PatchModel] = Field([], description="Changes to its nodes.")
@@ -198,7 +198,7 @@ class PatchModel(_Strict):
 
 
 class ChangeModel(_Strict):
-    """What a graph file and a variant both say."""
+    """Keys that graph files and variants share."""
 
     title: str = ""
     params: dict[Name, ParamModel] = {}
@@ -248,7 +248,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def validate(document: Document, model: type[Model]) -> Model:
-    """What a document says.
+    """Check a document against its model.
 
     Raises
     ------
@@ -295,7 +295,7 @@ def _short(value: Any) -> str:
 
 
 def _model_at(whole: type[BaseModel], loc: Path_) -> type[BaseModel]:
-    """What stands at a place where something is wrong."""
+    """Return the model at the place of an error."""
     if _A_GROUP in loc:
         return UseModel
     if _AN_OP in loc:

@@ -1,4 +1,4 @@
-"""Where graph files lie: those that ship, those of other packages, and a user's own."""
+"""Folders of graph files: shipped ones, those of other packages, and the user's own."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _shipped_files(pattern: str) -> list[Path]:
 
 
 def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path | None:
-    """The file of a bare name, a ``package/name`` or a path; None if the name is no file's.
+    """The file of a bare name, a ``package/name`` or a path; None if there is no such file.
 
     A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
     point's name is what is said before the slash, its value the package with the files.
@@ -70,7 +70,7 @@ def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path 
 
 
 def is_path(name: str) -> bool:
-    """Whether a name says in which file something stands."""
+    """True if the name is the path of a file."""
     return name.endswith((".yaml", ".yml")) or "/" in name
 
 
@@ -82,7 +82,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _plugin_folder(package: str) -> Path | None:
-    """The folder of pipelines that an installed package brings under a name."""
+    """The folder of pipelines that an installed package registers under a name."""
     for point in entry_points(group=GROUP, name=package):
         spec = importlib.util.find_spec(point.value)
         for place in (spec and spec.submodule_search_locations) or ():

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS,
@@ -20,15 +21,14 @@ from tactograph.graph.files.flat_graph import (
     Use,
     split_previous,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 MOST_NODES = 10_000
-DEEPEST = 50
+MAX_GROUP_DEPTH = 50
 """Far more nodes and uses, and groups in one another, than anybody needs."""
 
 
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
-    """The graph with further nodes, each use of a group taken apart into the group's nodes.
+    """Add nodes to a graph; each use of a group becomes the group's nodes.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") 
 
 
 def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
-    """What a reference that stands in a scope is called in the flat graph.
+    """Translate a reference in a scope to its name in the flat graph.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str 
 
 
 def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
-    """An entry with references of the flat graph, and the values of the group's params.
+    """Translate an entry's references to the flat graph, and fill in the group's params.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
 
 
 def meant_nodes(graph: Graph, name: str) -> list[str]:
-    """The nodes that a name stands for: of a use, or, as ``group.node``, of every use."""
+    """Nodes that a name means: those of a use or, as ``group.node``, one node in every use."""
     if name in graph.nodes:
         return [name]
     first, _, inner = name.partition(".")
@@ -111,12 +111,12 @@ def meant_nodes(graph: Graph, name: str) -> list[str]:
 
 
 def group_of(graph: Graph, name: str) -> Group | None:
-    """The group of that name, or that a use of that name uses."""
+    """The group of that name, or the group of the use of that name."""
     return graph.groups.get(graph.uses[name].group if name in graph.uses else name)
 
 
 def alike(graph: Graph, node: str) -> list[str]:
-    """The nodes of all uses that are the same one of the group; a node of no group: itself."""
+    """Copies of a group's node in all uses; of a node outside groups, the node itself."""
     path, _, inner = node.rpartition(".")
     if path not in graph.uses:
         return [node]
@@ -125,12 +125,12 @@ def alike(graph: Graph, node: str) -> list[str]:
 
 
 def uses_of(graph: Graph, group: str) -> list[str]:
-    """The names that use a group, those inside other uses too."""
+    """Names of all uses of a group, including those inside other uses."""
     return [path for path, use in graph.uses.items() if use.group == group]
 
 
 def refuse_idle(name: str, group: Group) -> None:
-    """Refuse inputs and params that nothing in a group reads, and outputs that nothing makes.
+    """Refuse a group's unread inputs and params, and its outputs that no node makes.
 
     Raises
     ------
@@ -166,14 +166,14 @@ def refuse_idle(name: str, group: Group) -> None:
 def _count(
     graph: Graph, nodes: Mapping[str, Entry | Use], total: int, known: dict[str, int], depth: int
 ) -> int:
-    """How many nodes and uses there will be, of which `total` are there; `known` is of groups.
+    """Count nodes and uses in advance, added to `total`; `known` holds counts of groups.
 
     A few groups that use one another come to more than any memory holds.  Groups that are not
     there, use themselves or lie too deep are refused later, where they are met in this order.
     """
     total += len(nodes)
     for use in nodes.values():
-        if isinstance(use, Entry) or use.group not in graph.groups or depth > DEEPEST:
+        if isinstance(use, Entry) or use.group not in graph.groups or depth > MAX_GROUP_DEPTH:
             continue
         if use.group not in known:
             known[use.group] = 0
@@ -192,8 +192,8 @@ def _count(
 def _uses(
     graph: Graph, nodes: Mapping[str, Entry | Use], scope: str, chain: tuple[str, ...]
 ) -> dict[str, tuple[Use, str]]:
-    """The uses among nodes, and those inside them, as their files say them, with their scope."""
-    found: dict[str, tuple[Use, str]] = {}
+    """Uses among nodes and inside one another, as written in their files, with their scope."""
+    uses: dict[str, tuple[Use, str]] = {}
     for name, use in nodes.items():
         if isinstance(use, Entry):
             continue
@@ -207,14 +207,16 @@ def _uses(
         if use.group in chain:
             loop = " -> ".join((*chain, use.group))
             raise GraphError(f"{use.where('group')}: a group cannot use itself: {loop}")
-        if len(chain) >= DEEPEST:
-            raise GraphError(f"{use.where('group')}: more than {DEEPEST} groups lie in one another")
+        if len(chain) >= MAX_GROUP_DEPTH:
+            raise GraphError(
+                f"{use.where('group')}: more than {MAX_GROUP_DEPTH} groups lie in one another"
+            )
         group = graph.groups[use.group]
         _check_given(use, "in", "input", use.inputs, group.inputs)
         _check_given(use, "with", "param", use.settings, group.body.params)
-        found[path] = use, scope
-        found |= _uses(graph, group.body.uses, path, (*chain, use.group))
-    return found
+        uses[path] = use, scope
+        uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
+    return uses
 
 
 def _check_given(
@@ -232,7 +234,7 @@ def _check_given(
 
 
 def _bound(graph: Graph, use: Use, scope: str) -> Use:
-    """A use with all inputs and params, in the words of the flat graph."""
+    """A use with all its inputs and params, named as in the flat graph."""
     group = graph.groups[use.group]
     own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope)
     inputs: dict[str, str] = {}
@@ -262,7 +264,7 @@ def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> 
 
 
 def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str | None:
-    """What an input of a group reads, or a port of it."""
+    """Reference that an input of a group, or a port of it, stands for."""
     if bound is None:
         return None
     bare, already = split_previous(bound)
@@ -300,7 +302,7 @@ def _settings(
     if not scope:
         return dict(settings)
     use = graph.uses[scope]
-    found = dict(settings)
+    resolved = dict(settings)
     for key, value in settings.items():
         if isinstance(value, str) and value.startswith("$"):
             if value[1:] not in use.settings:
@@ -309,12 +311,12 @@ def _settings(
                     f"{entry.where(f'with.{key}')}: the group '{use.group}' has no param "
                     f"'{value[1:]}'{hint}"
                 )
-            found[key] = use.settings[value[1:]]
-    return found
+            resolved[key] = use.settings[value[1:]]
+    return resolved
 
 
 def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
-    """The places of an entry of a group, each with that of the use, which names the node."""
+    """Places of a group's entry, each with the place of the use, which names the node."""
     given = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
     given |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
     return {

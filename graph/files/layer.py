@@ -1,253 +1,60 @@
-"""What one file or variant says: a graph by itself, or changes that are laid over a graph."""
+"""A layer: the content of a graph file, an overlay, a variant or a study."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from tactograph.graph.backends import PREFERRED
-from tactograph.graph.errors import GraphError, InputError
-from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
+from tactograph.graph.disk.strict_yaml import Document, Path_, Place, read_yaml
 from tactograph.graph.files.graph_model import (
     GraphModel,
-    GroupFileModel,
-    GroupInputModel,
-    GroupModel,
-    GroupParamModel,
-    NodeModel,
-    ParamModel,
-    PatchModel,
-    SharedGroupModel,
     StudyModel,
-    UseModel,
     VariantModel,
     validate,
 )
-from tactograph.graph.files.graph_places import find_file, shipped_groups
-from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
-from tactograph.graph.files.patch_verbs import VERBS, Change, Places
-from tactograph.graph.files.strict_yaml import Document, Path_, Place, dotted, read_yaml
 
 
 @dataclass(frozen=True)
 class Layer:
-    """What a file or a variant says, and where it stands."""
+    """The content of a file or a variant, and its place."""
 
     model: GraphModel | VariantModel
     document: Document
     name: str
     file: Path
-    of: str = ""
+    base: str = ""
     """The name of the graph that it is a variant, or a study, of."""
     beside: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
     """The variants of the same file."""
 
     @property
     def id(self) -> str:
-        """The file; of a variant, with its name there."""
+        """Name of the layer: its file, and for a variant its name there."""
         return "/".join(map(str, (self.file.resolve(), *self.document.root[1:])))
 
     def place(self, index: int) -> Place:
-        """The place of one of the names that it extends."""
+        """Place of one of the names under `extends`."""
         names = self.document.data.get("extends")
         single = isinstance(names, str)
         path: Path_ = ("base",) if names is None else ("extends",) if single else ("extends", index)
         return self.document.place(path)
 
-    def variants(self, of: str) -> dict[str, Layer]:
-        """The variants that the file holds, of a graph of that name."""
-        found: dict[str, Layer] = {}
+    def variants(self, base: str) -> dict[str, Layer]:
+        """Variants in the file, as variants of the graph called `base`."""
+        layers: dict[str, Layer] = {}
         stated = self.model.variants if isinstance(self.model, GraphModel) else {}
         for name, model in stated.items():
             part = self.document.part(("variants", name))
-            found[name] = Layer(model, part, name, self.file, of, found)
-        return found
+            layers[name] = Layer(model, part, name, self.file, base, layers)
+        return layers
 
 
 def read_layer(file: Path) -> Layer:
-    """What a graph file, an overlay or a study says."""
+    """Read a graph file, an overlay or a study."""
     document = read_yaml(file)
     if isinstance(document.data, dict) and "base" in document.data:
         study = validate(document, StudyModel)
         model = GraphModel.model_construct(extends=[study.base], variants=study.variants)
-        return Layer(model, document, file.stem, file, of=study.base)
+        return Layer(model, document, file.stem, file, base=study.base)
     return Layer(validate(document, GraphModel), document, file.stem, file)
-
-
-@contextmanager
-def blamed_on(place: Place) -> Iterator[None]:
-    """Blame a name that is not there, or does not fit, on the line that names it."""
-    try:
-        yield
-    except GraphError:
-        raise
-    except InputError as error:
-        raise GraphError(f"{place}: {error}") from None
-
-
-def alone(layer: Layer) -> Graph:
-    """The graph of a file that extends no other.
-
-    Raises
-    ------
-    GraphError
-        If it is no graph, or a use of a group is wrong.
-    """
-    model, document = layer.model, layer.document
-    assert isinstance(model, GraphModel)
-    if model.patch is not None:
-        raise GraphError(
-            f"{document.place(('patch',))}: 'patch' needs 'extends'; this is an overlay, which "
-            f"'--with {layer.file}' lays over a graph"
-        )
-    if not model.nodes:
-        raise GraphError(f"{document.place(())}: nodes: a graph needs at least one node")
-    for node_id in model.nodes:
-        inside = {node_id[:at] for at, letter in enumerate(node_id) if letter == "."}
-        for outer in sorted(inside & model.nodes.keys()):
-            raise GraphError(
-                f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
-            )
-    return laid_over(Graph(layer.name, model.title, {}, tuple(PREFERRED), {}, {}), layer)
-
-
-def laid_over(graph: Graph, layer: Layer) -> Graph:
-    """A graph with what a file or a variant itself says.
-
-    Raises
-    ------
-    GraphError
-        If a change does not fit the graph.
-    """
-    model, document = layer.model, layer.document
-    nodes = model.nodes or {} if isinstance(model, GraphModel) else {}
-    _refuse_taken(model.groups, {*graph.nodes, *graph.uses, *nodes}, graph.groups, document)
-    changed = replace(
-        graph,
-        params={**graph.params, **_params(model.params, document, ("params",))},
-        prefer=tuple(model.prefer) if model.prefer is not None else graph.prefer,
-        outputs=_wanted({**graph.outputs, **model.outputs}),
-        places={**graph.places, **_places(document, ())},
-        groups={**graph.groups, **_groups(layer)},
-    )
-    changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
-    changed = _flat_outputs(changed)
-    for index, change in enumerate(model.patch or []):
-        changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
-    return _flat_outputs(changed)
-
-
-def _stated(change: PatchModel) -> Change:
-    stated = {name: getattr(change, name) for name in change.model_fields_set}
-    return {name: value for name, value in stated.items() if value is not None}
-
-
-def _flat_outputs(graph: Graph) -> Graph:
-    outputs = {
-        name: flat_reference(graph, reference, "", graph.where(f"outputs.{name}"))
-        for name, reference in graph.outputs.items()
-    }
-    return replace(graph, outputs=_wanted(outputs))
-
-
-def _entries(
-    nodes: Mapping[str, NodeModel | UseModel], document: Document, path: Path_
-) -> dict[str, Entry | Use]:
-    found: dict[str, Entry | Use] = {}
-    for node_id, node in nodes.items():
-        places = _places(document, (*path, node_id))
-        if isinstance(node, UseModel):
-            found[node_id] = Use(node.group, node.inputs, node.settings, places)
-        else:
-            found[node_id] = Entry(
-                node.op, node.inputs, node.settings, node.backend, node.neutral, places
-            )
-    return found
-
-
-def _groups(layer: Layer) -> dict[str, Group]:
-    found: dict[str, Group] = {}
-    for name, stated in layer.model.groups.items():
-        path = ("groups", name)
-        if not isinstance(stated, SharedGroupModel):
-            found[name] = _group(name, stated, layer.document, path)
-            continue
-        with blamed_on(layer.document.place((*path, "extends"))):
-            file = find_file(stated.extends, layer.file.parent, shipped_groups())
-            if file is None:
-                raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
-        document = read_yaml(file)
-        found[name] = _group(name, validate(document, GroupFileModel), document, ())
-        for index, change in enumerate(stated.patch):
-            places = _places(layer.document, (*path, "patch", index))
-            found = _with_change(found, name, _stated(change), places)
-    return found
-
-
-def _with_change(
-    groups: dict[str, Group], name: str, change: Change, places: Places
-) -> dict[str, Group]:
-    """Groups with a change to a node of one of them, which no graph uses yet."""
-    graph = Graph(name, "", {}, (), {}, {}, groups=groups)
-    meant = {key: f"{name}.{said}" if key in VERBS else said for key, said in change.items()}
-    return {**apply_patch(graph, meant, places).groups}
-
-
-def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Group:
-    entries = _entries(stated.nodes, document, (*path, "nodes"))
-    body = Graph(
-        name=name,
-        title="",
-        params=_params(stated.params, document, (*path, "params")),
-        prefer=(),
-        nodes={n: entry for n, entry in entries.items() if isinstance(entry, Entry)},
-        outputs=stated.outputs,
-        places=_places(document, path),
-        uses={n: use for n, use in entries.items() if isinstance(use, Use)},
-    )
-    group = Group(_params(stated.inputs, document, (*path, "inputs")), body)
-    refuse_idle(name, group)
-    return group
-
-
-def _refuse_taken(
-    groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
-) -> None:
-    """Refuse a group whose name would not tell it from a node, or from another group."""
-    taken = {node.partition(".")[0] for node in nodes}
-    for name in groups:
-        place = document.place(("groups", name))
-        if name in earlier:
-            raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
-        if name in taken:
-            raise GraphError(f"{place}: a node is called '{name}' too; give another name")
-
-
-def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
-    """The outputs without those that a variant gives as null."""
-    return {name: reference for name, reference in outputs.items() if reference is not None}
-
-
-def _places(document: Document, path: Path_) -> dict[str, Place]:
-    """The places of everything below `path`, by dotted path relative to it."""
-    size = len(path)
-    return {dotted(p[size:]): place for p, place in document.places.items() if p[:size] == path}
-
-
-def _params(
-    stated: Mapping[str, ParamModel | GroupParamModel | GroupInputModel | None],
-    document: Document,
-    path: Path_,
-) -> dict[str, Param]:
-    return {
-        name: Param(
-            param.kind if isinstance(param, ParamModel) else "",
-            param.help if param else "",
-            (*path, name, "default") not in document.places,
-            param.default if param else None,
-        )
-        for name, param in stated.items()
-    }

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph, Use
 from tactograph.graph.files.groups import (
@@ -24,11 +25,10 @@ from tactograph.graph.files.patch_verbs import (
     verb_of,
     with_references,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 
 def check_new(graph: Graph, target: str, place: Place) -> None:
-    """Refuse a name for a node that would not tell it from others."""
+    """Refuse a node's name that is already taken."""
     if target in graph.nodes or target in graph.uses or target in graph.groups:
         kind = "group" if target in graph.groups else "node"
         raise GraphError(
@@ -41,7 +41,7 @@ def check_new(graph: Graph, target: str, place: Place) -> None:
 
 
 def flat_change(graph: Graph, change: Change, places: Places, scope: str) -> Change:
-    """A change that stands in a scope, with references and values of the flat graph."""
+    """Translate a change in a scope to references and values of the flat graph."""
     reads = change.get("inputs", {})
     given = {port: reference for port, reference in reads.items() if reference is not None}
     stated = Entry("", given, change.get("settings", {}), places=places)
@@ -124,7 +124,7 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
 
 
 def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    """Give params to a use, or to every use of a group and to those still to come."""
+    """Set params of a use, or of all present and later uses of a group."""
     if "inputs" in change:
         place = places.get("in", places[""])
         raise GraphError(f"{place}: set: '{target}' is a group or a use of one; 'replace' it")
@@ -148,7 +148,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
 
 
 def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) -> Graph:
-    """Give params to a use: to those of its nodes that take them."""
+    """Set params of a use, in those of its nodes that take them."""
     use = graph.uses[path]
     body = graph.groups[use.group].body
     settings = {**use.settings, **given}
@@ -199,7 +199,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
 
 
 def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -> Graph:
-    """The graph without the nodes of a use.
+    """Return the graph without the nodes of a use.
 
     With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
     it then.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS,
@@ -14,7 +15,6 @@ from tactograph.graph.files.flat_graph import (
     split_previous,
     split_reference,
 )
-from tactograph.graph.files.strict_yaml import Place
 
 Change = Mapping[str, Any]
 Places = Mapping[str, Place]
@@ -52,7 +52,7 @@ def entry_of(change: Change, places: Places) -> Entry:
 
 
 def redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
-    # A node with one output is read by its name alone, or with the output's, which is the op.
+    # A node with one output is read as NODE or as NODE.OP: its output has the name of the op.
     sole = f"{old}.{graph.nodes[old].op}" if old in graph.nodes else old
     changed = with_references(graph, lambda r: new if r in (old, sole) else r)
     if (changed.nodes, changed.uses, changed.outputs) == (graph.nodes, graph.uses, graph.outputs):
@@ -61,7 +61,7 @@ def redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
 
 
 def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
-    """The graph with every reference changed, whether it reads this item or the one before."""
+    """Change every reference of the graph, both to this item and to the one before."""
 
     def swap(reference: str) -> str:
         bare, previous = split_previous(reference)
@@ -79,7 +79,7 @@ def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
 
 
 def _why_unread(graph: Graph, reference: str) -> str:
-    """Why no input and no output of the graph reads a reference."""
+    """Reason why no input and no output of the graph may read a reference."""
     node, _ = split_reference(reference, graph.nodes)
     if node not in graph.nodes:
         return f"there is no node '{node}'{did_you_mean(node, graph.nodes)}"
@@ -119,5 +119,5 @@ VERBS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {
 
 
 def verb_of(change: Change) -> str:
-    """The verb of a change that has one."""
+    """Return the verb of a change, which must have one."""
     return next(verb for verb in VERBS if verb in change)

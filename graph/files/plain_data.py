@@ -1,4 +1,4 @@
-"""A graph that a program hands over as plain data: what a graph file's YAML would give."""
+"""Graphs given by a program as plain data, in the form that a file's YAML would give."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.disk.strict_yaml import MAX_DEPTH, Document, Path_, Place, dotted
 from tactograph.graph.errors import GraphError, printable
-from tactograph.graph.files.strict_yaml import MAX_DEPTH, Document, Path_, Place, dotted
 
 _PACKAGE = "tactograph.graph"
 
 
 def as_document(data: Mapping[str, Any]) -> Document:
-    """The data with the place of the program's line that hands them over.
+    """Make a document of the data; its place is the program's line that hands them over.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def _handed_over() -> str:
 
 
 def _cell(file: str) -> str:
-    """What IPython calls a cell in its own messages; any other file as it is."""
+    """Name a cell as IPython does in its messages; leave other files as they are."""
     interactive = sys.modules.get("IPython")
     shell = interactive.get_ipython() if interactive is not None else None
     name = getattr(getattr(shell, "compile", None), "format_code_name", lambda _: None)(file)

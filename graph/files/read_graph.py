@@ -18,7 +18,8 @@ from tactograph.graph.files.graph_places import (
     shipped_overlays,
     shipped_studies,
 )
-from tactograph.graph.files.layer import Layer, alone, blamed_on, laid_over, read_layer
+from tactograph.graph.files.lay_over import alone, blamed_on, laid_over
+from tactograph.graph.files.layer import Layer, read_layer
 from tactograph.graph.files.plain_data import as_document
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
@@ -29,29 +30,29 @@ _OVERLAYS = "overlays, for --with"
 
 
 def shipped_names() -> list[str]:
-    """The bare names of the graphs that ship, those of variants among them."""
+    """Bare names of the shipped graphs, variants included."""
     folders = shipped_titles()
     del folders[_OVERLAYS]
     return sorted(name for titles in folders.values() for name in titles)
 
 
 def shipped_titles() -> dict[str, dict[str, str]]:
-    """The titles of what ships, by name; by folder, those of a study's variants by study."""
+    """Titles of what ships, by folder and name; variants of a study stand under the study."""
     found: dict[str, dict[str, str]] = {}
     for name, file in {**shipped_graphs(), **shipped_studies()}.items():
         layer = read_layer(file)
-        heading = f"study {name}, for compare" if layer.of else file.parent.name
+        heading = f"study {name}, for compare" if layer.base else file.parent.name
         titles = found.setdefault(heading, {})
-        if not layer.of:
+        if not layer.base:
             titles[name] = layer.model.title
-        for key, variant in layer.variants(layer.of or name).items():
-            titles[f"{variant.of}_{key}"] = variant.model.title
+        for key, variant in layer.variants(layer.base or name).items():
+            titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped_overlays().items()
     return {**found, _OVERLAYS: {name: read_layer(file).model.title for name, file in overlays}}
 
 
 def graph_file(name: str) -> Path:
-    """The file in which the graph of that name stands.
+    """Return the file that holds the graph of that name.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def read_graphs(name: str) -> list[Graph]:
     file = None
     with suppress(InputError):  # which `read_graph` tells
         file = find_file(name, None, shipped_studies())
-    if file is None or not (layer := read_layer(file)).of:
+    if file is None or not (layer := read_layer(file)).base:
         return [read_graph(name)]
     base = _graph_of(layer, ())
     return [base, *(_lay(base, variant, ()) for variant in base.variants.values())]
@@ -120,7 +121,7 @@ def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
     try:
         file = find_file(file_name, beside, shipped_graphs())
     except InputError:
-        # Variants that ship are called FILE.yaml too, as graphs are.
+        # A shipped variant may be named FILE.yaml, as a shipped graph may.
         if _shipped_variant(name.removesuffix(".yaml")) is None:
             raise
         file, name = None, name.removesuffix(".yaml")
@@ -129,7 +130,7 @@ def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
     layer = read_layer(file)
     graph = _graph_of(layer, chain)
     if not key:
-        if layer.of:
+        if layer.base:
             raise InputError(_of_a_study(name, graph))
         return graph
     if key not in graph.variants:
@@ -140,10 +141,10 @@ def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
 
 
 def _composed(name: str, chain: Chain) -> Graph:
-    """A shipped graph with variants or overlays, whose names follow its own."""
+    """A shipped graph whose name is followed by those of variants or overlays."""
     variant = _shipped_variant(name)
     if variant is not None:
-        return _lay(_named(variant.of, None, chain), variant, chain)
+        return _lay(_named(variant.base, None, chain), variant, chain)
     for first, rest in _splits(name):
         if first in shipped_graphs():
             graph = _named(first, None, chain)
@@ -169,19 +170,19 @@ def _of_a_study(name: str, base: Graph) -> str:
 
 
 def _shipped_variant(name: str) -> Layer | None:
-    """The variant that ``GRAPH_VARIANT`` stands for, if it ships."""
+    """The shipped variant that ``GRAPH_VARIANT`` names, if there is one."""
     graphs = shipped_graphs()
     files = [graphs[first] for first, _ in _splits(name) if first in graphs]
     for file in (*files, *shipped_studies().values()):
         layer = read_layer(file)
-        for key, variant in layer.variants(layer.of or layer.name).items():
-            if name == f"{variant.of}_{key}":
+        for key, variant in layer.variants(layer.base or layer.name).items():
+            if name == f"{variant.base}_{key}":
                 return variant
     return None
 
 
 def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
-    """The overlays and variants whose names are joined in a text; none if a part is neither."""
+    """Overlays and variants whose names are joined in a text; empty if a part is neither."""
 
     def is_known(name: str) -> bool:
         known = name in variants or name in shipped_overlays()
@@ -200,7 +201,7 @@ def _splits(words: str) -> Iterator[tuple[str, str]]:
 
 
 def _further(chain: Chain, layer: Layer) -> Chain:
-    """The chain with one more file or variant, which must not be in it."""
+    """Add a file or variant to the chain; refuse one that is already in it."""
     if layer.id in chain:
         loop = " -> ".join(Path(each).name for each in (*chain, layer.id))
         raise GraphError(f"{layer.file}: 'extends' runs in a loop: {loop}")
@@ -220,12 +221,12 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
         )
     with blamed_on(layer.place(0)):
         graph = _named(model.extends[0], layer.file.parent, chain)
-    if layer.of:
+    if layer.base:
         return replace(graph, variants=layer.variants(graph.name))
     for index, name in enumerate(model.extends[1:], start=1):
         with blamed_on(layer.place(index)):
             graph = _overlaid(graph, name, layer.file.parent, chain)
-    # A variant that names a base of its own is one of that file's graph alone.
+    # A variant with its own base is a variant of that graph alone.
     inherited = {key: each for key, each in graph.variants.items() if _base_of(each) is None}
     return replace(
         laid_over(graph, layer),
@@ -242,7 +243,7 @@ def _base_of(layer: Layer) -> str | None:
 def _overlaid(
     graph: Graph, name: str, beside: Path | None, chain: Chain, *, whole: bool = False
 ) -> Graph:
-    """A graph with an overlay, or with a variant, laid over it.
+    """Lay an overlay or a variant over a graph.
 
     With `whole`, nothing follows that could give it what it lacks then.
     """
@@ -281,24 +282,24 @@ def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chai
 
 
 def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
-    """A graph with a variant or an overlay, and the overlays that this extends."""
+    """Lay a variant or an overlay over a graph, after the overlays that it extends."""
     chain, below, base = _further(chain, layer), graph, _base_of(layer)
     if base is not None:
         with blamed_on(layer.document.place(("base",))):
-            if layer.of != graph.name:
+            if layer.base != graph.name:
                 raise InputError("a graph of its own, which lies over no other")
             below = _named(base, layer.file.parent, chain)
     for index, name in enumerate(layer.model.extends):
         with blamed_on(layer.place(index)):
             below = _lay(below, _overlay(layer.beside, name, layer.file.parent, chain), chain)
     title = layer.model.title
-    if layer.of != graph.name or not title:
-        title = ", ".join(filter(None, [graph.title, layer.name if layer.of else title]))
+    if layer.base != graph.name or not title:
+        title = ", ".join(filter(None, [graph.title, layer.name if layer.base else title]))
     return replace(laid_over(below, layer), name=f"{graph.name}_{layer.name}", title=title)
 
 
 def _refuse_gaps(before: Graph, graph: Graph) -> None:
-    """Refuse what an overlay reads if the graph before it does not have it."""
+    """Refuse references of an overlay to what the graph below it does not have."""
     for name, entry in graph.nodes.items():
         if name not in before.nodes or before.nodes[name].inputs != entry.inputs:
             for port, reference in entry.inputs.items():

@@ -46,7 +46,7 @@ def _if_it_has(key: str, model: str) -> dict[str, Any]:
 
 
 def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
-    """A node's parameters, each of which may also be a ``$param`` of the graph."""
+    """Schema of a node's parameters; each may also be a ``$param`` of the graph."""
     model = model_of(node).model_json_schema(ref_template="#/$defs/{model}")
     definitions.update(model.pop("$defs", {}))
     reference = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
@@ -76,7 +76,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 }
                 for name in node.input_names
             },
-            "additionalProperties": False,
+            "additionalProperties": {"type": "string"} if node.repeated else False,
         },
     }
     return {"if": {"properties": {"op": {"const": node.name}}}, "then": {"properties": properties}}

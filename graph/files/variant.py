@@ -10,9 +10,10 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.graph.files.flat_graph import FORMAT, Entry, Graph
+from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.graph_model import FORMAT
 from tactograph.graph.files.graph_places import is_path
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph
@@ -23,19 +24,19 @@ Change = dict[str, Any]
 def changes_between(
     base: Graph, graph: Graph, defaults: Mapping[str, Mapping[str, Any]]
 ) -> list[Change]:
-    """The patch that makes `graph` of `base`, which has the same nodes.
+    """Return the patch that turns `base` into `graph`, which has the same nodes.
 
     Parameters
     ----------
     defaults
         By node, the parameters that a node has without a word in the file.
     """
-    found: list[Change] = []
+    changes: list[Change] = []
     for name, entry in graph.nodes.items():
         old = base.nodes[name]
         if old.neutral and not entry.neutral:
-            # No verb puts a node back: it is put in its own place.
-            found.append(_whole(name, entry))
+            # No verb restores a node; replacing it by itself does.
+            changes.append(_whole(name, entry))
             old = Entry(entry.op, entry.inputs, entry.settings)
         known = {**defaults.get(name, {}), **old.settings}
         changed = {
@@ -44,26 +45,26 @@ def changes_between(
             if setting not in known or known[setting] != value
         }
         if changed:
-            found.append({"set": name, "with": changed})
+            changes.append({"set": name, "with": changed})
         if entry.backend is not None and entry.backend != old.backend:
-            found.append({"backend": name, "to": entry.backend})
+            changes.append({"backend": name, "to": entry.backend})
         if entry.neutral and not old.neutral:
-            found.append({"neutral": name})
-    return _once_for_all_uses(base, found)
+            changes.append({"neutral": name})
+    return _once_for_all_uses(base, changes)
 
 
 def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
-    """The changes, those that every use of a group has alike said of the group."""
-    found: list[Change] = []
+    """Merge changes that all uses of a group share into one of the group."""
+    merged: list[Change] = []
     for change in changes:
         verb = next(iter(change))
         path, _, node = change[verb].rpartition(".")
         nodes = alike(graph, change[verb])
         if path in graph.uses and all({**change, verb: each} in changes for each in nodes):
             change = {**change, verb: f"{graph.uses[path].group}.{node}"}
-        if change not in found:
-            found.append(change)
-    return found
+        if change not in merged:
+            merged.append(change)
+    return merged
 
 
 def write_variant(file: Path, base: Graph, source: str, changes: list[Change], title: str) -> Graph:

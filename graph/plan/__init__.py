@@ -1,1 +1,1 @@
-"""From a graph to the steps of a run: one pass, one file."""
+"""Passes that turn a graph into the steps of a run, one file each."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph.backends.device_backend import DeviceBackend
-from tactograph.graph.backends.kernel_declaration import Obstacle
+from tactograph.graph.declare.kernel_declaration import Obstacle
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft, Task
 from tactograph.graph.plan.plan import Placement
@@ -13,8 +13,8 @@ def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[st
     """Place every node on a back end.
 
     A ``backend`` in the graph file is kept or refused.  Otherwise the node runs on the first
-    back end of ``prefer``, or falls back to NumPy, which is recorded.  No fallback: a node
-    without a kernel, and one whose NumPy function is faster, where ``prefer`` names numpy.
+    back end of ``prefer``, or falls back to NumPy, which is recorded.  A node without a kernel,
+    or with a faster NumPy function where ``prefer`` names numpy, is no fallback.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def _preferred(
         if wanted not in node.implementations:
             continue
         obstacle = _obstacle(task, wanted, device, no_device) or Obstacle()
-        # Also where something is missing that only the device would need: it would not be used.
+        # Checked before `missing`, which matters only on the device.
         if obstacle.slower and "numpy" in prefer:
             return Placement("numpy", f"faster than on the device: {obstacle.slower}")
         if obstacle.missing is None:
@@ -74,7 +74,7 @@ def _preferred(
 def _obstacle(
     task: Task, backend: str, device: DeviceBackend | None, no_device: str
 ) -> Obstacle | None:
-    """What keeps a node off a back end, or None."""
+    """The obstacle to a node on a back end, or None."""
     node = task.node
     if backend == "numpy":
         return None

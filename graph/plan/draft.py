@@ -1,8 +1,9 @@
-"""What the passes hand on: the graph's values and tasks, resolved step by step."""
+"""The draft of a plan: values and tasks, which the passes resolve step by step."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.node import Node
@@ -10,7 +11,7 @@ from tactograph.graph.files.flat_graph import Entry, Graph
 
 
 class Value(NamedTuple):
-    """What one output port of one node produces."""
+    """The value of one output port of a node."""
 
     node: str
     port: str
@@ -41,14 +42,26 @@ class Task:
         return self.entry.neutral
 
     @property
+    def looks_outside(self) -> bool:
+        """Whether its values may change though its settings and inputs do not.
+
+        It yields items, keeps a session, is told of the run, or names a file.
+        """
+        if self.filled:
+            return False
+        node, settings = self.node, self.settings.values()
+        is_told = bool(node.session or node.provenance)
+        return node.source or self.stand_in or is_told or any(isinstance(v, Path) for v in settings)
+
+    @property
     def edges(self) -> dict[str, Value]:
-        """Every value that the node takes, of this item or the one before, by input."""
+        """All values that the node takes, of this item or the one before, by input."""
         return {**self.reads, **self.recalls}
 
 
 @dataclass
 class Draft:
-    """What the passes hand on: the graph with all that is known of it so far."""
+    """A graph with its names resolved: its tasks, outputs, and nodes that do not run."""
 
     graph: Graph
     tasks: dict[str, Task]

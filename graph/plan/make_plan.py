@@ -1,4 +1,4 @@
-"""Make a plan from a graph: the passes, one after the other."""
+"""Make a plan of a graph by all passes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ def make_plan(
     no_device: str = "",
     sinks: bool = True,
     stand_ins: frozenset[str] = frozenset(),
+    outputs: Mapping[str, str] | None = None,
 ) -> Plan:
-    """Verify `graph` and plan its run; nothing is run or written.
+    """Verify `graph` and plan its run, without running or writing anything.
 
     Parameters
     ----------
@@ -34,13 +35,15 @@ def make_plan(
         Whether nodes that only write (files, pictures) are part of the run.
     stand_ins
         Source nodes whose items the caller will hand in as arrays.
+    outputs
+        References by name, to put out in place of the graph's own outputs.
 
     Raises
     ------
     GraphError
         If the graph does not verify; the message says where.
     """
-    draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins)
+    draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     ports.check(draft)
     classes = sizes.unify(draft)
     placements = backends.place(draft, device, no_device)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import networkx as nx
 
@@ -24,9 +24,14 @@ from tactograph.graph.plan.draft import Draft, Task, Value
 
 
 def bind(
-    graph: Graph, given: Mapping[str, Any], *, sinks: bool, stand_ins: frozenset[str]
+    graph: Graph,
+    given: Mapping[str, Any],
+    *,
+    sinks: bool,
+    stand_ins: frozenset[str] = frozenset(),
+    outputs: Mapping[str, str] | None = None,
 ) -> Draft:
-    """Turn the names in a graph into nodes, values and checked parameters.
+    """Turn the names in a graph into nodes, values and checked parameters; see `make_plan`.
 
     Raises
     ------
@@ -39,64 +44,99 @@ def bind(
         and missing.
     """
     for name in given:
-        if name not in graph.params:
-            raise InputError(
-                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
-                f" (it takes: {', '.join(graph.params) or 'none'})"
-            )
-    found = {node_id: _find(entry, graph) for node_id, entry in graph.nodes.items()}
-    for name in stand_ins:
-        if name not in found or not found[name].source:
-            sources = ", ".join(n for n, node in found.items() if node.source)
-            raise InputError(f"{graph.name} has no source node '{name}'; it has: {sources}")
-    passed = _passed_through(graph, found)
-    for node_id, entry in graph.nodes.items():
-        if PREVIOUS in node_id.split("."):
-            raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
-    edges = {n: _reads(n, graph, found, passed) for n in graph.nodes if n not in passed}
-    reads = {n: reads for n, (reads, _) in edges.items()}
-    recalls = {n: recalls for n, (_, recalls) in edges.items()}
-    dag = _dag(reads)
+        graph.check_param(name)
+    names = _Names(graph, {node_id: _find(graph, node_id) for node_id in graph.nodes}, {})
+    _refuse_wrong_stand_ins(names, stand_ins)
+    names.passed.update(_passed_through(names))
+    edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
+    dag, needs = _dags(edges)
     _refuse_cycles(graph, dag)
-    outputs = {name: _output(name, graph, found, passed) for name in graph.outputs}
-    wanted = {value.node for value in outputs.values()}
-    if sinks:
-        wanted |= {n for n in reads if found[n].sink}
-    if not wanted:
-        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    needs = nx.compose(dag, _dag(recalls))
-    live = wanted.union(*(nx.ancestors(needs, n) for n in wanted))
-    tasks = {
-        n: Task(
-            id=n,
-            node=found[n],
-            entry=graph.nodes[n],
-            settings={} if n in stand_ins else settings_of(graph.nodes[n], graph, found[n], given),
-            reads=reads[n],
-            recalls=recalls[n],
-            stand_in=n in stand_ins,
-        )
-        for n in graph.nodes
-        if n in live
-    }
+    references = graph.outputs if outputs is None else outputs
+    values = {name: _output(names, name, reference) for name, reference in references.items()}
+    wanted = {value.node for value in values.values()}
+    wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
+    live = _needed(graph, wanted, needs)
+    tasks: dict[str, Task] = {}
+    for name in filter(live.__contains__, graph.nodes):
+        node, entry, handed_in = names.nodes[name], graph.nodes[name], name in stand_ins
+        settings = {} if handed_in else settings_of(entry, graph, node, given)
+        tasks[name] = Task(name, node, entry, settings, *edges[name], stand_in=handed_in)
     _mark_streams(tasks, dag)
     _check_recalls(tasks)
-    unused = [n for n in reads if n not in live]
-    return Draft(graph, tasks, outputs, passed, unused)
+    return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
 
 
-def _find(entry: Entry, graph: Graph) -> Node:
+class _Names(NamedTuple):
+    """The nodes behind a graph's names, and the values behind nodes that are taken out."""
+
+    graph: Graph
+    nodes: dict[str, Node]
+    passed: dict[str, Value]
+
+    def resolve(self, reference: str, where: str) -> Value:
+        """The output that a reference reads, behind the nodes that are taken out."""
+        value = self.value(reference, where)
+        hops = 0
+        while value.node in self.passed:
+            value, hops = self.passed[value.node], hops + 1
+            if hops > len(self.passed):
+                raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
+        return value
+
+    def value(self, reference: str, where: str) -> Value:
+        """The output that a reference names."""
+        source, port = split_reference(reference, self.graph.nodes)
+        self.graph.check_node(source, where)
+        outputs, stands = self.nodes[source].outputs, self.graph.stands(source, where)
+        if not outputs:
+            raise GraphError(
+                f"{where}: node '{source}' only writes; nothing can be read from it{stands}"
+            )
+        if port is None and len(outputs) > 1:
+            raise GraphError(
+                f"{where}: node '{source}' has several outputs; say which: "
+                f"{', '.join(f'{source}.{o}' for o in outputs)}{stands}"
+            )
+        if port is not None and port not in outputs:
+            raise GraphError(
+                f"{where}: node '{source}' makes no '{port}'"
+                + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
+                + stands
+            )
+        return Value(source, port or next(iter(outputs)))
+
+
+def _find(graph: Graph, node_id: str) -> Node:
+    entry = graph.nodes[node_id]
+    if PREVIOUS in node_id.split("."):
+        raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
     try:
-        return find_node(entry.op, graph.own)
+        return find_node(entry.op, graph.own).with_inputs(entry.inputs)
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
 
 
-def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]:
-    """Nodes taken out by a neutral that is one of their inputs, with what they pass on."""
+def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
+    sources = [n for n, node in names.nodes.items() if node.source]
+    for name in stand_ins:
+        if name not in sources:
+            raise InputError(
+                f"{names.graph.name} has no source node '{name}'; it has: {', '.join(sources)}"
+            )
+
+
+def _needed(graph: Graph, wanted: set[str], needs: nx.DiGraph[str]) -> set[str]:
+    """The nodes that are wanted, and all that they need."""
+    if not wanted:
+        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
+    return wanted.union(*(nx.ancestors(needs, n) for n in wanted))
+
+
+def _passed_through(names: _Names) -> dict[str, Value]:
+    """Nodes taken out by a neutral that is one of their inputs, with the value they pass on."""
     passed: dict[str, Value] = {}
-    for node_id, entry in graph.nodes.items():
-        node = found[node_id]
+    for node_id, entry in names.graph.nodes.items():
+        node = names.nodes[node_id]
         if not entry.neutral:
             continue
         if node.neutral is None:
@@ -111,25 +151,18 @@ def _passed_through(graph: Graph, found: Mapping[str, Node]) -> dict[str, Value]
                     "which is passed on"
                 )
             where = entry.where(f"in.{node.neutral}")
-            passed[node_id] = _value(entry.inputs[node.neutral], graph, found, where)
+            passed[node_id] = names.value(entry.inputs[node.neutral], where)
     return passed
 
 
-def _reads(
-    node_id: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
-) -> tuple[dict[str, Value], dict[str, Value]]:
+def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Value]]:
     """The values that a node reads, and those that it recalls from the item before."""
-    entry, node = graph.nodes[node_id], found[node_id]
-    known = node.input_names
+    entry, node = names.graph.nodes[node_id], names.nodes[node_id]
+    _refuse_unknown_inputs(entry, node)
     reads: dict[str, Value] = {}
     recalls: dict[str, Value] = {}
     for name, reference in entry.inputs.items():
         where = entry.where(f"in.{name}")
-        if name not in known:
-            raise GraphError(
-                f"{where}: node '{node.name}' has no input '{name}'{did_you_mean(name, known)}"
-                f" (it takes: {', '.join(known) or 'none'})"
-            )
         bare, previous = split_previous(reference)
         if previous and name not in node.optional_inputs:
             raise GraphError(
@@ -137,82 +170,59 @@ def _reads(
                 f"no previous value; only an optional input can read '{reference}'"
             )
         if previous:
-            recalls[name] = _resolve(bare, graph, found, passed, where)
+            recalls[name] = names.resolve(bare, where)
         elif name in node.input_records:
-            reads |= _record(name, reference, graph, found, node, where)
+            reads |= _record(names, name, reference, node, where)
         else:
-            reads[name] = _resolve(reference, graph, found, passed, where)
-    for name in known:
+            reads[name] = names.resolve(reference, where)
+    if node.repeated is not None:
+        raise GraphError(f"{entry.where('in')}: node '{node.name}' needs at least one input")
+    for name in node.input_names:
         if name not in entry.inputs and name not in node.optional_inputs:
             raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
     return reads, recalls
 
 
-def _record(
-    name: str, reference: str, graph: Graph, found: Mapping[str, Node], node: Node, where: str
-) -> dict[str, Value]:
+def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
+    known = node.input_names
+    for name in entry.inputs:
+        if name in node.former:
+            raise GraphError(
+                f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}' any more: "
+                f"{node.former[name]}"
+            )
+        if name not in known:
+            raise GraphError(
+                f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"
+                f"{did_you_mean(name, known)} (it takes: {', '.join(known) or 'none'})"
+            )
+
+
+def _record(names: _Names, name: str, reference: str, node: Node, where: str) -> dict[str, Value]:
+    graph = names.graph
     source, port = split_reference(reference, graph.nodes)
     graph.check_node(source, where)
     record = node.input_records[name]
-    fields = record_ports(record)
-    if port is not None or not set(fields) <= found[source].outputs.keys():
+    fields, offered = record_ports(record), names.nodes[source].outputs
+    needed = [field for field, port_type in fields.items() if not port_type.optional]
+    none_of_it, amount = fields.keys().isdisjoint(offered), "all" if needed else "something"
+    if port is not None or none_of_it or not set(needed) <= offered.keys():
         raise GraphError(
-            f"{where}: '{name}' takes a node that gives all of a {record.__name__} "
-            f"({', '.join(fields)}); '{reference}' is not one{graph.stands(source, where)}"
+            f"{where}: '{name}' takes a node that gives {amount} of a {record.__name__} "
+            f"({', '.join(needed or fields)}); '{reference}' is not one"
+            f"{graph.stands(source, where)}"
         )
-    return {f"{name}.{field}": Value(source, field) for field in fields}
+    return {f"{name}.{field}": Value(source, field) for field in fields if field in offered}
 
 
-def _output(
-    name: str, graph: Graph, found: Mapping[str, Node], passed: Mapping[str, Value]
-) -> Value:
-    where = graph.where(f"outputs.{name}")
+def _output(names: _Names, name: str, reference: str) -> Value:
+    where = names.graph.where(f"outputs.{name}")
     # A program may ask for an output of a group's use, which the flat graph calls otherwise.
-    flat = flat_reference(graph, graph.outputs[name], "", where)
-    return _resolve(str(flat), graph, found, passed, where)
-
-
-def _resolve(
-    reference: str,
-    graph: Graph,
-    found: Mapping[str, Node],
-    passed: Mapping[str, Value],
-    where: str,
-) -> Value:
-    value = _value(reference, graph, found, where)
-    hops = 0
-    while value.node in passed:
-        value, hops = passed[value.node], hops + 1
-        if hops > len(passed):
-            raise GraphError(f"{where}: the neutral nodes pass on one another in a cycle")
-    return value
-
-
-def _value(reference: str, graph: Graph, found: Mapping[str, Node], where: str) -> Value:
-    """The output that a reference speaks of."""
-    source, port = split_reference(reference, graph.nodes)
-    graph.check_node(source, where)
-    outputs, stands = found[source].outputs, graph.stands(source, where)
-    if not outputs:
-        raise GraphError(
-            f"{where}: node '{source}' only writes; nothing can be read from it{stands}"
-        )
-    if port is None and len(outputs) > 1:
-        raise GraphError(
-            f"{where}: node '{source}' has several outputs; say which: "
-            f"{', '.join(f'{source}.{o}' for o in outputs)}{stands}"
-        )
-    if port is not None and port not in outputs:
-        raise GraphError(
-            f"{where}: node '{source}' makes no '{port}'"
-            + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
-            + stands
-        )
-    return Value(source, port or next(iter(outputs)))
+    return names.resolve(str(flat_reference(names.graph, reference, "", where)), where)
 
 
 def _check_recalls(tasks: Mapping[str, Task]) -> None:
-    """Only what changes from item to item has a value before."""
+    """Refuse a previous value of a node that does not change from item to item."""
     for task in tasks.values():
         for name, value in task.recalls.items():
             where = task.entry.where(f"in.{name}")
@@ -224,11 +234,16 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
-def _dag(reads: Mapping[str, Mapping[str, Value]]) -> nx.DiGraph[str]:
+def _dags(
+    edges: Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]],
+) -> tuple[nx.DiGraph[str], nx.DiGraph[str]]:
+    """The graph of all reads, and that of all reads and recalls."""
     dag: nx.DiGraph[str] = nx.DiGraph()
-    dag.add_nodes_from(reads)
-    dag.add_edges_from((v.node, node_id) for node_id, vs in reads.items() for v in vs.values())
-    return dag
+    dag.add_nodes_from(edges)
+    dag.add_edges_from((v.node, n) for n, (reads, _) in edges.items() for v in reads.values())
+    needs = dag.copy()
+    needs.add_edges_from((v.node, n) for n, (_, recalls) in edges.items() for v in recalls.values())
+    return dag, needs
 
 
 def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:

@@ -1,4 +1,4 @@
-"""Pass 6: put the steps in order, and say when a value on the device is last read."""
+"""Pass 6: put the steps in order, and mark the last reader of each value on the device."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tactograph.graph.plan.plan import Step
 def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
-    What the device does is enqueued before the host starts on something itself, or waits for
-    sizes that only the data determine, so that both work; and first what the host will need
-    soonest, that is what has most transfers still ahead of it.  Writers come last within what
-    the edges allow, so that nothing is written if a later computation fails.
+    The device's steps come before the host's own, and before steps whose sizes depend on the data,
+    so that both sides work.  Among them, those with the most transfers ahead come first, since the
+    host needs them soonest.  Sinks come last within the limits of the edges, so that nothing is
+    written if a later computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
     ahead = _ways_ahead(dag)
@@ -39,19 +39,19 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
 
 
 def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
-    """For each step the most transfers, and then steps, on any way from it to the end."""
+    """The most transfers, and then steps, on any way from each step to the end."""
     ahead: dict[str, tuple[int, int]] = {}
     for name in reversed(list(nx.topological_sort(dag))):
         transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
-        own = dag.nodes[name]["step"].kind in ("upload", "download")
+        own = dag.nodes[name]["step"].is_transfer
         ahead[name] = transfers + own, steps + 1
     return ahead
 
 
 def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
-    """Mark, per item, the last step that reads each value on the device.
+    """Mark the last step of an item that reads each value on the device.
 
-    What the next item recalls stays.
+    Values that the next item recalls stay.
     """
     last: dict[Value, int] = {}
     for index, step in enumerate(steps):

@@ -1,4 +1,4 @@
-"""What a plan is made of: placements, steps, and the plan itself."""
+"""Plans: placements, steps, and the plan itself."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from tactograph.graph.declare.wanted_outputs import Wanted
+from tactograph.graph.declare.engine_arguments import Wanted
+from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, split_reference
 from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
-NAMED = 6
-"""At most so many nodes that fell back for one reason are all named on a terminal."""
+MAX_NAMED_NODES = 6
+"""The most nodes with one fallback that a terminal names."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a node runs and why; `fallback` if a preferred back end could not run it."""
+    """The back end of a node and why; `fallback` if a preferred one could not run it."""
 
     backend: str
     why: str
@@ -32,7 +33,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Step:
-    """One step of the plan."""
+    """A step of the plan: a node, a constant, or a transfer."""
 
     kind: Literal["run", "fill", "upload", "download"]
     name: str
@@ -46,6 +47,10 @@ class Step:
     @property
     def on_device(self) -> bool:
         return self.backend != "numpy"
+
+    @property
+    def is_transfer(self) -> bool:
+        return self.kind in ("upload", "download")
 
 
 @dataclass
@@ -65,7 +70,7 @@ class Plan:
     inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:
-        """The outputs of a node that another node reads, or the caller, or who inspects it."""
+        """The outputs of a node that nodes or the caller read, or that are inspected."""
         edges = [value for task in self.tasks.values() for value in task.edges.values()]
         read = {v.port for v in (*edges, *self.outputs.values(), *self.inspected) if v.node == node}
         return Wanted(frozenset(read))
@@ -94,9 +99,14 @@ class Plan:
             raise InputError(f"{where}: say which value; '{name}' makes {has}")
         return Value(name, port)
 
+    def port(self, output: str) -> PortType:
+        """The port behind one of the graph's outputs."""
+        value = self.outputs[output]
+        return self.tasks[value.node].node.outputs[value.port]
+
     @property
     def fallbacks(self) -> list[str]:
-        """The nodes that fell back to another back end, all named, a line for each reason."""
+        """The nodes that fell back to another back end, a line for each reason."""
         return [
             f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
             for place, ids in self._fallen().items()
@@ -104,14 +114,14 @@ class Plan:
 
     @property
     def brief_fallbacks(self) -> list[str]:
-        """The same for a terminal: of many nodes only the number and the first are named."""
+        """The fallbacks for a terminal, where many nodes are counted instead of named."""
         fallen = self._fallen()
         everywhere = len({placement.backend for placement in self.placements.values()}) == 1
         lines = []
         for line, (place, ids) in zip(self.fallbacks, fallen.items(), strict=True):
             if everywhere and len(ids) > 1 and len(fallen) == 1:
                 lines.append(f"every node runs on {place.backend}: {place.why}")
-            elif len(ids) <= NAMED:
+            elif len(ids) <= MAX_NAMED_NODES:
                 lines.append(line)
             else:
                 first = ", ".join(ids[:3])
@@ -123,7 +133,7 @@ class Plan:
 
     @property
     def without_kernel(self) -> list[str]:
-        """The nodes that the preferred back end has no kernel for; only the host reads and writes.
+        """The nodes without a kernel for the preferred back end, sources and sinks left out.
 
         They run on the host by design, which is no fallback.
         """
@@ -138,7 +148,7 @@ class Plan:
         return [node_id for node_id, node in made.items() if preferred not in node.implementations]
 
     def _fallen(self) -> dict[Placement, list[str]]:
-        """The nodes that fell back, by what became of them and why."""
+        """The nodes that fell back, by placement."""
         alike: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:

@@ -1,4 +1,4 @@
-"""Pass 2: both ends of every edge carry the same kind of thing, in the same unit."""
+"""Pass 2: check that both ends of every edge have the same type and unit."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Pass 3: symbolic sizes bind across the graph.
+"""Pass 3: bind symbolic sizes across the graph.
 
 A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends one class.
-Fixed sizes are checked before anything runs; the rest as soon as the sources have spoken.
+Fixed sizes are checked before anything runs, others as soon as the sources have yielded.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 Symbol = tuple[str, str]
-"""(node id, size symbol)"""
+"""Node id and size symbol."""
 
 
 class Bound(NamedTuple):
@@ -28,16 +28,16 @@ class Bound(NamedTuple):
 
 Known = dict[Symbol, Bound]
 Shapes = dict[str, tuple[int, ...]]
-"""By output port."""
+"""Shapes by output port."""
 
 
 @dataclass
 class Sized:
-    """The sizes around one node, which hold for every item that finds the same `before`.
+    """The sizes around a node, valid for every item with the same `before`.
 
-    They are compared by identity: what is known behind a node is the same object from item
-    to item for as long as the node's outputs keep their shapes.  `doubtful` is set when the
-    node's settings have changed, from which sizes may follow.
+    `before` is compared by identity: the sizes behind a node are the same object from item to
+    item as long as the node's outputs keep their shapes.  `doubtful` is set when the node's
+    settings have changed, from which sizes may follow.
     """
 
     before: Known
@@ -50,14 +50,14 @@ class Sized:
 
 @dataclass
 class SizeClasses:
-    """Which symbols are the same size, with the limits the nodes put on them."""
+    """Classes of symbols that have the same size, with the nodes' limits on them."""
 
     root: dict[Symbol, Symbol]
     fixed: dict[Symbol, Bound]
     limits: dict[Symbol, list[tuple[str, SizeLimit]]]
 
     def around(self, task: Task, known: Known, last: Sized | None) -> Sized:
-        """The sizes around a node, `last` if that was worked out of the same `known`.
+        """The sizes around a node; `last` if it follows from the same `known`.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class SizeClasses:
         return Sized(known, derived, self.sizes_of(task, derived))
 
     def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
-        """What is known when a node's outputs have the given shapes.
+        """The sizes that are known behind a node with outputs of the given shapes.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class SizeClasses:
                 self._bind_one(known, self.root[task.id, dim], dim, bound, dims)
 
     def derive(self, known: Known, task: Task) -> None:
-        """Enter the sizes that follow from others, by a node's own parameters, into `known`.
+        """Enter the sizes that follow from others, by a node's parameters, into `known`.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class SizeClasses:
 
 
 def _in_words(dim: str, dims: tuple[Dim, ...], one: int, other: int) -> str:
-    """Two sizes that clash, by what they count, where `dims` are those of images."""
+    """Describe two clashing sizes by what they count, if `dims` are those of images."""
     if dims[-2:] != ("H", "W") or dim not in IMAGE_SIZES:
         return ""
     return f": {one} and {other} {IMAGE_SIZES[dim]}; do both come from one sensor?"
@@ -169,10 +169,10 @@ def unify(draft: Draft) -> SizeClasses:
     fixed: dict[Symbol, Bound] = {}
     for task, name, wanted, value, offered in _joints(draft, "reads"):
         _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
-    found = {_find(root, symbol) for symbol in _found(draft)}
+    free = {_find(root, symbol) for symbol in _free_sizes(draft)}
     for task, name, wanted, value, offered in _joints(draft, "recalls"):
-        # What the data tell of one item says nothing of the item before.
-        if isinstance(offered, int) or _find(root, (value.node, offered)) not in found:
+        # A size that depends on the data may differ from that of the item before.
+        if isinstance(offered, int) or _find(root, (value.node, offered)) not in free:
             _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
     flat = {symbol: _find(root, symbol) for symbol in root}
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
@@ -191,7 +191,7 @@ def unify(draft: Draft) -> SizeClasses:
 def _joints(
     draft: Draft, edges: Literal["reads", "recalls"]
 ) -> Iterator[tuple[Task, str, Dim, Value, Dim]]:
-    """Reader and its input's size, value and its own size, wherever two meet."""
+    """The sizes at both ends of every array's edge: of the reader's input and of the value."""
     for task in draft.tasks.values():
         for name, value in getattr(task, edges).items():
             if task.node.inputs[name].kind == "array":
@@ -200,8 +200,8 @@ def _joints(
                     yield task, name, one, value, other
 
 
-def _found(draft: Draft) -> Iterator[Symbol]:
-    """The sizes that only the data tell: of outputs alone, and not of a source."""
+def _free_sizes(draft: Draft) -> Iterator[Symbol]:
+    """The sizes that depend on the data: of outputs alone, sources left out."""
     for task in draft.tasks.values():
         if not task.node.source:
             yield from ((task.id, symbol) for symbol in task.node.free_symbols)

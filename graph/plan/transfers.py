@@ -1,4 +1,4 @@
-"""Pass 5: bring every array to where it is read: one upload per value, shared."""
+"""Pass 5: bring every array to its readers, with one transfer per value."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
             _connect(dag, draft, placements, value, there, task.id)
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
-                # Brought over at the end of an item, for the reader at the next one.
+                # Moved at the end of an item, for the reader of the next one.
                 _connect(dag, draft, placements, value, placements[task.id].on_device, None)
     for value in draft.outputs.values():
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":

@@ -1,4 +1,4 @@
-"""What nodes made in this process, by what made it, so that equal work is done once."""
+"""Results of nodes in this process, by key, so that equal work is done once."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from tactograph.graph.backends.device_backend import DeviceBackend, open_device
 from tactograph.graph.plan.sizes import Shapes
 
 Side = Literal["host", "device"]
-MEGABYTES = 512
-"""What the values of one cache may take together, on host and device."""
-MOST_RUNS = 20_000
-"""Of so many nodes' runs a cache remembers shapes, time and warnings."""
-_ENTRY = 500
-"""What the bookkeeping of a value takes, in bytes; an empty array still has a buffer."""
-_OPAQUE = 2**23
-"""What an object of unknown size is taken for, in bytes."""
+MAX_MEGABYTES = 512
+"""The most memory for the values of one cache, on host and device together."""
+MAX_RUNS = 20_000
+"""The most runs whose shapes, time and warnings a cache remembers."""
+_ENTRY_BYTES = 500
+"""Overhead of a value; an empty array still has a buffer."""
+_OBJECT_BYTES = 2**23
+"""The assumed size of an object that is no array."""
 
 
 class Kept(NamedTuple):
-    """An output of a node's run that is kept: the run's key, the port, and where it lies."""
+    """A kept output of a node's run: the run's key, the port, and the side that it lies on."""
 
     run: str
     port: str
@@ -36,7 +36,7 @@ class Kept(NamedTuple):
 
 @dataclass(frozen=True)
 class Run:
-    """What is known of a node's run besides what it made."""
+    """Shapes, time and warnings of a node's run."""
 
     shapes: Shapes
     milliseconds: float
@@ -44,7 +44,7 @@ class Run:
 
 
 class Cache:
-    """Values that nodes made, up to a number of bytes: the one that was used longest ago goes.
+    """Results of nodes, up to a number of bytes; the one that was used longest ago goes first.
 
     Pipelines of one thread may share it: ``load("a.yaml", cache=cache)``.  They then also
     share the device, its compiled kernels and its buffers.
@@ -52,10 +52,10 @@ class Cache:
     Parameters
     ----------
     megabytes
-        What all values may take together, on host and device.
+        The most memory for all values, on host and device together.
     """
 
-    def __init__(self, megabytes: float = MEGABYTES) -> None:
+    def __init__(self, megabytes: float = MAX_MEGABYTES) -> None:
         self.most = int(megabytes * 1e6)
         self.bytes = 0
         self._values: OrderedDict[Kept, tuple[Any, int]] = OrderedDict()
@@ -79,7 +79,7 @@ class Cache:
 
     def put(self, kept: Kept, value: Any) -> None:
         """Keep a value, unless it alone is too large."""
-        size = _ENTRY + _bytes(value)
+        size = _ENTRY_BYTES + _bytes(value)
         if size > self.most:
             return
         with self._lock:
@@ -95,7 +95,7 @@ class Cache:
             self._drop(kept)
 
     def run(self, key: str) -> Run | None:
-        """What is known of a run, or None."""
+        """Shapes, time and warnings of a run, or None."""
         with self._lock:
             if key in self._runs:
                 self._runs.move_to_end(key)
@@ -105,7 +105,7 @@ class Cache:
         """Remember a run."""
         with self._lock:
             self._runs[key] = run
-            if len(self._runs) > MOST_RUNS:
+            if len(self._runs) > MAX_RUNS:
                 self._runs.popitem(last=False)
 
     def device(
@@ -118,13 +118,13 @@ class Cache:
         return self._devices[key]
 
     def _drop(self, kept: Kept) -> None:
-        found = self._values.pop(kept, None)
-        if found is not None:
-            self.bytes -= found[1]
+        dropped = self._values.pop(kept, None)
+        if dropped is not None:
+            self.bytes -= dropped[1]
 
 
 def _bytes(value: Any) -> int:
-    """What a value takes in memory, roughly for what is no array."""
+    """The memory of a value; an estimate for objects other than arrays."""
     if isinstance(value, np.ndarray | DeviceArray):
         return int(value.nbytes)
     if isinstance(value, dict):
@@ -132,4 +132,4 @@ def _bytes(value: Any) -> int:
     if isinstance(value, tuple | list):
         return 100 + sum(map(_bytes, value))
     plain = value is None or isinstance(value, bool | int | float | str | bytes)
-    return sys.getsizeof(value) if plain else _OPAQUE
+    return sys.getsizeof(value) if plain else _OBJECT_BYTES

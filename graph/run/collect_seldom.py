@@ -1,20 +1,20 @@
-"""How often a process of its own looks for garbage: seldom, and not as it ends."""
+"""Garbage collection in a process of our own: seldom, and not at its end."""
 
 from __future__ import annotations
 
 import atexit
 import gc
 
-YOUNG, MIDDLE = 10_000, 50
-"""So many objects more than before, and the youngest are looked through; so often, the next older.
+YOUNG_THRESHOLD, MIDDLE_THRESHOLD = 10_000, 50
+"""Allocations before a collection of the youngest objects, and those collections before the next.
 
-Python's own are 700 and 10.  Of the objects that imports make none is garbage, and to look for it
-takes a seventh of their time.
+Python's own thresholds are 700 and 10.  Imports make no garbage, but searching for it takes a
+seventh of their time.
 """
 
 
 def collect_seldom() -> None:
-    """Look for garbage less often, in this process and in those that it forks."""
-    gc.set_threshold(YOUNG, MIDDLE)
-    # A process that ends gives back all at once.
+    """Collect garbage less often, in this process and in those that it forks."""
+    gc.set_threshold(YOUNG_THRESHOLD, MIDDLE_THRESHOLD)
+    # At its end a process frees all memory at once.
     atexit.register(gc.freeze)

@@ -1,4 +1,4 @@
-"""How many threads are worth starting: cores that this process may use, shared with its kin."""
+"""The cores that this process may use, as one of several workers."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-OURS = "TACTOGRAPH_CORES"
-"""The environment variable that says how many cores a process is to use."""
-OTHERS = (
+CORES_VARIABLE = "TACTOGRAPH_CORES"
+"""The environment variable that limits the cores of a process."""
+LIBRARY_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
     "POCL_MAX_PTHREAD_COUNT",
     "POCL_CPU_MAX_CU_COUNT",
 )
-"""The variables by which libraries and PoCL learn the same."""
+"""The variables that limit the threads of libraries and of PoCL."""
 
 
 def cores() -> int:
-    """How many cores this process may use: those it is bound to, or its share of them."""
-    told = os.environ.get(OURS, "")
+    """The number of cores that this process may use: those it is bound to, or its share."""
+    told = os.environ.get(CORES_VARIABLE, "")
     if told.isdecimal() and int(told) > 0:
         return min(int(told), _bound_to())
     return _bound_to()
 
 
 def share_of(workers: int) -> dict[str, str]:
-    """Return this process' environment with what gives each of its workers a share of the cores.
+    """The environment of a worker that gets its share of this process' cores.
 
-    A variable that the user has set keeps its value.
+    Variables that the user has set keep their values.
     """
     share = str(max(1, cores() // workers))
-    return {**dict.fromkeys(OTHERS, share), **os.environ, OURS: share}
+    return {**dict.fromkeys(LIBRARY_VARIABLES, share), **os.environ, CORES_VARIABLE: share}
 
 
 @contextmanager
 def environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Let processes that are started inside the block have such an environment."""
+    """Give these variables to the processes that are started inside the block."""
     before = dict(os.environ)
     take_over(values)
     try:
@@ -47,7 +47,7 @@ def environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 def take_over(values: Mapping[str, str]) -> None:
-    """Have this environment and no other."""
+    """Replace the environment."""
     for name in {*os.environ} - {*values}:
         del os.environ[name]
     os.environ.update(values)

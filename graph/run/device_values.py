@@ -1,4 +1,4 @@
-"""Values on the device: transfers, launches, and what the device's clock says of them."""
+"""Values on the device: transfers, launches and their times."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tactograph.graph.run.whole_images import read_whole
 
 
 class DeviceValues:
-    """What lies on the device: buffers by value, those of the item before, launches."""
+    """Buffers on the device by value, those of the item before, and launches."""
 
     def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
         self._plan, self._device, self._host = plan, device, host
@@ -44,38 +44,38 @@ class DeviceValues:
         return self._device.serial
 
     def get(self, value: Value) -> DeviceArray | None:
-        """A value on the device; None for one that is absent from this item."""
+        """A value on the device; None if it is absent from this item."""
         return self._values.get(value)
 
-    def put(self, value: Value, found: DeviceArray | None) -> None:
-        """Enter what was made before."""
+    def put(self, value: Value, array: DeviceArray | None) -> None:
+        """Enter a value that was made before."""
         self._values.pop(value, None)
-        if found is not None:
-            self._values[value] = found
+        if array is not None:
+            self._values[value] = array
 
-    def download(self, found: DeviceArray) -> NDArray[Any]:
+    def download(self, source: DeviceArray) -> NDArray[Any]:
         """A copy of an array on the host, read-only."""
-        array = self._device.download(found)
+        array = self._device.download(source)
         array.flags.writeable = False
         return array
 
     def drop(self, values: Iterable[Value]) -> None:
-        """Give back the buffers of values that nothing reads any more."""
+        """Give back the buffers of values that no later step reads."""
         for value in values:
             self._values.pop(value, None)
 
     def begin(self) -> None:
-        """Time what is enqueued from now on."""
+        """Start timing."""
         self._timers, self._idle = {}, []
 
     def transfer(self, step: Step) -> None:
-        """Begin a transfer; whoever reads on the host waits, the device keeps its own order."""
+        """Begin a transfer; readers on the host wait for it, the device keeps its own order."""
         (value,) = step.reads
         if step.kind == "download":
-            if (found := self._values.get(value)) is None:
+            if (source := self._values.get(value)) is None:
                 self._host.put(value, None)
                 return
-            array, timer = self._device.start_download(found)
+            array, timer = self._device.start_download(source)
             self._host.receive(value, array, timer[1])
         elif (array := self._host[value]) is not None:
             port = self._plan.tasks[value.node].node.outputs[value.port]
@@ -84,7 +84,7 @@ class DeviceValues:
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._values[value], timer = start(array)
         else:
-            # One may be left there by an item that failed.
+            # An item that failed may have left one.
             self._values.pop(value, None)
             return
         self._timers[step.name] = timer
@@ -95,34 +95,34 @@ class DeviceValues:
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
 
     def _hand_on(self, task: Task) -> Shapes | None:
-        """Let an idle node return its input, or nothing; None where it has something to do."""
+        """Hand on the input of an idle node, or nothing; return None if the node has to run."""
         node, neutral = task.node, task.node.neutral
         if node.is_idle is None or not self._is_idle(task, node.is_idle):
             return None
-        ((port, of),) = node.outputs.items()
-        made = Value(task.id, port)
-        if of.optional:
+        ((name, port),) = node.outputs.items()
+        made = Value(task.id, name)
+        if port.optional:
             self._values.pop(made, None)
             self._idle.append(task.id)
             return {}
         if not isinstance(neutral, str) or neutral not in task.reads:
             return None
-        found = self._values.get(task.reads[neutral])
+        handed_on = self._values.get(task.reads[neutral])
         as_float = made in self._plan.inspected or made not in self._read_whole
-        if found is None or (as_float and found.dtype != of.dtype):
+        if handed_on is None or (as_float and handed_on.dtype != port.dtype):
             return None
-        self._values[made] = found
+        self._values[made] = handed_on
         self._idle.append(task.id)
-        return {port: found.shape}
+        return {name: handed_on.shape}
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
-        """Ask an idle node; not if that would mean to wait."""
+        """Ask a node whether it is idle, unless that would mean to wait."""
         values = self._asked[task.id].items()
         asked = {name: self._host.ready(value) for name, value in values}
         return all(value is not None for value in asked.values()) and is_idle(**asked)
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
-        """Enqueue a node; return the shapes of what it makes."""
+        """Enqueue a node; return the shapes of its outputs."""
         if (handed_on := self._hand_on(task)) is not None:
             return handed_on
         inputs = {
@@ -132,12 +132,12 @@ class DeviceValues:
         for name in task.recalls:
             port = task.node.inputs[name]
             if port.kind == "array":
-                found = inputs[name] = recall(task, name, self._before, sizes)
+                recalled = inputs[name] = recall(task, name, self._before, sizes)
             else:
-                found = inputs[name] = self._host.recall(task, name, sizes)
-            if isinstance(found, DeviceArray):
-                # A size that only the data tell is that of the item before.
-                before = zip(port.dims, found.shape, strict=True)
+                recalled = inputs[name] = self._host.recall(task, name, sizes)
+            if isinstance(recalled, DeviceArray):
+                # A size that depends on the data is that of the item before.
+                before = zip(port.dims, recalled.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
         with Blaming(task, self._device.error):
@@ -154,20 +154,20 @@ class DeviceValues:
         return {name: array.shape for name, array in outputs.items()}
 
     def finish(self) -> dict[str, float]:
-        """Wait for all that was begun; return its milliseconds by step."""
+        """Wait for the device; return milliseconds by step."""
         if self._timers:
             self._device.finish()
         times = {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
         return {**times, **dict.fromkeys(self._idle, 0.0)}
 
     def spans(self) -> list[tuple[str, float, float]]:
-        """Step, start and end of all that is timed, as times of `time.perf_counter`."""
+        """Step, start and end of all timed steps, as times of `time.perf_counter`."""
         ahead = self._device.clock_ahead
         spans = ((name, *self._device.span(timer)) for name, timer in self._timers.items())
         return [(name, start - ahead, end - ahead) for name, start, end in spans]
 
     def failed(self) -> list[str]:
-        """The steps that failed: a device tells of them long after they began."""
+        """The steps that failed, which a device reports long after they began."""
         return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]
 
     @property
@@ -176,12 +176,12 @@ class DeviceValues:
         return list(self._timers)
 
     def want(self, node: str) -> None:
-        """Ask a node for what is read of it now."""
+        """Ask a node for the outputs that the plan reads of it now."""
         self._wanted[node] = self._plan.wanted(node)
         self.drop_launch(node)
 
     def drop_launch(self, node: str) -> None:
-        """Forget how a node is launched: its settings changed."""
+        """Forget a node's launch, since its settings changed."""
         self._launches.pop(node, None)
 
     def remember(self) -> None:
@@ -195,7 +195,7 @@ class DeviceValues:
 
 
 def _asked(task: Task) -> dict[str, Value | None]:
-    """What tells whether a node is idle; None for what is no value of this item."""
+    """The values that decide whether a node is idle; None for one that is not of this item."""
     if task.node.is_idle is None:
         return {}
     reads = {name.replace(".", "_"): value for name, value in task.reads.items()}
@@ -203,7 +203,7 @@ def _asked(task: Task) -> dict[str, Value | None]:
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:
-    """What a device is handed of this item: name, value, and whether that is an array."""
+    """The inputs of this item for a device: name, value, and whether that is an array."""
     ports = task.node.inputs
     return [
         (name, task.reads[name], port.kind == "array")

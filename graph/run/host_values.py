@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import Event
+from tactograph.graph.declare.engine_arguments import Session
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.declare.session import Session
 from tactograph.graph.errors import NodeError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
-from tactograph.graph.run.looks_outside import looks_outside
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
@@ -27,9 +26,9 @@ from tactograph.graph.run.whole_images import as_fractions, goes_up, is_whole, m
 
 
 class HostValues:
-    """What lies on the host: values by node and port, those of the item before, sessions.
+    """Values on the host by node and port, those of the item before, and sessions.
 
-    Every array is read-only: its readers share it, and the next item may yet read it.
+    Every array is read-only: readers share it, and the next item may read it too.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -48,22 +47,22 @@ class HostValues:
         return self._values[value]
 
     def ready(self, value: Value | None) -> Any:
-        """A value that can be read without a wait; else None."""
+        """A value that can be read without waiting, else None."""
         if value is None or value in self._arriving:
             return None
         return self._values.get(value)
 
     def want(self, node: str) -> None:
-        """Ask a node for what is read of it now."""
+        """Ask a node for the outputs that the plan reads of it now."""
         self._wanted[node] = self._plan.wanted(node)
 
-    def put(self, value: Value, found: Any) -> None:
-        """Enter what was made before."""
+    def put(self, value: Value, content: Any) -> None:
+        """Enter a value that was made before."""
         self._arriving.pop(value, None)
-        self._values[value] = found
+        self._values[value] = content
 
     def lent(self, value: Value) -> Any:
-        """A value for the caller: of lists and mappings a copy."""
+        """A value for the caller; lists and mappings are copied."""
         return lent(self._values[value])
 
     def recall(self, task: Task, name: str, sizes: Mapping[str, int]) -> Any:
@@ -71,13 +70,13 @@ class HostValues:
         return recall(task, name, self._before, sizes)
 
     def receive(self, value: Value, array: NDArray[Any], arrived: Event) -> None:
-        """Enter an array that is complete only after an event; readers here wait for that."""
+        """Enter an array that is complete after an event; readers on the host wait for that."""
         array.flags.writeable = False
         self._values[value] = array
         self._arriving[value] = arrived
 
     def all_arrived(self) -> None:
-        """Forget the events of transfers: nothing is under way."""
+        """Forget the events of transfers, which have all arrived."""
         self._arriving.clear()
 
     def fill(self, task: Task, sizes: Mapping[str, int]) -> None:
@@ -89,10 +88,9 @@ class HostValues:
     def run(
         self, task: Task, step: Step, sizes: Mapping[str, int], keywords: Mapping[str, Any]
     ) -> tuple[Any, float]:
-        """Call a node's function; return what it made, and the milliseconds that took.
+        """Call a node's function; return its result and the milliseconds that it took.
 
-        `keywords` are those that the caller has to say, besides settings, session and wanted
-        outputs.
+        `keywords` are arguments besides settings, session and wanted outputs.
         """
         node = task.node
         keywords = {**task.settings, **self.session(task), **keywords}
@@ -105,7 +103,7 @@ class HostValues:
         start = time.perf_counter()
         with Blaming(task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
-            if step.stream or looks_outside(task):
+            if step.stream or task.looks_outside:
                 made = node(*arguments, **keywords)
             else:
                 make = partial(node, *arguments, **keywords)
@@ -113,7 +111,7 @@ class HostValues:
         return made, 1e3 * (time.perf_counter() - start)
 
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
-        """Take over what a node made, or a caller in its place; return the arrays' shapes."""
+        """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
         shapes: Shapes = {}
         with Blaming(task):
             results = task.node.results(made)
@@ -130,17 +128,17 @@ class HostValues:
         return shapes
 
     def session(self, task: Task) -> dict[str, Session]:
-        """The keyword argument by which a node gets at what it keeps, if it asks for it."""
+        """The keyword argument with a node's session, if it takes one."""
         if task.node.session is None:
             return {}
         return {task.node.session: self._sessions.setdefault(task.id, Session())}
 
     def told(self, source: Task) -> dict[str, Any]:
-        """The keyword arguments of a source besides its settings: what it keeps, and is told."""
+        """The keyword arguments of a source besides its settings."""
         return {**self.told_of_images(source), **self.session(source)}
 
     def told_of_images(self, source: Task) -> dict[str, bool]:
-        """Whether its images may stay integers, by the keyword argument that takes this."""
+        """The keyword argument that says whether a source's images may stay integers."""
         whole = source.node.whole
         return {} if whole is None else {whole: self._whole[source.id]}
 
@@ -155,18 +153,18 @@ class HostValues:
 
     @property
     def sessions(self) -> list[str]:
-        """The nodes that keep something."""
+        """The nodes that have a session."""
         return list(self._sessions)
 
     def close(self) -> None:
-        """Close what the nodes keep."""
+        """Close the sessions."""
         sessions, self._sessions = self._sessions, {}
         with ExitStack() as stack:
             for session in sessions.values():
                 stack.callback(session.close)
 
     def _may_lack(self, task: Task, port: PortType) -> bool:
-        """Whether a node need not make an output."""
+        """Whether a node may leave out an output."""
         unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
         return port.optional or unread
 
@@ -183,7 +181,7 @@ def constant(
 
 
 def _containers(task: Task) -> list[str]:
-    """The inputs that may be lists or mappings, which any reader could change."""
+    """The inputs that may be lists or mappings, which a reader could change."""
     ports = task.node.inputs.items()
     return [name for name, port in ports if port.kind == "object" and port.python is not str]
 

@@ -1,195 +1,273 @@
-"""Run only what changed: the steps of a plan whose results are not kept.
+"""The executor that runs only what changed: the steps of a plan whose results are not kept.
 
-A node's run has a key: the node, its back end and device, its settings and the keys of what it
-reads.  Equal keys are computed once.  What looks outside (a source, or what keeps a session or
-names a file) runs for every item; its key is what it made.
+A node's run has a key: the node, its back end and device, its settings and the keys of its inputs.
+Equal keys are computed once.  A node that looks outside (a source, or one that keeps a session or
+names a file) runs for every item; its key is the content that it made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
+from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.plan.draft import Task, Value
-from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.sizes import Shapes
-from tactograph.graph.run.cache import Cache, Kept, Run, Side
-from tactograph.graph.run.device_values import DeviceValues
-from tactograph.graph.run.host_values import HostValues
+from tactograph.graph.plan.plan import Step
+from tactograph.graph.plan.sizes import Known
+from tactograph.graph.run.cache import Cache, Kept, Run
+from tactograph.graph.run.executor import Executor, Part, part_of
 from tactograph.graph.run.keys import content_key, key_of
-from tactograph.graph.run.looks_outside import looks_outside
-
-Walk = Callable[[Sequence[Step]], None]
-"""Goes through steps, runs those of `Incremental.to_run` and passes over the others."""
-
-
-class Spot(NamedTuple):
-    """A value, and where it lies."""
-
-    value: Value
-    side: Side
+from tactograph.graph.run.ownership import lent
+from tactograph.graph.run.spots import Spot, read_by, recalled_by, written_by
+from tactograph.graph.run.step_runner import StepRunner
+from tactograph.graph.run.whole_images import in_fractions
 
 
-class Incremental:
-    """What a plan need not run again.
+class OnlyChanged(Executor):
+    """Runs the steps whose results are in no cache."""
 
-    Attributes
-    ----------
-    to_run
-        The steps of the present walk that are not passed over, by name.
-    ran
-        The steps that were run for this item.
-    """
-
-    def __init__(
-        self, plan: Plan, cache: Cache, host: HostValues, device: DeviceValues | None
-    ) -> None:
-        self._plan, self._cache = plan, cache
-        self._host, self._device = host, device
-        self._maker = {spot: step for step in plan.steps for spot in _written(step)}
+    def __init__(self, runner: StepRunner, cache: Cache) -> None:
+        super().__init__(runner)
+        self._plan, self._cache = runner.plan, cache
+        self._once = part_of(self._plan, stream=False).computing
+        self._maker = {spot: step for step in self._plan.steps for spot in written_by(step)}
+        self._recalled = recalled_by(self._plan)
+        self._nothing: Known = {}
+        self._has_item = False
+        self._of_source: list[str] = []
         self._keys: dict[str, str] = {}
+        """The key of each node's run for the present item."""
         self._outside: dict[str, str] = {}
+        """The keys of nodes that look outside and have run."""
         self._runs: dict[str, Run] = {}
+        """The shapes, times and warnings of runs with the present keys."""
         self._here: dict[Spot, str] = {}
+        """The key of the value that lies at a spot."""
         self._before: dict[Value, str] = {}
+        """The keys of the values that this item recalls."""
+        self._known_needs: dict[tuple[Spot, ...], set[str]] = {}
         self._captured: list[tuple[Spot, Kept]] = []
-        self.to_run: set[str] = set()
-        self.ran: set[str] = set()
+        self._to_run: set[str] = set()
+        self._ran: set[str] = set()
 
     def begin(self, *, again: bool) -> None:
-        """Begin an item, or, `again`, the last one with its sources as they are."""
         tasks = self._plan.tasks
         if not again:
+            if self._has_item:  # until now it could be run again
+                # A value left half done by a failed attempt equals no other.
+                self._before = {
+                    spot.value: self._here.get(spot) or content_key(object())
+                    for spot in self._recalled
+                }
+                self._runner.remember()
+            self._has_item = False
             self._outside = {n: key for n, key in self._outside.items() if not tasks[n].stream}
-            recalled = {v for task in tasks.values() for v in task.recalls.values()}
-            self._before = {v: self._keys[v.node] for v in recalled if v.node in self._keys}
+            self._of_source = list(self._runner.notes)
         self._here = {
             spot: key
             for spot, key in self._here.items()
             if not tasks[spot.value.node].stream or spot.value.node in self._outside
         }
-        self._keys, self.ran = {}, set()
-
-    def forget(self) -> None:
-        """Let the next item be a first one."""
-        self._keys, self._before = {}, {}
-
-    def changed(self, node: str) -> None:
-        """Take a node that looks outside for one that has not run: its settings changed."""
-        self._outside.pop(node, None)
+        self._keys = {}
 
     def compute(
-        self,
-        steps: Sequence[Step],
-        targets: Iterable[Spot],
-        walk: Walk,
-        times: dict[str, float],
-        repeats: int = 1,
+        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+    ) -> tuple[Known, float]:
+        if not part.stream and not part.sinks:
+            return {}, 0.0  # it is made when an item needs it
+        steps = [*self._once, *part.computing] if part.stream else part.computing
+        names = {step.name for step in steps}
+        targets = [Spot(value, "host") for value in outputs.values() if value.node in names]
+        targets += [spot for step in part.sinks for spot in read_by(self._plan, step)]
+        targets += self._recalled if part.stream else []
+        needed = self._needed(tuple(targets))
+        steps = [step for step in steps if step.name in needed]
+        self._ran = set()
+        start = time.perf_counter()
+        try:
+            self._make_all(steps, targets, given, repeats)
+        finally:
+            self._settle()
+        total = 1e3 * (time.perf_counter() - start)
+        self._tell_warnings()
+        self.kept = frozenset(step.name for step in steps if step.name not in self._ran)
+        known = self._nothing
+        for step in steps:
+            known = self._pass_over(step, known)
+        return known, total
+
+    def end(self) -> None:
+        self._has_item = True
+
+    def changed(self, node: str) -> None:
+        # A node that looks outside counts as one that has not run.
+        self._outside.pop(node, None)
+
+    def forget(self) -> None:
+        super().forget()
+        self._keys, self._before, self._has_item = {}, {}, False
+
+    def inspect(self, value: Value) -> Any:
+        """A value of the last item, made again if it is not there any more."""
+        plan = self._plan
+        if value not in plan.inspected:
+            plan.inspected.add(value)
+            self._runner.want(value.node)
+        on_host = Spot(value, "host")
+        spot = on_host if on_host in self._maker else Spot(value, "device")
+        with collect_warnings([]):
+            steps = [*self._once, *part_of(plan, stream=True).computing]
+            self._make_all(steps, [spot], {}, 1)
+        # On the device it was released at once if nothing in the graph reads it.
+        kept = Kept(self._keys[value.node], value.port, spot.side)
+        content = self._cache.take(kept) if kept in self._cache else self._held(spot)
+        content = self._runner.to_host(content)
+        self._settle()
+        return lent(in_fractions(plan.tasks[value.node], content))
+
+    def _make_all(
+        self, steps: Sequence[Step], targets: Iterable[Spot], given: Mapping[str, Any], repeats: int
     ) -> None:
         """Make the targets, and nothing that is not needed for them.
 
-        `times` takes the milliseconds of every step, those of what is passed over from when
-        it was made.
+        Nodes that look outside run first, one after the other: keys follow from what they made.
+        Steps that are passed over take the times of when they ran.
         """
         done = 0
         for end, step in enumerate(steps, start=1):
             if not self._looks_outside(step):
                 continue
-            self._derive(steps[done : end - 1])
+            self._derive_keys(steps[done : end - 1])
             if step.name not in self._outside:
-                self._make(steps[:end], step.name, read_by(self._plan, step), walk, times, 1)
-                made = [self._host[value] for value in step.writes]
+                self._make(steps[:end], step.name, read_by(self._plan, step), given, 1)
+                made = [self._runner.host[value] for value in step.writes]
                 self._outside[step.name] = content_key(*made)
             key = self._keys[step.name] = self._outside[step.name]
-            self._here |= dict.fromkeys(_written(step), key)
+            self._here |= dict.fromkeys(written_by(step), key)
             done = end
-        self._derive(steps[done:])
-        self._make(steps, "", targets, walk, times, repeats)
+        self._derive_keys(steps[done:])
+        self._make(steps, "", targets, given, repeats)
+        times = self._runner.times
         for step in steps:
-            if step.name in self.ran:
+            if step.name in self._ran:
                 continue
             if step.name in self._runs:
                 times[step.name] = self._runs[step.name].milliseconds
-            elif step.kind in ("upload", "download"):
+            elif step.is_transfer:
                 times.pop(step.name, None)
 
-    def needed(self, targets: Iterable[Spot]) -> set[str]:
-        """The steps that the targets come of, by name."""
-        found: set[str] = set()
-        waiting = list(targets)
-        while waiting:
-            step = self._maker[waiting.pop()]
-            if step.name not in found:
-                found.add(step.name)
-                waiting.extend(read_by(self._plan, step))
-        return found
+    def _make(
+        self,
+        steps: Sequence[Step],
+        outside: str,
+        targets: Iterable[Spot],
+        given: Mapping[str, Any],
+        repeats: int,
+    ) -> None:
+        """Bring the targets about, and run the node `outside`, if any, behind them."""
+        restored = self._settle_what_runs(steps, outside, targets, pin=repeats > 1)
+        if not restored and not self._to_run:
+            return
+        times = self._runner.times
+        runs: list[dict[str, float]] = []
+        self._captured = []
+        try:
+            for _ in range(repeats):
+                for spot, value in restored.items():
+                    self._restore(spot, value)
+                self._runner.walk(steps, self._nothing, partial(self._run, given=given))
+                runs.append({name: times[name] for name in self._to_run if name in times})
+        except BaseException:
+            self._take_back()
+            raise
+        for name in self._to_run:
+            if timed := [run[name] for run in runs[1:] or runs if name in run]:
+                times[name] = median(timed)
+            self._note(name)
+        self._ran |= self._to_run
+        self._to_run = set()
 
-    def reach(self, value: Value, walk: Walk) -> Any:
-        """A value of the last item, made again if it is not there any more."""
-        on_host = Spot(value, "host")
-        spot = on_host if on_host in self._maker else Spot(value, "device")
-        steps = [step for step in self._plan.steps if not self._is_sink(step)]
-        self.compute(steps, [spot], walk, {})
-        # On the device it was released at once if nothing in the graph reads it.
-        kept = Kept(self._keys[value.node], value.port, spot.side)
-        return self._cache.take(kept) if kept in self._cache else self._held(spot)
+    def _note(self, name: str) -> None:
+        """Let the cache know how long a node's run took."""
+        if name in self._runs:
+            took = self._runner.times.get(name, 0.0)
+            run = self._runs[name] = replace(self._runs[name], milliseconds=took)
+            if name in self._keys:
+                self._cache.note(self._keys[name], run)
 
-    def settle(self) -> None:
-        """Give back what lies on the device for this item alone: the cache has what is kept."""
-        recalled = {spot for spot in recalled_by(self._plan) if spot.side == "device"}
-        for spot in [s for s in self._here if s.side == "device" and s not in recalled]:
-            if self._plan.tasks[spot.value.node].stream and self._device is not None:
-                self._device.drop([spot.value])
-                del self._here[spot]
+    def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
+        """Run one step into the cache, or pass over it."""
+        if step.name not in self._to_run:
+            return self._pass_over(step, known)
+        warnings: list[str] = []
+        with collect_warnings(warnings):
+            known = self._runner.execute(step, known, given)
+        self._capture(step, warnings)
+        for value in step.release:
+            self._here.pop(Spot(value, "device"), None)
+        self._runner.release(step)
+        return known
 
-    def shapes_of(self, step: Step) -> Shapes:
-        """The shapes of what a node made that is passed over."""
-        return self._runs[step.name].shapes
+    def _pass_over(self, step: Step, known: Known) -> Known:
+        shapes = self._runs[step.name].shapes if step.name in self._plan.tasks else {}
+        return self._runner.pass_over(step, known, shapes)
 
-    def capture(self, step: Step, shapes: Shapes, warnings: Sequence[str]) -> None:
-        """Keep what a step of this walk made."""
-        if step.kind in ("run", "fill"):
-            self._runs[step.name] = Run(dict(shapes), 0.0, tuple(warnings))
-        unread = self._unread(step)
-        for spot in _written(step):
+    def _capture(self, step: Step, warnings: Sequence[str]) -> None:
+        """Keep what a step made, but no output that its node was not asked for."""
+        if not step.is_transfer:
+            shapes = dict(self._runner.shapes_of(step))
+            self._runs[step.name] = Run(shapes, 0.0, tuple(warnings))
+        task = self._plan.tasks.get(step.name)
+        asks = task is not None and task.node.wanted is not None
+        for spot in written_by(step):
             key = self._keys.get(spot.value.node)
-            if key is not None and spot.value.port not in unread:
+            unread = asks and spot.value.port not in self._plan.wanted(step.name)
+            if key is not None and not unread:
                 kept = Kept(key, spot.value.port, spot.side)
                 self._here[spot] = key
                 self._captured.append((spot, kept))
                 self._cache.put(kept, self._held(spot))
 
-    def released(self, step: Step) -> None:
-        """What a step released is not on the device any more."""
-        for value in step.release:
-            self._here.pop(Spot(value, "device"), None)
+    def _needed(self, targets: tuple[Spot, ...]) -> set[str]:
+        """The steps that the targets come of, by name."""
+        if targets in self._known_needs:
+            return self._known_needs[targets]
+        needed = self._known_needs[targets] = set[str]()
+        waiting = list(targets)
+        while waiting:
+            step = self._maker[waiting.pop()]
+            if step.name not in needed:
+                needed.add(step.name)
+                waiting.extend(read_by(self._plan, step))
+        return needed
 
-    def warnings(self) -> Iterator[str]:
-        """What the nodes had to say, now or when they made what is kept."""
+    def _settle(self) -> None:
+        """Give back what lies on the device for this item alone: the cache has what is kept."""
+        device = self._runner.device
+        stays = {spot for spot in self._recalled if spot.side == "device"}
+        for spot in [s for s in self._here if s.side == "device" and s not in stays]:
+            if self._plan.tasks[spot.value.node].stream and device is not None:
+                device.drop([spot.value])
+                del self._here[spot]
+
+    def _tell_warnings(self) -> None:
+        """Repeat the warnings of all nodes, also of those whose results are kept."""
+        self._runner.notes[:] = self._of_source
         for step in self._plan.steps:
             if step.name in self._keys and step.name in self._runs:
-                yield from self._runs[step.name].warnings
-
-    def _unread(self, step: Step) -> set[str]:
-        """The outputs that a node was not asked for."""
-        task = self._plan.tasks.get(step.name)
-        if task is None or task.node.wanted is None:
-            return set()
-        wanted = self._plan.wanted(task.id)
-        return {port for port in task.node.outputs if port not in wanted}
+                for warning in self._runs[step.name].warnings:
+                    warn(warning)
 
     def _looks_outside(self, step: Step) -> bool:
         task = self._plan.tasks.get(step.name)
-        return task is not None and looks_outside(task)
+        return task is not None and task.looks_outside
 
-    def _is_sink(self, step: Step) -> bool:
-        task = self._plan.tasks.get(step.name)
-        return task is not None and task.node.sink
-
-    def _derive(self, steps: Iterable[Step]) -> None:
-        """Find the keys of nodes that compute, and what is known of runs with these keys."""
+    def _derive_keys(self, steps: Iterable[Step]) -> None:
+        """Find the keys of nodes that compute, and the known runs with these keys."""
         for step in steps:
             task = self._plan.tasks.get(step.name)
             if task is None:
@@ -202,14 +280,14 @@ class Incremental:
                 self._runs[step.name] = run
 
     def _key(self, task: Task, step: Step) -> str:
-        node = task.node
-        # A size that no input tells follows from what the sources gave.
+        node, device = task.node, self._runner.device
+        # A size that no input has follows from the sources.
         is_free = task.filled or bool(node.free_symbols)
         sources = sorted((n, key) for n, key in self._outside.items() if n in self._keys)
         reads = {} if task.filled else task.reads
         return key_of(
             node.serial,
-            self._device.serial if self._device is not None and step.on_device else "",
+            device.serial if device is not None and step.on_device else "",
             step.kind,
             sorted(task.settings.items()),
             [(name, self._keys[value.node], value.port) for name, value in reads.items()],
@@ -217,62 +295,25 @@ class Incremental:
             sources if is_free else (),
         )
 
-    def _make(
-        self,
-        steps: Sequence[Step],
-        outside: str,
-        targets: Iterable[Spot],
-        walk: Walk,
-        times: dict[str, float],
-        repeats: int,
-    ) -> None:
-        """Bring the targets about, and run the node `outside`, if any, behind them."""
-        enter = self._missing(steps, outside, targets, pin=repeats > 1)
-        if not enter and not self.to_run:
-            return
-        self._captured = []
-        runs: list[dict[str, float]] = []
-        try:
-            for _ in range(repeats):
-                for spot, value in enter.items():
-                    self._restore(spot, value)
-                walk(steps)
-                runs.append({name: times[name] for name in self.to_run if name in times})
-        except BaseException:
-            self._take_back()
-            raise
-        for name in self.to_run:
-            timed = [run[name] for run in runs[1:] or runs if name in run]
-            if timed:
-                times[name] = median(timed)
-            if name in self._runs:
-                run = self._runs[name] = replace(
-                    self._runs[name], milliseconds=times.get(name, 0.0)
-                )
-                if name in self._keys:
-                    self._cache.note(self._keys[name], run)
-        self.ran |= self.to_run
-        self.to_run = set()
-
-    def _missing(
+    def _settle_what_runs(
         self, steps: Sequence[Step], outside: str, targets: Iterable[Spot], *, pin: bool
     ) -> dict[Spot, Any]:
-        """Settle what is to be run; return what is kept and is to be put in its place.
+        """Find, from the targets backwards, the steps to run, and the kept values to restore.
 
-        With `pin` also what a walk may release and the next one reads again.
+        `pin` also restores what a walk may release and the next one reads again.
         """
         waiting = list(targets)
-        self.to_run = {outside} if outside else set()
+        self._to_run = {outside} if outside else set()
 
         def run(step: Step) -> None:
-            if step.name not in self.to_run:
-                self.to_run.add(step.name)
+            if step.name not in self._to_run:
+                self._to_run.add(step.name)
                 waiting.extend(read_by(self._plan, step))
 
         for step in steps:
             if step.name in self._keys and step.name not in self._runs:
                 run(step)
-        enter: dict[Spot, Any] = {}
+        restored: dict[Spot, Any] = {}
         seen: set[Spot] = set()
         while waiting:
             spot = waiting.pop()
@@ -284,67 +325,34 @@ class Incremental:
             maker = self._maker[spot]
             if key and self._here.get(spot) == key:
                 if pin and spot.side == "device":
-                    enter[spot] = self._held(spot)
-            elif maker.name in self.to_run:
+                    restored[spot] = self._held(spot)
+            elif maker.name in self._to_run:
                 pass
             elif kept in self._cache:
-                enter[spot] = self._cache.take(kept)
+                restored[spot] = self._cache.take(kept)
             else:
                 run(maker)
-        return enter
+        return restored
 
     def _take_back(self) -> None:
-        """Forget what was begun: it may never have been completed."""
+        """Forget the values of a walk that failed: they may be incomplete."""
         for spot, kept in self._captured:
             self._cache.drop(kept)
             self._here.pop(spot, None)
-        for name in self.to_run:
+        for name in self._to_run:
             self._runs.pop(name, None)
-        self.to_run = set()
+        self._to_run = set()
 
     def _held(self, spot: Spot) -> Any:
         if spot.side == "host":
-            return self._host[spot.value]
-        assert self._device is not None
-        return self._device.get(spot.value)
+            return self._runner.host[spot.value]
+        assert self._runner.device is not None
+        return self._runner.device.get(spot.value)
 
     def _restore(self, spot: Spot, value: Any) -> None:
         self._here[spot] = self._keys[spot.value.node]
         if spot.side == "host":
-            self._host.put(spot.value, value)
+            self._runner.host.put(spot.value, value)
         else:
-            assert self._device is not None
-            self._device.put(spot.value, value)
-
-
-def read_by(plan: Plan, step: Step) -> list[Spot]:
-    """What a step reads of this item, and where."""
-    if step.kind in ("upload", "download"):
-        return [Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
-    if step.kind == "fill":
-        return []
-    ports = plan.tasks[step.name].node.inputs
-    return [
-        Spot(value, _side(ports[name].kind, step.on_device))
-        for name, value in plan.tasks[step.name].reads.items()
-        if not (step.on_device and ports[name].kind == "object")
-    ]
-
-
-def recalled_by(plan: Plan) -> list[Spot]:
-    """What the next item reads of this one, and where."""
-    return [
-        Spot(value, _side(task.node.inputs[name].kind, plan.placements[task.id].on_device))
-        for task in plan.tasks.values()
-        for name, value in task.recalls.items()
-        if not task.filled
-    ]
-
-
-def _side(kind: str, on_device: bool) -> Side:
-    return "device" if on_device and kind == "array" else "host"
-
-
-def _written(step: Step) -> list[Spot]:
-    on_device = step.kind == "upload" or (step.on_device and step.kind != "download")
-    return [Spot(value, "device" if on_device else "host") for value in step.writes]
+            assert self._runner.device is not None
+            self._runner.device.put(spot.value, value)

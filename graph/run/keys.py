@@ -1,4 +1,4 @@
-"""Keys of values: what a value is, or all that makes it, as a short text."""
+"""Keys of values: short texts for a value's content, or for all that makes it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def key_of(*parts: Any) -> str:
 
 
 def content_key(*values: Any) -> str:
-    """A key of what values hold; equal for equal values of numbers, texts and containers.
+    """A key of the content of values, equal for equal numbers, texts and containers.
 
-    Anything else is equal to nothing, not even to itself another time.
+    The key of any other object is unique each time.
     """
     hashed = hashlib.blake2b(digest_size=16)
     for part in _parts(values):

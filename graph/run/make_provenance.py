@@ -1,4 +1,4 @@
-"""The provenance that a sink gets: the run so far."""
+"""The provenance for a sink: the run so far."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.graph.plan.sizes import Known
 def make_provenance(
     plan: Plan, times: Mapping[str, float], known: Known, warnings: list[str]
 ) -> Provenance:
-    """What is known at this moment of the run, for a sink that writes it down."""
+    """Describe the run so far, for a sink that writes it down."""
     params = plan.graph.params
     sizes: dict[str, int] = {}
     for (_, symbol), bound in known.items():
@@ -32,7 +32,7 @@ def make_provenance(
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold: a path is its text."""
+    """A value as JSON can hold it: a path becomes text."""
     return str(value) if isinstance(value, Path) else value
 
 

@@ -1,4 +1,4 @@
-"""Which modules a source file may import.  What was found is kept from start to start."""
+"""The modules that a source file may import, kept on disk from start to start."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 
-_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
-"""Where a statement holds others."""
+_BLOCK_FIELDS = ("body", "orelse", "finalbody", "handlers", "cases")
+"""The fields of a statement that hold other statements."""
 
 
-class _Found(NamedTuple):
-    """What a file imported when it was last looked at."""
+class _Imports(NamedTuple):
+    """The imports of a file when it was last read."""
 
     changed: int
     size: int
@@ -25,47 +25,47 @@ class _Found(NamedTuple):
 
 
 def module_imports(file: Path, module: str) -> list[str]:
-    """The modules that a module's file may import, by their full names.
+    """The full names of the modules that a module's file may import.
 
-    A name may also be that of something in a module.
+    A name may also be that of an object in a module.
     """
     if file.suffix != ".py":
         return []
     stat, known = file.stat(), _known()
-    found = known.get(key := f"{module} {file}")
-    if found is None or (found.changed, found.size) != (stat.st_mtime_ns, stat.st_size):
-        found = _Found(stat.st_mtime_ns, stat.st_size, _imported(file, module))
-        known[key] = found
+    imports = known.get(key := f"{module} {file}")
+    if imports is None or (imports.changed, imports.size) != (stat.st_mtime_ns, stat.st_size):
+        imports = _Imports(stat.st_mtime_ns, stat.st_size, _imported(file, module))
+        known[key] = imports
         _new.append(key)
-    return found.names
+    return imports.names
 
 
 def keep_imports() -> None:
-    """Keep for other processes what was found since the last call."""
+    """Keep the new results for other processes."""
     if _new and (file := _kept_in()) is not None:
         known = list(_known().items())
-        there = {key: found for key, found in known if Path(key.partition(" ")[2]).exists()}
+        there = {key: imports for key, imports in known if Path(key.partition(" ")[2]).exists()}
         write_cached(file, json.dumps(there).encode())
         _new.clear()
 
 
 _new: list[str] = []
-"""What is not kept yet."""
+"""Keys of results that are not on disk yet."""
 
 
 @cache
-def _known() -> dict[str, _Found]:
-    """By module and file; nothing if another version of this package keeps it differently."""
+def _known() -> dict[str, _Imports]:
+    """The results on disk, by module and file; none if another version wrote them."""
     file = _kept_in()
     body = None if file is None else read_cached(file)
     try:
-        return {key: _Found(*found) for key, found in json.loads(body or b"{}").items()}
+        return {key: _Imports(*imports) for key, imports in json.loads(body or b"{}").items()}
     except (ValueError, TypeError, AttributeError):
         return {}
 
 
 def _kept_in() -> Path | None:
-    """Another Python may read a file differently."""
+    """The file with results, one for each version of Python."""
     folder = cache_folder()
     return None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{SUFFIX}"
 
@@ -76,22 +76,22 @@ def _imported(file: Path, module: str) -> list[str]:
     except (SyntaxError, ValueError):
         return []
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for statement in _statements(tree):
         if isinstance(statement, ast.Import):
-            found.update(dict.fromkeys(alias.name for alias in statement.names))
+            names.update(dict.fromkeys(alias.name for alias in statement.names))
         elif isinstance(statement, ast.ImportFrom):
             above = package.split(".")[: len(package.split(".")) + 1 - statement.level]
             parts = [*(above if statement.level else []), *filter(None, [statement.module])]
             base = ".".join(parts)
-            found[base] = None
-            found.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
-    return [name for name in found if name]
+            names[base] = None
+            names.update(dict.fromkeys(f"{base}.{alias.name}" for alias in statement.names))
+    return [name for name in names if name]
 
 
 def _statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """All statements below one, at any depth, but no expressions, which are most of a file."""
-    for block in _BLOCKS:
+    """All statements inside one, at any depth, without expressions, which are most of a file."""
+    for block in _BLOCK_FIELDS:
         for part in getattr(tree, block, ()):
             yield part
             yield from _statements(part)

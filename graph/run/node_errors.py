@@ -14,15 +14,15 @@ from tactograph.graph.errors import (
 )
 from tactograph.graph.plan.draft import Task
 
-_MEANT = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
+_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 
 
 class Blaming:
     """Turn an unexpected exception of a node into one line that names the node.
 
-    A node that calls ``sys.exit`` would else end the run as if all were well.
+    Otherwise a node that calls ``sys.exit`` would end the run as if all were well.
 
-    `device_error` is what the device's library raises, where the node runs on a device.
+    `device_error` is the exception type of the device's library, for a node on a device.
     """
 
     __slots__ = ("_device_error", "_task")
@@ -34,7 +34,7 @@ class Blaming:
         pass
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if error is not None and not isinstance(error, _MEANT):
+        if error is not None and not isinstance(error, _PASSED_ON):
             if isinstance(error, OSError) and is_of_printing(error):
                 return
             task = self._task

@@ -1,4 +1,4 @@
-"""One thread at a time: who may use a pipeline now."""
+"""A pipeline's turn: one thread at a time may use it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from tactograph.graph.errors import InputError
 
 
 class Turn:
-    """Lets one thread at a time into a pipeline, and nobody once it is closed.
+    """Lets one thread at a time into a pipeline, and none once it is closed.
 
-    A lock that is never waited for: it costs less than a microsecond an item.
+    No thread waits for the lock, which costs less than a microsecond an item.
     """
 
     __slots__ = ("_closed", "_lock", "_name")
@@ -30,7 +30,7 @@ class Turn:
         self._lock.release()
 
     def end(self) -> bool:
-        """Let nobody in any more; return whether that is new."""
+        """Close the pipeline to all threads; return whether it was open."""
         self._take()
         was_open, self._closed = not self._closed, True
         self._lock.release()

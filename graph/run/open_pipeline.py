@@ -44,7 +44,7 @@ def load(
         A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
         package brings, plain data such as a graph file holds, or a `Graph`.
     params
-        The graph's own params that are called like an argument here, such as ``device``.
+        The graph's own params that share their names with arguments here, such as ``device``.
     backend
         "numpy" or "opencl" in place of what the graph prefers.
     device
@@ -55,13 +55,13 @@ def load(
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
-        Names of those of the graph's outputs that are wanted; what only the others need is
-        not computed, nor copied from the device.
+        Names of the graph's outputs that are wanted; steps that only the others need do not
+        run.
     cache
-        Where results of nodes are kept, so that equal work is done once; pipelines of one
-        thread may share it.  Without it a pipeline gets one of its own at the first `set`.
+        Keeps results of nodes, so that equal work is done once; pipelines of one thread may
+        share it.  Without it a pipeline gets one of its own at the first `set`.
     nodes
-        Nodes of the script or notebook itself: functions under `node`.
+        Nodes of the script or notebook itself: functions decorated with `node`.
     **given
         The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
         params are not given is left to the caller: ``pipeline(frames=stack)``.
@@ -69,7 +69,7 @@ def load(
     Returns
     -------
     Pipeline
-        Each fallback to another back end raises a warning that says why.
+        Each fallback to another back end raises a warning with the reason.
 
     Raises
     ------
@@ -88,8 +88,6 @@ def load(
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
     graph = with_changes(read, changes or {})
-    if outputs is not None:
-        graph = _with_outputs(graph, outputs)
     pipeline = open_pipeline(
         graph,
         given,
@@ -99,6 +97,7 @@ def load(
         sinks=False,
         cache=cache,
         stand_ins=_ungiven_streams(graph, given),
+        outputs=None if outputs is None else _chosen_outputs(graph, outputs),
     )
     for line in pipeline.plan.brief_fallbacks:
         warnings.warn(f"fallback: {line}", stacklevel=2)
@@ -115,8 +114,9 @@ def open_pipeline(
     sinks: bool = True,
     cache: Cache | None = None,
     stand_ins: frozenset[str] = frozenset(),
+    outputs: Mapping[str, str] | None = None,
 ) -> Pipeline:
-    """Plan and compile a graph that has been read; see `load`.
+    """Plan and compile a graph that has been read; see `load` and `make_plan`.
 
     Raises
     ------
@@ -128,31 +128,39 @@ def open_pipeline(
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
     open_it = open_device if cache is None else cache.device
-    found, reason = open_it(graph.backends, device)
-    if found is None and backend not in (None, "numpy"):
+    opened, reason = open_it(graph.backends, device)
+    if opened is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, given)
-    plan = make_plan(graph, given, device=found, no_device=reason, sinks=sinks, stand_ins=stand_ins)
+    plan = make_plan(
+        graph,
+        given,
+        device=opened,
+        no_device=reason,
+        sinks=sinks,
+        stand_ins=stand_ins,
+        outputs=outputs,
+    )
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
-    return Pipeline(plan, found, cache)
+    return Pipeline(plan, opened, cache)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
-    """Refuse to write results into what is read: they would be taken for images, or replace it."""
+    """Refuse to write results over the data that is read."""
     params = {name: param for name, param in graph.params.items() if param.kind == "path"}
     places = {name: given.get(name, param.default) for name, param in params.items()}
     out = places.pop("out", None)
     if not isinstance(out, str | Path):
         return
     for name, place in places.items():
-        # Not Path.resolve, which fails at links that run in a circle; what reads them says so.
+        # Not Path.resolve, which fails at circular links; their reader names them.
         if isinstance(place, str | Path) and os.path.realpath(place) == os.path.realpath(out):
             raise InputError(f"out={out}: is what {name}={place} reads; give another place")
 
 
-def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
+def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:
     if isinstance(wanted, str | bytes) or not wanted:
         raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
     for name in wanted:
@@ -163,7 +171,7 @@ def _with_outputs(graph: Graph, wanted: Collection[str]) -> Graph:
                 f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
                 f" (it has: {', '.join(graph.outputs) or 'none'})"
             )
-    return replace(graph, outputs={name: graph.outputs[name] for name in wanted})
+    return {name: graph.outputs[name] for name in wanted}
 
 
 def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Who owns memory: what others are handed, and what the engine keeps for itself."""
+"""Ownership of memory: values that others are handed, and those that the engine keeps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 def lent(value: Any) -> Any:
-    """What others are handed: arrays are read-only, of lists and mappings they get a copy."""
+    """A value for others: arrays are read-only, lists and mappings are copied."""
     if isinstance(value, dict):
         return {key: lent(each) for key, each in value.items()}
     return [lent(each) for each in value] if isinstance(value, list) else value

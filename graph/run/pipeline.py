@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.errors import InputError, TactographError, collect_warnings
-from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.groups import meant_nodes
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
+from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.node_errors import Blaming
@@ -27,14 +27,15 @@ from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
 from tactograph.graph.run.trace import Trace
+from tactograph.graph.show.draw_folded import to_folded_svg
 
 
 class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
-    One pipeline belongs to one thread; several threads use one each, and a second one at the
-    same time is refused.  Closing it, or leaving its ``with`` block, ends the stream for good and
-    closes what its nodes keep.  `closing_warnings` are those that came behind the last item.
+    A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
+    leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
+    `closing_warnings` are those that came after the last item.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class Pipeline:
         self._turn = Turn(plan.graph.name)
         self._stand_ins = StandIns(plan)
         self._items = Items(plan, device)
+        self._runner = self._items.runner
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -56,7 +58,7 @@ class Pipeline:
         self._running: object | None = None
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
-        """Run one item, arrays standing in for source nodes, and return its outputs.
+        """Run one item on arrays that stand in for source nodes, and return its outputs.
 
         The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
 
@@ -69,7 +71,7 @@ class Pipeline:
         Warns
         -----
         UserWarning
-            Of each kind that the result's ``warnings`` holds, once per pipeline.
+            For each kind of warning in the result, once per pipeline.
 
         Raises
         ------
@@ -91,13 +93,13 @@ class Pipeline:
                 stacks = {name: own(stack) for name, stack in stacks.items()}
             self._items.prepare()
             self._items.begin()
-            self._items.notes += told
+            self._runner.notes += told
             self._has_run = False
             try:
                 result = self._items.item(self._stand_ins.item(stacks))
             finally:
-                raise_warnings(self._items.notes, self._raised)
-            # What a node passes on is still the caller's own memory.
+                raise_warnings(self._runner.notes, self._raised)
+            # An array that a node passed on is still the caller's own memory.
             for name, value in result.outputs.items():
                 if isinstance(value, np.ndarray) and shares(value, stacks.values()):
                     result.outputs[name] = own(value)
@@ -113,10 +115,10 @@ class Pipeline:
         Parameters
         ----------
         repeats
-            How often each item is computed; sinks run once.  The times are medians over all runs
-            but the first, which compiles and fills caches.
+            Number of times that each item is computed; sinks run once.  Times are medians over
+            all runs but the first, which compiles and fills caches.
         stream
-            What `begin` began for the values that the pipeline has now.
+            The stream that `begin` began for the values that the pipeline has now.
 
         Raises
         ------
@@ -154,21 +156,21 @@ class Pipeline:
         self, source: Task, repeats: int, mine: object, begun: SourceStream | None
     ) -> Iterator[Result]:
         self._rehearse(source)
-        keywords = {**source.settings, **self._items.host.told(source)}
+        keywords = {**source.settings, **self._runner.host.told(source)}
         self._items.ended = False
-        with collect_warnings(self._items.notes):
+        with collect_warnings(self._runner.notes):
             stream = self._stream = begun or SourceStream(source, keywords)
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
-                with collect_warnings(self._items.notes):
+                with collect_warnings(self._runner.notes):
                     item = stream.next()
                 if item is None:
                     self.closing_warnings += self._items.news
                     return
-                self._items.times[source.id] = stream.milliseconds
-                if self._items.trace is not None:
-                    self._items.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
+                self._runner.times[source.id] = stream.milliseconds
+                if self._runner.trace is not None:
+                    self._runner.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
                 self._has_run = False
                 try:
                     result = self._items.item({source.id: item}, repeats)
@@ -179,21 +181,21 @@ class Pipeline:
             yield result
 
     def _rehearse(self, source: Task) -> None:
-        """Run an item before the source is begun, if that has one, and no node would keep it."""
+        """Run a dummy item before the source starts, if it makes one and no node would keep it."""
         make = source.node.make_rehearsal
         others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(source):
-            item = make(**source.settings, **self._items.host.told_of_images(source))
+            item = make(**source.settings, **self._runner.host.told_of_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 
     def begin(self, /, **values: Any) -> SourceStream | None:
-        """Begin the stream that is there after `aim` with the same values.
+        """Begin the stream that the pipeline has after `aim` with the same values.
 
-        Another thread may do so, and read its first item ahead, while this pipeline is at
-        work.  None if the source keeps something from item to item.
+        Another thread may do so, and read the first item ahead, while this pipeline works.
+        None if the source has a session.
 
         Raises
         ------
@@ -205,13 +207,13 @@ class Pipeline:
             return None
         given = {**self.plan.given, **values}
         settings = settings_of(source.entry, self.plan.graph, source.node, given)
-        return SourceStream(source, {**settings, **self._items.host.told(source)})
+        return SourceStream(source, {**settings, **self._runner.host.told(source)})
 
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.
 
-        From then on the pipeline keeps what its nodes make, up to 512 MB (see `Cache`), and
-        computes only what a change concerns.
+        From then on the pipeline keeps the results of its nodes, up to 512 MB (see `Cache`),
+        and computes only what a change affects.
 
         Parameters
         ----------
@@ -223,32 +225,18 @@ class Pipeline:
         Raises
         ------
         InputError
-            If there is no such node or parameter, or the value is not one that it takes;
-            then nothing has changed.
+            If there is no such node or parameter, or it does not take the value; then nothing
+            has changed.
 
         Examples
         --------
         >>> pipeline.set("shadow", threshold=4)  # doctest: +SKIP
         """
-        changes = {f"{node}.{name}": value for name, value in settings.items()}
-        before = self.plan.graph
-        graph = with_changes(before, changes, "set")
-        if not meant_nodes(graph, node):
-            graph.entry(node)
-        changed = [n for n in self.plan.tasks if graph.nodes[n] != before.nodes[n]]
+        new = with_parameters(self.plan, node, settings)
         with self._turn:
-            tasks = [self.plan.tasks[n] for n in changed if not self.plan.tasks[n].stand_in]
-            found = {
-                task.id: settings_of(graph.nodes[task.id], graph, task.node, self.plan.given)
-                for task in tasks
-            }
-            for task in tasks:
-                task.entry, task.settings = graph.nodes[task.id], found[task.id]
-            self.plan.graph = graph
-            if not self._items.keeps:
-                self._items.keep(Cache())
-                self._has_run = False
-            self._items.settings_changed(changed)
+            new.apply(self.plan)
+            self._keep()
+            self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.
@@ -258,13 +246,13 @@ class Pipeline:
         Parameters
         ----------
         outputs
-            Of the graph's outputs, those that are wanted this time; sinks are then left out.
+            The graph's outputs that are wanted this time; sinks are then left out.
 
         Raises
         ------
         InputError
-            If there is no item yet of which results were kept (``load(…, cache=Cache())``, or
-            after the first `set`).
+            If no item has kept results yet (``load(…, cache=Cache())``, or after the first
+            `set`).
         """
         with self._turn:
             self._refuse_without_item("again")
@@ -286,15 +274,19 @@ class Pipeline:
         Raises
         ------
         InputError
-            If there is no such value, or no item yet of which results were kept.
+            If there is no such value, or no item has kept results yet.
         """
         value = self.plan.value(reference)
         with self._turn:
-            if not self._items.keeps:
-                self._items.keep(Cache())
-                self._has_run = False
+            self._keep()
             self._refuse_without_item(f"inspect {reference}")
             return self._items.inspect(value)
+
+    def _keep(self) -> None:
+        """Keep the results of the items to come."""
+        if not self._items.keeps:
+            self._items.keep(Cache())
+            self._has_run = False
 
     def _refuse_without_item(self, what: str) -> None:
         if not self._has_run:
@@ -302,7 +294,7 @@ class Pipeline:
             raise InputError(f"{self.plan.graph.name}: {what}: {why}")
 
     def trace(self) -> Trace:
-        """Take down, from now on, what runs when; return what it is written into.
+        """Record from now on when each step runs; return the record.
 
         Examples
         --------
@@ -310,23 +302,21 @@ class Pipeline:
         >>> trace.write(Path("trace.json"))  # doctest: +SKIP
         """
         with self._turn:
-            self._items.trace = Trace(self.plan)
-            return self._items.trace
+            self._runner.trace = Trace(self.plan)
+            return self._runner.trace
 
     def _repr_svg_(self) -> str:
-        from tactograph.graph.plan.draw_folded import to_folded_svg
-
-        return to_folded_svg(self.plan, self._items.times)
+        return to_folded_svg(sketch_of(self.plan), self._runner.times)
 
     @property
     def buffers(self) -> int:
-        """How many buffers were ever allocated on the device; a steady stream adds none."""
+        """The number of buffers ever allocated on the device; a steady stream adds none."""
         return self._device.buffers if self._device is not None else 0
 
     @property
     def stage(self) -> str:
-        """What is being done, for another thread to show; "" between items."""
-        name = self._items.stage
+        """The step that runs now, for another thread to show; "" between items."""
+        name = self._runner.stage
         task = self.plan.tasks.get(name)
         return name if task is None else f"{name} ({task.node.name})"
 
@@ -338,35 +328,18 @@ class Pipeline:
     def aim(self, /, **values: Any) -> None:
         """Give other values to params of the graph that only the stream's nodes take.
 
-        So a pipeline goes on to another capture, or another folder for its results, with
-        its calibration, plan and kernels kept.
+        A pipeline can so go on to another capture, or another folder for its results, with
+        the same calibration, plan and kernels.
 
         Raises
         ------
         InputError
             If the graph has no such param, or a node outside the stream depends on it.
         """
-        graph, given = self.plan.graph, {**self.plan.given, **values}
-        for name in values:
-            if name not in graph.params:
-                raise InputError(f"{graph.name} has no parameter '{name}'")
-        words = {f"${name}" for name in values}
-        settings: dict[str, dict[str, Any]] = {}
-        for task in self.plan.tasks.values():
-            used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
-            if used and not task.stream:
-                raise InputError(
-                    f"{graph.name}: '{task.id}' runs once and takes {used[0]}; "
-                    "it cannot differ from item to item"
-                )
-            if used:
-                settings[task.id] = settings_of(task.entry, graph, task.node, given)
-        # Only now that nothing is refused.
+        new = with_values(self.plan, values)
         with self._turn:
-            self.plan.given = given
-            for name, found in settings.items():
-                self.plan.tasks[name].settings = found
-            self._items.settings_changed(settings)
+            new.apply(self.plan)
+            self._items.settings_changed(new.settings)
 
     def forget(self) -> None:
         """Let the next item be a first one: nothing came before it."""
@@ -374,7 +347,7 @@ class Pipeline:
             self._items.forget()
 
     def close(self) -> None:
-        """End the stream, and close what the nodes keep; the pipeline is of no more use.
+        """End the stream and close the nodes' sessions; the pipeline cannot be used again.
 
         Raises
         ------
@@ -385,7 +358,7 @@ class Pipeline:
             self._end()
 
     def _end(self) -> None:
-        """End the stream, and close what the nodes keep."""
+        """End the stream and close the nodes' sessions."""
         running, self._stream, self._running = self._stream, None, None
         with collect_warnings(self.closing_warnings), ExitStack() as stack:
             stack.callback(self._items.end)

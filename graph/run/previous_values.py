@@ -1,4 +1,4 @@
-"""Values of the item before: which a plan recalls, and whether one still fits."""
+"""Values of the item before: those that a plan recalls, if they still fit."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from tactograph.graph.plan.plan import Plan
 
 
 def recalled_values(plan: Plan) -> frozenset[Value]:
-    """The values that are kept from one item for the next."""
+    """The values that one item keeps for the next."""
     return frozenset(v for task in plan.tasks.values() for v in task.recalls.values())
 
 
 def recall(task: Task, name: str, before: Mapping[Value, Any], sizes: Mapping[str, int]) -> Any:
     """The value of an input at the item before; None for a first item, or one of another size."""
-    found, port = before.get(task.recalls[name]), task.node.inputs[name]
-    if found is None or port.kind != "array":
-        return found
-    pairs = zip(port.dims, found.shape, strict=True)
+    recalled, port = before.get(task.recalls[name]), task.node.inputs[name]
+    if recalled is None or port.kind != "array":
+        return recalled
+    pairs = zip(port.dims, recalled.shape, strict=True)
     if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
-        return found
+        return recalled
     warn(f"{task.id}: the images have another size than before; it starts afresh")
     return None

@@ -1,4 +1,4 @@
-"""What nodes warn of, as warnings of Python, which a script or a notebook shows."""
+"""Warnings of nodes as Python warnings, which a script or a notebook shows."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import re
 import warnings
 from collections.abc import Iterable
 
-FIGURE = re.compile(r"(?<!LED )\b\d[\d.]*")
-"""What differs between warnings of one kind; the number of an LED tells kinds apart."""
+NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
+"""The numbers that differ between warnings of one kind; that of an LED tells kinds apart."""
 
 
 def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
-    """Raise each kind of warning that is not among those `raised`, at the caller's caller.
+    """Raise each kind of warning that is not in `raised`, at the caller's caller.
 
-    In a loop over a camera's frames the figures differ from frame to frame, so they do not count.
+    Figures do not count: over a camera's frames they differ from frame to frame.
     """
     for line in lines:
-        kind = FIGURE.sub("", line)
+        kind = NUMBER_PATTERN.sub("", line)
         if kind not in raised:
             raised.add(kind)
             warnings.warn(line, stacklevel=3)

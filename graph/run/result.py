@@ -1,4 +1,4 @@
-"""What one item of a run gave."""
+"""The result of one item."""
 
 from __future__ import annotations
 
@@ -10,16 +10,25 @@ import numpy as np
 
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.show.notebook import result_html
 
 
 @dataclass(eq=False, repr=False)
 class Result(Mapping[str, Any]):
-    """What one item gave: the graph's outputs by name, and how long each step took.
+    """The outputs of one item by name.
 
-    Arrays are read-only: the pipeline may still hold them, for the next item or for all.
-    `times` is in milliseconds, by step.  `item` is what the stream's source yielded; `total`
-    the milliseconds from there to the last output, as a clock on the wall sees them.
-    `kept` are the steps whose results were there already; their times are those of back then.
+    Arrays are read-only, since the pipeline may still hold them.
+
+    Attributes
+    ----------
+    times
+        Milliseconds by step; for `kept` steps those of their last run.
+    item
+        The values that the stream's source yielded.
+    total
+        Milliseconds from the source to the last output, on a wall clock.
+    kept
+        Steps that did not run, since their results were kept.
     """
 
     outputs: dict[str, Any]
@@ -29,6 +38,12 @@ class Result(Mapping[str, Any]):
     item: dict[Value, Any] = field(default_factory=dict)
     total: float = 0.0
     kept: frozenset[str] = frozenset()
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """All named figures among the outputs."""
+        mappings = [value for value in self.outputs.values() if isinstance(value, dict)]
+        return {name: figure for mapping in mappings for name, figure in mapping.items()}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.outputs:
@@ -51,6 +66,6 @@ class Result(Mapping[str, Any]):
         return f"Result({', '.join(names)})"
 
     def _repr_html_(self) -> str:
-        from tactograph.graph.run.notebook import result_html
-
-        return result_html(self.plan, self.outputs, self.total)
+        plan = self.plan
+        ports = {name: plan.port(name) for name in self.outputs}
+        return result_html(plan.graph.title or plan.graph.name, self.outputs, ports, self.total)

@@ -1,4 +1,4 @@
-"""What makes a result.  A stored result may replace a new one only if all of this is the same."""
+"""The origin of a result.  A stored result may stand for a new one only if it is the same."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.provenance import versions
+from tactograph.graph.declare.provenance import installed, versions
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 from tactograph.graph.run.module_imports import keep_imports, module_imports
 
-ENGINE = "tactograph.graph"
-INSTALLED = ("site-packages", "dist-packages")
+ENGINE_PACKAGE = "tactograph.graph"
+PACKAGE_FOLDERS = ("site-packages", "dist-packages")
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What makes a graph's results, apart from the graph and its data.
+    """All that makes a graph's results, apart from the graph and its data.
 
     Attributes
     ----------
     code
-        By node, and for the engine: a hash of all source that it consists of.
+        By node, and for the engine: a hash of all its source.
     versions
-        Of Python, this package, what it needs and what the nodes' packages need.
+        Versions of Python, this package, the nodes' packages, and all that these need.
     device
         Name and driver of the device; empty where none is used.
     """
@@ -50,7 +51,7 @@ class Origin:
 
 
 def find_origin(graph: Graph, *, backend: str | None = None, device: str | None = None) -> Origin:
-    """Say what would make this graph's results here and now.
+    """Find the origin that this graph's results would have here and now.
 
     Raises
     ------
@@ -61,13 +62,13 @@ def find_origin(graph: Graph, *, backend: str | None = None, device: str | None 
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
     code = {node.name: code_of(node) for node in nodes}
-    found = versions()
+    packages = versions()
     for package in {node.package for node in nodes}:
-        found |= _versions_around(package)
+        packages |= _versions_around(package)
     names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
     opened, _ = open_device(names, device)
     name = f"{opened.name}, driver {opened.driver}" if opened is not None else ""
-    return Origin({"engine": _engine(), **code}, dict(sorted(found.items())), name)
+    return Origin({"engine": _engine(), **code}, dict(sorted(packages.items())), name)
 
 
 def named_files(draft: Draft, given: Iterable[str]) -> dict[str, Path]:
@@ -90,21 +91,21 @@ def digest(about: Mapping[str, Any]) -> str:
 
 
 def code_of(node: Node) -> str:
-    """A hash of all source that a node consists of.
+    """A hash of all source of a node.
 
-    That is its module and whatever this imports out of the same package or from this project,
-    the packages' data files, and its kernels with their headers.
+    It covers the node's module, all that this imports from the same package or this project, the
+    packages' data files, and the kernels with their headers.
     """
     seen = {file: _hash(file) for file in _closure(node)}
     keep_imports()
     kernels = kernel_text(node) if node.has_kernel else ""
-    if not seen:  # what nobody can read is never the same
+    if not seen:  # source that cannot be read is never the same
         return os.urandom(8).hex()
     return digest({"files": sorted(seen.values()), "kernels": kernels})
 
 
 def _closure(node: Node) -> set[Path]:
-    """The files of a node's module and of all that it imports, directly or not."""
+    """The files of a node's module and of all its imports, direct or not."""
     module = node.function.__module__
     waiting = [_spec(module)]
     files: set[Path] = set()
@@ -126,19 +127,19 @@ def _closure(node: Node) -> set[Path]:
 
 
 def _belongs(name: str, module: str) -> bool:
-    """Whether a module is a part of the project, or of what a node's own module belongs to."""
+    """Whether a module belongs to the project, or to the package of a node's own module."""
     top, own = name.partition(".")[0], module.partition(".")[0]
-    if name == ENGINE or name.startswith(f"{ENGINE}."):
+    if name == ENGINE_PACKAGE or name.startswith(f"{ENGINE_PACKAGE}."):
         return False
     if top in ("tactograph", own):
         return True
     here = _folder(top)
-    return here is not None and here == _folder(own) and not {*INSTALLED} & {*here.parts}
+    return here is not None and here == _folder(own) and not {*PACKAGE_FOLDERS} & {*here.parts}
 
 
 @cache
 def _folder(top: str) -> Path | None:
-    """Where a top-level module or package lies."""
+    """The folder of a top-level module or package."""
     spec = _spec(top)
     if spec is None or not spec.has_location or not spec.origin:
         return None
@@ -147,9 +148,9 @@ def _folder(top: str) -> Path | None:
 
 
 def _spec(name: str) -> ModuleSpec | None:
-    """Where a module lies; None if there is none by that name.
+    """The spec of a module; None if there is none by that name.
 
-    To look for something in a plain module would be to run that: its loops would be compiled.
+    A plain module is not searched, since that would run it.
     """
     parent = name.rpartition(".")[0]
     above = _spec(parent) if parent else None
@@ -162,24 +163,18 @@ def _spec(name: str) -> ModuleSpec | None:
 
 
 def _data_files(folder: Path) -> Iterator[Path]:
-    """What a package holds besides source."""
+    """The files of a package besides source."""
     for file in folder.iterdir():
         if file.is_file() and file.suffix not in (".py", ".pyc", ".cl", ".clh"):
             yield file
 
 
 def _hash(file: Path) -> str:
-    stat = file.stat()
-    return _content(file, stat.st_mtime_ns, stat.st_size)
-
-
-@cache
-def _content(file: Path, changed: int, size: int) -> str:
-    return f"{file.name}:{hashlib.sha256(file.read_bytes()).hexdigest()}"
+    return f"{file.name}:{content_hash(file)}"
 
 
 def _engine() -> str:
-    """A hash of the engine, its commands left out."""
+    """A hash of the engine without its commands."""
     folders = [Path(place) for place in tactograph.graph.__path__]
     files = sorted(file for folder in folders for file in folder.rglob("*.py"))
     return digest({"files": [_hash(file) for file in files if file.parent.name != "commands"]})
@@ -192,11 +187,5 @@ def _versions_around(package: str) -> Mapping[str, str]:
         needs = importlib.metadata.requires(package) or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    found: dict[str, str] = {}
-    for need in (package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))):
-        name = re.split(r"[^\w.-]", need, maxsplit=1)[0]
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
+    wanted = [package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))]
+    return installed(tuple(re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in wanted))

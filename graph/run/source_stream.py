@@ -1,4 +1,4 @@
-"""The items of a source node, the first of them read ahead if there is time for it."""
+"""The items of a source node, the first of which may be read ahead."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class SourceStream:
     Attributes
     ----------
     milliseconds
-        What the last item took.
+        Time that the last item took.
     """
 
     def __init__(self, source: Task, keywords: Mapping[str, Any]) -> None:
@@ -30,11 +30,11 @@ class SourceStream:
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
     def read_ahead(self, count: int = 1) -> int:
-        """Read the first items now; their warnings, or why one cannot be read, wait with them.
+        """Read the first items now; `next` gives them, their warnings and an error, if any.
 
         Returns
         -------
-        How many there are, `count` at most.
+        The number of items, `count` at most.
         """
         try:
             with collect_warnings(self._notes):
@@ -44,7 +44,7 @@ class SourceStream:
         return sum(item is not None for item, _ in self._ahead)
 
     def next(self) -> Any:
-        """The next item, None behind the last.
+        """The next item, None after the last.
 
         Raises
         ------

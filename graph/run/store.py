@@ -1,6 +1,6 @@
-"""What took long to make and does not depend on a stream, kept on disk from start to start.
+"""Results that took long to make and depend on no stream, kept on disk from start to start.
 
-A file (`disk_cache`) holds one node's outputs; one that is damaged is made again.
+A file (`disk_cache`) holds one node's outputs; a damaged one is made again.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from typing import Any
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
+from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.errors import collect_warnings, warn
-from tactograph.graph.files.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.run.keys import content_key, key_of
 
-SLOW_MS = 200.0
-"""What is made faster than that is not worth a file."""
-_ARRAYS = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
+MIN_STORED_MS = 200.0
+"""The least time that justifies a file."""
+_ARRAY_CLASSES = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
 
 
 def recall_or_make(
     node: Node, settings: dict[str, Any], arguments: Sequence[Any], make: Callable[[], Any]
 ) -> Any:
-    """What a node makes of settings and inputs, taken from disk if it was slow before.
+    """The result of a node, taken from disk if it was slow to make before.
 
-    What came with a warning is made anew: a file would not tell it.
+    A result that came with a warning is made anew, since a file does not keep the warning.
     """
     folder = cache_folder()
     if folder is None:
@@ -38,9 +38,9 @@ def recall_or_make(
     file: Path | None = None
     if any(folder.glob(f"{node.name}-*{SUFFIX}")):
         file = _file(folder, node, settings, arguments)
-        found = _read(file, node)
-        if found is not None:
-            return found[0]
+        stored = _read(file, node)
+        if stored is not None:
+            return stored[0]
     start = time.perf_counter()
     told: list[str] = []
     try:
@@ -49,7 +49,7 @@ def recall_or_make(
     finally:
         for warning in told:
             warn(warning)
-    if not told and 1e3 * (time.perf_counter() - start) > SLOW_MS:
+    if not told and 1e3 * (time.perf_counter() - start) > MIN_STORED_MS:
         _write(file or _file(folder, node, settings, arguments), node, made)
     return made
 
@@ -64,19 +64,21 @@ def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequenc
 
 
 def _read(file: Path, node: Node) -> tuple[Any] | None:
-    """What a file holds, None if it is of no use."""
+    """The content of a file, None if it is of no use."""
     body = read_cached(file)
     if body is None:
         return None
     try:
-        found = _Reader(io.BytesIO(body)).load()
-        return (found if node.output_record is None else make_record(node.output_record, found),)
-    except Exception:  # whatever is wrong with it, the node can make it again
+        content = _Reader(io.BytesIO(body)).load()
+        return (
+            content if node.output_record is None else make_record(node.output_record, content),
+        )
+    except Exception:  # the node can make it again
         return None
 
 
 def _write(file: Path, node: Node, made: Any) -> None:
-    """Keep what a node made, if it is plain."""
+    """Keep a node's result, if it is plain data."""
     with suppress(Exception):
         plain = made if node.output_record is None else node.results(made)
         body = pickle.dumps(plain, protocol=5)
@@ -88,6 +90,6 @@ class _Reader(pickle.Unpickler):
     """Reads arrays and plain data, and runs no code that a file names."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if module.partition(".")[0] == "numpy" and name in _ARRAYS:
+        if module.partition(".")[0] == "numpy" and name in _ARRAY_CLASSES:
             return super().find_class(module, name)
         raise pickle.UnpicklingError(f"{module}.{name} is not kept on disk")

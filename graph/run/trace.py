@@ -1,4 +1,4 @@
-"""What ran when, as Chrome's trace events: Perfetto (ui.perfetto.dev) and chrome://tracing."""
+"""Records of when each step ran, as Chrome trace events for Perfetto (ui.perfetto.dev)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import warn
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.graph.plan.plan import Plan, Step
 
-MOST_EVENTS = 200_000
-"""A trace of a stream without an end stops there."""
+MAX_EVENTS = 200_000
+"""The most spans of a trace; an endless stream would fill the memory."""
 _LANES = {"device": 1, "transfers": 2}
 
 
@@ -32,8 +32,8 @@ class Trace:
         self._add(name, lane, end - 1e-3 * milliseconds, end)
 
     def on_device(self, name: str, start: float, end: float) -> None:
-        """A span that the device's own clock measured, brought to that of the host."""
-        moves = self._steps[name].kind in ("upload", "download")
+        """A span of the device's clock, converted to the host's."""
+        moves = self._steps[name].is_transfer
         self._add(name, "transfers" if moves else "device", start, end)
 
     def write(self, file: Path) -> None:
@@ -58,8 +58,8 @@ class Trace:
             )
 
     def _add(self, name: str, lane: str, start: float, end: float) -> None:
-        if len(self._events) >= MOST_EVENTS:
-            warn(f"the trace ends after {MOST_EVENTS} spans")
+        if len(self._events) >= MAX_EVENTS:
+            warn(f"the trace ends after {MAX_EVENTS} spans")
             return
         self._events.append(
             {

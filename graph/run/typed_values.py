@@ -1,16 +1,16 @@
-"""Values as a user types them: ``name=value`` words turned into what a graph's params want."""
+"""Values as a user types them: ``name=value`` words, read for a graph's params."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.text_names import at_home
+from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph, Param
-from tactograph.graph.files.strict_yaml import parse_scalar
-from tactograph.graph.files.text_names import at_home
 
-_WANTED = {
+_PARAM_TYPES = {
     "number": ((int, float), "a number"),
     "integer": ((int,), "a whole number"),
     "flag": ((bool,), "true or false"),
@@ -30,11 +30,7 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
         name, equals, text = word.partition("=")
         if not equals:
             raise InputError(f"'{word}': write values as name=value")
-        if name not in graph.params:
-            raise InputError(
-                f"{graph.name} has no parameter '{name}'{did_you_mean(name, graph.params)}"
-                f" (it takes: {', '.join(graph.params) or 'none'})"
-            )
+        graph.check_param(name)
         if name in given:
             raise InputError(f"{name} is given twice")
         given[name] = _read(name, text, graph.params[name])
@@ -70,7 +66,7 @@ def _read(name: str, text: str, param: Param) -> Any:
     if param.kind == "numbers":
         return [_number(name, part) for part in text.split(",")]
     value = _scalar(name, text)
-    types, wanted = _WANTED[param.kind]
+    types, wanted = _PARAM_TYPES[param.kind]
     if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
         raise InputError(f"{name}={text}: {wanted} is needed")
     return value

@@ -1,4 +1,4 @@
-"""Wait until files change: those of a graph, and those that it reads."""
+"""Wait for a change of a graph's files, or of the files that it reads."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from tactograph.graph.files.flat_graph import Graph
 
-EVERY_S = 0.25
+LOOK_EVERY_S = 0.25
 Stamp = tuple[tuple[str, int, int], ...]
 
 
 def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
-    """The files that a graph was read from, and the files and folders that its user gave."""
+    """The files of a graph, and the files and folders that its user gave."""
     places = [*graph.places.values()]
     places += [place for entry in graph.nodes.values() for place in entry.places.values()]
     read = {Path(place.file) for place in places if place.line}
@@ -28,25 +28,25 @@ def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
 
 
 def stamp(files: Collection[Path]) -> Stamp:
-    """What changes when one of the files does, or a file of one of the folders."""
-    found: list[tuple[str, int, int]] = []
+    """A value that changes when one of the files does, or a file in one of the folders."""
+    stamps: list[tuple[str, int, int]] = []
     for path in sorted(files):
         with suppress(OSError):
             inside = sorted(path.rglob("*")) if path.is_dir() else [path]
             for file in inside:
                 with suppress(OSError):
                     stat = file.stat()
-                    found.append((str(file), stat.st_mtime_ns, stat.st_size))
-    return tuple(found)
+                    stamps.append((str(file), stat.st_mtime_ns, stat.st_size))
+    return tuple(stamps)
 
 
 def wait_for_change(files: Collection[Path], before: Stamp) -> None:
-    """Return when something changed, and has not gone on changing for a moment."""
+    """Return after a change, once nothing has changed for a moment."""
     while stamp(files) == before:
-        time.sleep(EVERY_S)
+        time.sleep(LOOK_EVERY_S)
     now = stamp(files)
     while True:
-        time.sleep(EVERY_S)
+        time.sleep(LOOK_EVERY_S)
         settled, now = now, stamp(files)
         if settled == now:
             return

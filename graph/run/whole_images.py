@@ -1,4 +1,4 @@
-"""Images that are still the camera's unsigned integers, since a device reads them as they are."""
+"""Images that stay the camera's unsigned integers where a device can read those."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tactograph.graph.run.previous_values import recalled_values
 
 
 def read_whole(plan: Plan) -> set[Value]:
-    """Images that may be a camera's integers, since every reader's kernel takes those.
+    """Images that may stay a camera's integers, since every reader's kernel takes those.
 
-    Callers hand them in, sources yield them, and idle nodes hand them on.
+    They come from callers, from sources, and from idle nodes that hand them on.
     """
     tasks = [t for t in plan.tasks.values() if may_be_whole(t) or t.node.is_idle is not None]
     made = {Value(task.id, port) for task in tasks for port in task.node.outputs}
@@ -30,7 +30,7 @@ def may_be_whole(task: Task) -> bool:
 
 
 def goes_up(plan: Plan, task: Task) -> bool:
-    """Whether the device alone reads a source's images, so that they go there as they came."""
+    """Whether only the device reads a source's images, so that they can stay integers."""
     value = Value(task.id, next(iter(task.node.outputs)))
     readers = [step for step in plan.steps if value in step.reads]
     host = value in plan.outputs.values() or value in recalled_values(plan)
@@ -41,19 +41,19 @@ def _is_read_whole(plan: Plan, value: Value) -> bool:
     return all(
         task.node.reads_integers(name, plan.placements[task.id].backend)
         for task in plan.tasks.values()
-        for name, found in task.edges.items()
-        if found == value and not task.filled
+        for name, read in task.edges.items()
+        if read == value and not task.filled
     )
 
 
 def is_whole(array: Any) -> bool:
-    """Whether images are still the camera's unsigned integers."""
+    """Whether an array holds images as unsigned integers."""
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 
-def in_fractions(task: Task, found: Any) -> Any:
-    """What a task made, images as fractions of full scale also where they are integers still."""
-    return as_fractions(found) if may_be_whole(task) and is_whole(found) else found
+def in_fractions(task: Task, made: Any) -> Any:
+    """A task's result, with integer images converted to fractions of full scale."""
+    return as_fractions(made) if may_be_whole(task) and is_whole(made) else made
 
 
 def as_fractions(array: NDArray[Any]) -> NDArray[np.float32]:

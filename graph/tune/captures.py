@@ -1,4 +1,4 @@
-"""What a graph is tuned on: captures of a folder, or the items of its own stream."""
+"""The captures that a graph is tuned on, or none if its stream has its own items."""
 
 from __future__ import annotations
 
@@ -6,18 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.files.captures_in import captures_in
 from tactograph.graph.files.flat_graph import Graph
 
-CAPTURE = "capture"
+CAPTURE_PARAM = "capture"
 """The param that names a capture, as in `compare`."""
 
 
 def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
-    """The captures that can be gone to and fro in; empty where the stream goes one way."""
-    if CAPTURE not in graph.params or not isinstance(given.get(CAPTURE), str):
+    """The captures that a user can step through; empty where the stream goes one way."""
+    if CAPTURE_PARAM not in graph.params or not isinstance(given.get(CAPTURE_PARAM), str):
         return []
-    folder = Path(given[CAPTURE])
-    if not folder.is_dir():
-        return []
-    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    return inside if inside and all(path.is_dir() for path in inside) else [folder]
+    folder = Path(given[CAPTURE_PARAM])
+    return captures_in(folder) if folder.is_dir() else []

@@ -1,4 +1,4 @@
-"""What follows a slider: small changes to the page, sent together, the next after the last."""
+"""Small changes to the page that follow a slider, sent together once the last are shown."""
 
 from __future__ import annotations
 
@@ -8,17 +8,15 @@ from typing import Any
 
 from nicegui import Client, ui
 
-from tactograph.graph.tune.picture_view import PictureView
-
-ANSWER_S = 3.0
-"""So long a page may take to show a picture before it is sent the next, as one in the back does."""
+SHOW_TIMEOUT_S = 3.0
+"""Time for a page to show a picture; one in the background takes longer, and gets the next."""
 
 
 class Follow:
-    """Collects changes; `send` sends what differs from what the page has.
+    """Collects changes; `send` sends those that differ from the page.
 
-    The page answers when it shows them.  Until then the newest of each is kept: what a browser
-    cannot show in time is never sent.
+    The page answers when it shows them.  Until then only the newest change of each element is kept,
+    so a slow browser is never sent outdated ones.
     """
 
     def __init__(self, client: Client) -> None:
@@ -29,24 +27,24 @@ class Follow:
         ui.add_body_html(f"<script>{script}</script>")
 
     def html(self, element: ui.element, markup: str) -> None:
-        """Markup for an element that has nothing else in it."""
+        """Set the markup of an element that holds nothing else."""
         self._wanted[element.id, "html"] = (markup,)
 
     def background(self, element: ui.element, colours: str) -> None:
-        """What an element has behind it, as in CSS."""
+        """Set the background of an element, as in CSS."""
         self._wanted[element.id, "background"] = (colours,)
 
     def value(self, element: ui.element, words: str) -> None:
-        """What stands in an input, whatever the page has made of it since."""
+        """Set the text of an input, even if the page has changed it since."""
         self._sent.pop((element.id, "value"), None)
         self._wanted[element.id, "value"] = (words,)
 
-    def picture(self, view: PictureView, uri: str, size: tuple[int, int], lines: str) -> None:
-        """A picture, and the lines on it."""
+    def picture(self, view: ui.element, uri: str, size: tuple[int, int], lines: str) -> None:
+        """Set a picture, and the lines on it."""
         self._wanted[view.id, "picture"] = (uri, *size, lines)
 
     async def send(self) -> None:
-        """Send what is new, and wait until it is shown."""
+        """Send the new changes, and wait until they are shown."""
         there = self._client.elements
         self._sent = {key: words for key, words in self._sent.items() if key[0] in there}
         new = {key: words for key, words in self._wanted.items() if self._sent.get(key) != words}
@@ -56,6 +54,6 @@ class Follow:
         self._sent.update(new)
         changes = json.dumps([[*key, *words] for key, words in new.items()])
         try:
-            await self._client.run_javascript(f"return follow({changes})", timeout=ANSWER_S)
+            await self._client.run_javascript(f"return follow({changes})", timeout=SHOW_TIMEOUT_S)
         except TimeoutError:
-            return  # it will show them when it comes to the front
+            return  # the page shows them when it comes to the front

@@ -1,4 +1,4 @@
-"""Who may speak to the page: this machine, with the token, and no other page of the browser."""
+"""Access to the page: from this machine, with the token, and from no other site's page."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 class Guard:
     """Refuses every request, and every web socket, without the token, or from elsewhere.
 
-    The first page has the token in its address; what it loads then has it in a cookie that no
-    other site's page can make the browser send.  Host is compared, so that no name of another
-    machine can be made to mean this one; so is Origin, where the browser states it.
+    The first address carries the token; later requests carry it in a cookie that no other site's
+    page can make the browser send.  Host is compared, so that no foreign name can point to this
+    machine; so is Origin, where the browser states it.
     """
 
     def __init__(self, app: Any, *, token: str, port: int) -> None:
@@ -56,8 +56,8 @@ class Guard:
             cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
         except CookieError:
             cookie = None
-        found = said or (cookie.value if cookie is not None else "")
-        return hmac.compare_digest(found.encode(), self._token.encode())
+        token = said or (cookie.value if cookie is not None else "")
+        return hmac.compare_digest(token.encode(), self._token.encode())
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from tactograph.graph.compare.pictures import BIT_COLOURS, SEVERAL
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL_COLOUR
 
-UNKNOWN = 255
-"""The level of NaN; what is known has those below."""
+NAN_LEVEL = 255
+"""The level of NaN, above those of numbers."""
 
 
 class Picture(NamedTuple):
@@ -34,7 +34,7 @@ class Picture(NamedTuple):
 
 
 def planes_of(port: PortType, array: Any) -> list[NDArray[Any]]:
-    """What of an output can be drawn: its planes of H x W."""
+    """The planes H x W of an output, empty if it cannot be drawn."""
     if not isinstance(array, np.ndarray) or array.ndim not in (2, 3) or not array.size:
         return []
     if port.dims[-2:] not in (("H", "W"), ("h", "w")) or array.dtype.kind not in "fiub":
@@ -43,7 +43,7 @@ def planes_of(port: PortType, array: Any) -> list[NDArray[Any]]:
 
 
 def draw(array: NDArray[Any], unit: str, scale: tuple[float, float] | None = None) -> Picture:
-    """A plane on a scale of its own, or on a given one; labels in colours of their own."""
+    """Draw a plane on its own or a given scale, or labels in their colours."""
     if array.dtype.kind in "iub":
         return _labels(array, unit)
     finite = np.isfinite(array)
@@ -55,7 +55,7 @@ def draw(array: NDArray[Any], unit: str, scale: tuple[float, float] | None = Non
 
 
 def draw_difference(array: NDArray[Any], unit: str) -> Picture:
-    """A difference: white where there is none, its scale ending where 1 in 200 pixels lies."""
+    """Draw a difference, white where there is none; 1 in 200 pixels exceeds its scale."""
     finite = np.isfinite(array)
     known = np.abs(array[finite])
     end = float(np.percentile(known, 99.5)) if known.size else 1.0
@@ -66,7 +66,7 @@ def draw_difference(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.full((256, 3), _rgb(SEVERAL), np.uint8)
+    table = np.full((256, 3), _rgb(SEVERAL_COLOUR), np.uint8)
     table[0] = _rgb("#f2f2f0")
     for bit in range(min(count, 8)):
         table[1 << bit] = _rgb(BIT_COLOURS[bit])
@@ -77,24 +77,24 @@ def _labels(array: NDArray[Any], unit: str) -> Picture:
 def _coloured(
     array: NDArray[Any], finite: NDArray[np.bool_], low: float, high: float, colours: str
 ) -> str:
-    last = UNKNOWN - 1
+    last = NAN_LEVEL - 1
     levels = np.clip((array - low) * (last / ((high - low) or 1.0)), 0, last)
-    levels[~finite] = UNKNOWN
+    levels[~finite] = NAN_LEVEL
     return _uri(levels.astype(np.uint8), _table(colours))
 
 
 def gradient(colours: str) -> str:
     """The colours as a CSS gradient from bottom to top."""
-    stops = _table(colours)[:UNKNOWN:15]
+    stops = _table(colours)[:NAN_LEVEL:15]
     return ", ".join(f"rgb({r},{g},{b})" for r, g, b in stops.tolist())
 
 
 @cache
 def _table(colours: str) -> NDArray[np.uint8]:
-    """The colours of levels 0 to 254, and grey for what is unknown."""
+    """The colours of levels 0 to 254, and grey for NaN."""
     from matplotlib import colormaps
 
-    rgb = colormaps[colours](np.linspace(0, 1, UNKNOWN))[:, :3]
+    rgb = colormaps[colours](np.linspace(0, 1, NAN_LEVEL))[:, :3]
     known = (255 * rgb).round().astype(np.uint8)
     return np.concatenate([known, np.full((1, 3), 128, np.uint8)])
 
@@ -105,7 +105,7 @@ def _rgb(colour: str) -> tuple[int, int, int]:
 
 
 def _uri(levels: NDArray[np.uint8], table: NDArray[np.uint8]) -> str:
-    """A PNG of one byte a pixel and 256 colours: a third of the work of one of three bytes."""
+    """A PNG of one byte a pixel, which takes a third of the time of three bytes."""
     image = Image.fromarray(levels)
     image.putpalette(table.tobytes())
     data = io.BytesIO()

@@ -1,4 +1,4 @@
-"""One graph on its present item: run again when it changes, or on the next item."""
+"""A graph on its present item, run again after changes, or on the next item."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
-from tactograph.graph.tune.captures import CAPTURE
+from tactograph.graph.tune.captures import CAPTURE_PARAM
 
 
 class Runner:
-    """A pipeline that follows a graph; it is opened again only if more than settings changed."""
+    """A pipeline that follows a graph, opened again only if more than settings changed."""
 
     def __init__(
         self, given: Mapping[str, Any], cache: Cache, backend: str | None, device: str | None
@@ -34,7 +34,7 @@ class Runner:
     ) -> Result:
         """The result of `graph` on an item: of a capture, or the `number`-th of its stream.
 
-        Where the item is the one before, `only` are the outputs that are made of it.
+        If the item is the same as before, only the outputs `only` are made.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Runner:
             return pipeline.again(only)
         if capture is not None and self._at[0] != capture:
             self._end()
-            pipeline.aim(**{CAPTURE: str(capture)})
+            pipeline.aim(**{CAPTURE_PARAM: str(capture)})
         if self._stream is None:
             self._stream = pipeline.items()
         result = next(self._stream, None)
@@ -67,14 +67,14 @@ class Runner:
         return result
 
     def close(self) -> None:
-        """Close the pipeline and what its nodes keep."""
+        """Close the pipeline and its nodes' sessions."""
         self._end()
         if self.pipeline is not None:
             self.pipeline.close()
         self.pipeline, self._graph = None, None
 
     def _open(self, graph: Graph, capture: Path | None) -> None:
-        given = self._given if capture is None else {**self._given, CAPTURE: str(capture)}
+        given = self._given if capture is None else {**self._given, CAPTURE_PARAM: str(capture)}
         given = {name: value for name, value in given.items() if name in graph.params}
         opened = open_pipeline(
             graph,
@@ -94,7 +94,7 @@ class Runner:
 
 
 def _alike(one: Graph, other: Graph) -> bool:
-    """Whether two graphs differ in nothing but settings that both state, or the later one."""
+    """Whether two graphs differ only in settings, all of which the later one states."""
 
     def bare(graph: Graph) -> Graph:
         nodes = {n: replace(entry, settings={}) for n, entry in graph.nodes.items()}

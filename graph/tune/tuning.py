@@ -1,7 +1,7 @@
-"""The state of a page: a graph that is changed, and what it gives on the present item.
+"""The state of a page: a graph under change, and its result on the present item.
 
-Changes are taken at once and worked off by one thread.  It always runs the latest state: what
-was asked for in between is never run, and what became stale is never shown.
+Changes are taken at once, and one thread runs the latest state.  Requests in between are never
+run, and outdated results are never shown.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from tactograph.graph.run.watch import Stamp, files_of, stamp
 from tactograph.graph.tune.captures import captures_of
 from tactograph.graph.tune.runner import Runner
 
-SECOND = 1.0
+RATE_WINDOW_S = 1.0
 REST_S = 0.12
-"""So long a hand has to rest before figures and all else follow what it looks at."""
+"""Rest of the hand before figures and all else follow the output that is looked at."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What the page asks for."""
+    """A request of the page."""
 
     graph: Graph
     beside: Graph | None
@@ -49,7 +49,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Shown:
-    """What was computed last: for which request, and what is wrong with a later one."""
+    """The last result with its request, and the error of a later request."""
 
     number: int = 0
     asked: Asked | None = None
@@ -61,7 +61,7 @@ class Shown:
 
 
 class Tuning:
-    """A graph under somebody's hands.
+    """A graph that a user changes.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ class Tuning:
     Attributes
     ----------
     output
-        The output that is looked at: it is made and shown first, figures and all else follow
-        when no newer change waits.
+        The output that is looked at: it is made and shown first; figures and all else follow
+        if no newer change waits.
     every
-        Whether a change to a node of a group is one to that node in every use.
+        Whether a change to a node of a group changes that node in every use.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class Tuning:
         self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **said}))
 
     def set_backend(self, node: str, backend: str | None) -> None:
-        """Bind a node to a back end, or, with None, to that of the file.
+        """Bind a node to a back end; None restores that of the file.
 
         Raises
         ------
@@ -206,13 +206,13 @@ class Tuning:
             self._changed.notify()
 
     def play(self, on: bool) -> None:
-        """Let a stream run, or hold it."""
+        """Run a stream, or pause it."""
         with self._changed:
             self.playing = on and not self.captures
             self._changed.notify()
 
     def changes(self) -> list[Change]:
-        """The patch that makes the graph on the screen of the one in the file."""
+        """The patch that turns the graph in the file into the one on the screen."""
         defaults = {
             name: {n: p.default for n, p in find_node(entry.op).parameters.items()}
             for name, entry in self.base.nodes.items()
@@ -221,16 +221,16 @@ class Tuning:
         return changes_between(self.base, self.graph, defaults)
 
     def is_of_others(self, file: Path) -> bool:
-        """Whether there is such a file that is not what `save` left there."""
+        """Whether there is such a file that `save` did not write."""
         return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
 
     def save(self, file: Path, *, over_others: bool = False) -> Path:
-        """Write the variant, whatever file it replaces if `over_others`, and check it.
+        """Write the variant and check it; `over_others` lets it replace any file.
 
         Raises
         ------
         InputError
-            If nothing was changed, or the file would replace what it extends, or another's.
+            If nothing was changed, or the file would replace the one it extends, or another's.
         """
         if file.resolve() in {read.resolve() for read in self._files}:
             raise InputError(f"{file}: is the graph that is tuned, or extended; give another name")
@@ -245,7 +245,7 @@ class Tuning:
     def reload(self) -> bool:
         """Read the graph again if its file changed; return whether it was.
 
-        What cannot be read leaves the last good graph as it is, with a word on what is wrong.
+        A file that cannot be read leaves the last good graph, and shows the error.
         """
         now = stamp(self._files)
         if now == self._stamp:
@@ -277,7 +277,7 @@ class Tuning:
         self._thread.join(timeout=30)
 
     def settled(self, timeout: float = 30.0) -> Shown:
-        """Wait until what is shown is what was asked for."""
+        """Wait for the result of the latest request."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
             if self.shown.asked is self._asked:
@@ -290,7 +290,7 @@ class Tuning:
         return {n: v for n, v in self.given.items() if n in self.graph.params}
 
     def _take(self, node: str, changed: Callable[[str, Entry], Entry]) -> None:
-        """Change a node, or, if `every`, those that are it in all uses of its group."""
+        """Change a node, or, if `every`, that node in all uses of its group."""
         self.graph.entry(node)
         graph = self.graph
         names = alike(graph, node) if self.every else [node]
@@ -298,7 +298,7 @@ class Tuning:
             graph = graph.with_entry(name, changed(name, graph.nodes[name]))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):
             self._check(graph)
-        else:  # what a slider can wait for
+        else:  # quick enough for a slider
             for entry in map(graph.nodes.__getitem__, names):
                 settings_of(entry, graph, find_node(entry.op), self._known)
         with self._changed:
@@ -306,7 +306,7 @@ class Tuning:
             self._changed.notify()
 
     def _check(self, graph: Graph) -> None:
-        """Refuse a graph that cannot be run, before it is on the screen."""
+        """Refuse a graph that cannot run, before it is on the screen."""
         given = {name: value for name, value in self.given.items() if name in graph.params}
         make_plan(_anywhere(graph), given, device=None, sinks=False)
 
@@ -351,7 +351,7 @@ class Tuning:
         self._publish(Shown(0, asked, result, beside, inspected, result.plan))
 
     def _show_first(self, asked: Asked, capture: Path | None) -> bool:
-        """Make and show the output that is looked at, where only settings changed."""
+        """Make and show the output that is looked at, if only settings changed."""
         last, before = self.shown.asked or self._last, self.shown.result
         if self.output is None or last is None or before is None:
             return False
@@ -367,7 +367,7 @@ class Tuning:
         return True
 
     def _rests(self, asked: Asked) -> bool:
-        """Whether nothing newer is asked for within a moment."""
+        """Whether no newer request arrives within a moment."""
         with self._changed:
             newer = self._changed.wait_for(
                 lambda: self._ended or self._asked is not asked, timeout=REST_S
@@ -377,11 +377,11 @@ class Tuning:
     def _count(self) -> None:
         now = time.monotonic()
         self.rates.append(now)
-        while now - self.rates[0] > SECOND:
+        while now - self.rates[0] > RATE_WINDOW_S:
             self.rates.popleft()
 
     def _inspect(self, node: str | None) -> dict[str, Any]:
-        """The values of a node's outputs; what it cannot tell is left out."""
+        """The values of a node's outputs."""
         pipeline = self._runners[0].pipeline
         if node is None or pipeline is None or node not in pipeline.plan.tasks:
             return {}
@@ -389,12 +389,12 @@ class Tuning:
         return {port: pipeline.inspect(f"{node}.{port}") for port in ports}
 
     def _publish(self, shown: Shown) -> None:
-        """Show it; a file that cannot be read is told whatever ends meanwhile."""
+        """Publish a result; the error of an unreadable file stays until it can be read."""
         error = self._unreadable or shown.error
         self.shown = replace(shown, number=self.shown.number + 1, error=error)
 
 
 def _anywhere(graph: Graph) -> Graph:
-    """The graph wherever it runs, so that no device is asked."""
+    """The graph on NumPy alone, so that no device is opened."""
     nodes = {name: replace(entry, backend=None) for name, entry in graph.nodes.items()}
     return replace(graph, nodes=nodes, prefer=("numpy",))

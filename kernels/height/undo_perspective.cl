@@ -6,9 +6,11 @@ LANED __kernel void undo_perspective(
     __global const float *restrict height,
     const float camera,
     __global float *restrict out,
-    const int H, const int W)
+    const int H, const int W,
+    const int inverse)
 {
     GRID_LANES(at, count, H * W)
     const floats seen = load_floats(height + at, count);
-    store_floats(seen / (1.0f + camera * seen), out + at, count);
+    const float by = inverse ? -camera : camera;
+    store_floats(seen / (1.0f + by * seen), out + at, count);
 }

@@ -1,5 +1,41 @@
 """Calibrate film, LEDs and noise from presses of known shape.
 
-Finds balls, places the LEDs, fits tables and reflectance, rates and stores the calibration.
-The other packages use it through `read_calibration`.
+The rooms hold what one comes for: find the balls, place the LEDs, fit the paper's tables or a
+film's model, calibrate a lens or a one-shot sensor, rate a calibration, carry it over to another
+film, and its file.  Here is what several of them share.
 """
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from tactograph.graph.declare.ports import Port
+from tactograph.nodes import F4, I4
+
+BallCircles = Annotated[F4, Port("B 3", "px")]
+"""x, y and contact radius of every ball."""
+BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
+"""The radius of every ball."""
+BallPress = Annotated[I4, Port("B", "press number")]
+"""The press that every ball is in, counted from 0."""
+Circles = Annotated[F4, Port("P 3", "px")]
+"""Contact circles: x, y, radius; a radius of 0 where no ball was found."""
+TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
+"""Relative change of each LED's light on the film at rest, per slope p and q."""
+
+MIN_FLAT_LIGHT = np.float32(0.02)
+"""Light of the film at rest below which nothing is divided by it."""
+MIN_PIXELS = 100
+"""Fewest pixels to which tables, a reflectance or LEDs are fitted."""
+FOLDS = 4
+"""Number of folds that are held out in turn: every fourth ball or slice."""
+SLICES = 16
+"""Slices of a ball, which are held out where there is only one ball."""
+MAX_ERROR_RATIO = 0.95
+"""Factor by which a further change of the film must lower the held-out error."""
+MAX_INDEPENDENT = 200
+"""Most independent values per LED that a check press counts as, since departures are smooth."""
+DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01
+"""Degree of the polynomial drift of the film at rest, and roughness of the film."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node
-from tactograph.graph.files.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
@@ -32,11 +32,11 @@ from tactograph.nodes.files.image_files import (
     size_of,
 )
 
-SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
-TRUTH = "truth_height_mm.npy"
-TRUE_SLOPE = "truth_slope.npy"
-TRUE_SHADOW = "truth_shadow.png"
-MOST_LEDS = 8
+IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
+TRUE_HEIGHT_FILE = "truth_height_mm.npy"
+TRUE_SLOPE_FILE = "truth_slope.npy"
+TRUE_SHADOW_FILE = "truth_shadow.png"
+MAX_LEDS = 8
 
 
 class Capture(NamedTuple):
@@ -188,9 +188,9 @@ def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole:
     return Capture(
         image,
         name,
-        _true_height(folder / TRUTH, layout.crop, image),
-        _true_slope(folder / TRUE_SLOPE, layout.crop, image),
-        _true_shadow(folder / TRUE_SHADOW, layout.crop, image),
+        _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
+        _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
+        _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
     )
 
 
@@ -228,7 +228,7 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
 
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
     if _lights(folder, lights) == "leds":
-        numbers = layout.leds or (*range(1, MOST_LEDS + 1),)
+        numbers = layout.leds or (*range(1, MAX_LEDS + 1),)
         return any(_find(folder, layout.files, numbers).values())
     return bool(_images(folder))
 
@@ -251,9 +251,9 @@ def read_capture_file(folder: Path) -> CaptureFile:
 
 
 def _with_capture_file(folder: Path, layout: Layout) -> Layout:
-    said = read_capture_file(folder)
-    leds = layout.leds or (tuple(said.leds) if said.leds else None)
-    return replace(layout, leds=leds, bits=layout.bits or said.bits)
+    stated = read_capture_file(folder)
+    leds = layout.leds or (tuple(stated.leds) if stated.leds else None)
+    return replace(layout, leds=leds, bits=layout.bits or stated.bits)
 
 
 def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
@@ -276,41 +276,43 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
-    likely = (s for s in SUFFIXES if listed is None or f"{name}{s}" in listed)
-    there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
-    if len(there) > 1:
-        names = " and ".join(file.name for file in there)
+    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
+    existing = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
+    if len(existing) > 1:
+        names = " and ".join(file.name for file in existing)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
-    return there[0] if there else None
+    return existing[0] if existing else None
 
 
 def _led_files(folder: Path, layout: Layout) -> list[Path]:
     if layout.leds is not None:
         if len(set(layout.leds)) < len(layout.leds):
             raise InputError(f"leds={layout.leds}: an LED is named twice")
-        found = _find(folder, layout.files, layout.leds)
+        by_led = _find(folder, layout.files, layout.leds)
     else:
-        there = _find(folder, layout.files, range(1, MOST_LEDS + 1))
-        last = max((k for k, file in there.items() if file), default=0)
-        found = {k: there[k] for k in range(1, max(last, 1) + 1)}
-    missing = [k for k, file in found.items() if file is None]
+        candidates = _find(folder, layout.files, range(1, MAX_LEDS + 1))
+        last = max((k for k, file in candidates.items() if file), default=0)
+        by_led = {k: candidates[k] for k in range(1, max(last, 1) + 1)}
+    missing = [k for k, file in by_led.items() if file is None]
     if missing:
         name = layout.files.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if not 3 <= len(found) <= MOST_LEDS:
+    if not 3 <= len(by_led) <= MAX_LEDS:
         raise InputError(
-            f"{folder}: {len(found)} LED images; a slope needs from 3 to {MOST_LEDS} of them"
+            f"{folder}: {len(by_led)} LED images; a slope needs from 3 to {MAX_LEDS} of them"
         )
-    return [file for file in found.values() if file is not None]
+    return [file for file in by_led.values() if file is not None]
 
 
 def _images(folder: Path) -> list[Path]:
-    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not _is_hidden(f))
+    files = (
+        f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(f)
+    )
     return sorted(files)
 
 
 def _is_hidden(path: Path) -> bool:
-    """Whether it is hidden: the remains of a killed writer (`atomic_files`), or a system file."""
+    """Tell a hidden file: of a system, or what a killed writer left (`atomic_files`)."""
     return path.name.startswith(".")
 
 

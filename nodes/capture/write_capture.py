@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
 from tactograph.nodes.files.image_files import write_image
 

@@ -1,4 +1,4 @@
-"""What is pressed against the film, from its height.
+"""Contacts with the film, from its height.
 
 Where the contacts are, how large and how deep.
 Another measure of a contact goes here.

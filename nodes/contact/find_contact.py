@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, InputError, node, warn
 from tactograph.nodes import Contacts, Height, HeightError
 
-SAMPLES = 10_000
+MIN_SAMPLES = 10_000
 """Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
-OPEN = np.uint8(255)
+UNFILLED = np.uint8(255)
 """Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
-TO_DEVIATION = 1.4826
+MEDIAN_TO_DEVIATION = 1.4826
 """Median magnitude to standard deviation, for a normal distribution."""
 
 
@@ -83,15 +83,15 @@ def find_contact(
     # A contour without a parent surrounds a core; the others surround its holes.
     parents = nested[0, :, 3].tolist()
     outlines = [line for line, parent in zip(lines, parents, strict=True) if parent < 0]
-    raised = (height > np.float32(leave) * level).view(np.uint8) * OPEN
+    raised = (height > np.float32(leave) * level).view(np.uint8) * UNFILLED
     areas, cores = _fill(raised, outlines)
-    found = [number for number in areas if cores[number] >= least_px]
-    if len(found) > most:
+    contacts = [number for number in areas if cores[number] >= least_px]
+    if len(contacts) > most:
         warn(
-            f"find_contact: {len(found)} contacts, of which the {most} largest are numbered; "
+            f"find_contact: {len(contacts)} contacts, of which the {most} largest are numbered; "
             "'most' sets how many"
         )
-    largest = sorted(found, key=lambda number: -areas[number])[:most]
+    largest = sorted(contacts, key=lambda number: -areas[number])[:most]
     numbers = np.zeros(256, np.uint8)
     numbers[largest] = np.arange(1, len(largest) + 1)
     return np.asarray(cv2.LUT(raised, numbers))
@@ -110,9 +110,9 @@ def _fill(
     for size, line in sorted(zip(sizes, outlines, strict=True), key=lambda each: -each[0]):
         x, y = map(int, line[0, 0])
         number = int(raised[y, x])
-        if number == OPEN:
+        if number == UNFILLED:
             number = len(areas) + 1
-            if number == OPEN:
+            if number == UNFILLED:
                 break
             areas[number] = float(cv2.floodFill(raised, None, (x, y), number, flags=8)[0])
             cores[number] = 0.0
@@ -122,11 +122,11 @@ def _fill(
 
 def _rest_noise(height: Height) -> float:
     """Standard deviation of the film at rest in mm; zero where nothing lies below rest."""
-    step = max(1, int((height.size / SAMPLES) ** 0.5))
+    step = max(1, int((height.size / MIN_SAMPLES) ** 0.5))
     seen = height[::step, ::step].ravel()
     below = np.count_nonzero(seen < 0)
     if not below:
         return 0.0
     # The median of the heights below zero, by a partition of all: faster than selecting first.
     middle = (below - 1) // 2, below // 2
-    return TO_DEVIATION * float(-np.partition(seen, middle)[[*middle]].mean())
+    return MEDIAN_TO_DEVIATION * float(-np.partition(seen, middle)[[*middle]].mean())

@@ -46,8 +46,8 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
     figures: Metrics = {"contacts": float(contact.max(initial=0))}
     for number in range(1, int(figures["contacts"]) + 1):
         mask = (contact == number).view(np.uint8)
-        found = _measured(height, mask, pixel) if mask.any() else {}
-        figures |= {f"contact_{name}/c{number}": figure for name, figure in found.items()}
+        measured = _measured(height, mask, pixel) if mask.any() else {}
+        figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
 
 

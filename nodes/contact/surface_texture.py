@@ -15,7 +15,7 @@ from tactograph.nodes.files.areal_surface import areal_surface
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""
-LEVEL_UM = 1e-6
+MIN_SQ_UM = 1e-6
 """Heights that depart less from the form are rounding and have no skewness."""
 
 
@@ -69,8 +69,8 @@ def surface_texture(
     figures: Metrics = {}
     for number in range(1, int(contact.max(initial=0)) + 1):
         inside = _without_edge((contact == number).astype(np.uint8), edge_px) & known
-        found = _texture(height, inside, pixel, form_degree, f"contact {number}")
-        figures |= {f"{name}/c{number}": figure for name, figure in found.items()}
+        texture = _texture(height, inside, pixel, form_degree, f"contact {number}")
+        figures |= {f"{name}/c{number}": figure for name, figure in texture.items()}
     return figures
 
 
@@ -97,8 +97,8 @@ def _texture(
     used = inside[part]
     surface = areal_surface(np.where(used, height[part], np.float32(0)), pixel, ~used)
     with np.errstate(divide="ignore", invalid="ignore"):  # of a surface that is its form
-        found = surface.detrend_polynomial(degree).height_parameters()
-    figures |= {f"{each}_um": float(found[each]) for each in ("Sa", "Sq", "Sz")}
-    if found["Sq"] > LEVEL_UM:
-        figures |= {each: float(found[each]) for each in ("Ssk", "Sku")}
+        parameters = surface.detrend_polynomial(degree).height_parameters()
+    figures |= {f"{each}_um": float(parameters[each]) for each in ("Sa", "Sq", "Sz")}
+    if parameters["Sq"] > MIN_SQ_UM:
+        figures |= {each: float(parameters[each]) for each in ("Ssk", "Sku")}
     return figures

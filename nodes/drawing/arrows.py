@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1
 
-FOLLOWED, GUESSED = (255, 176, 0), (154, 154, 154)
+SEEN_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
 """Colours (red, green, blue) of markers that are seen and of those that are not."""
-BITS = 4
+SUBPIXEL_BITS = 4
 """OpenCV draws in sixteenths of a pixel."""
 
 
@@ -28,13 +28,15 @@ def draw_arrows(
     scale
         Pixels of the picture per pixel of the image.
     """
-    unit = scale * (1 << BITS)
+    unit = scale * (1 << SUBPIXEL_BITS)
     for begin, by, visible in zip(place, shift, seen, strict=True):
         start, end = (
             (int(x), int(y))
-            for x, y in np.round(((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << BITS) / 2)
+            for x, y in np.round(
+                ((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << SUBPIXEL_BITS) / 2
+            )
         )
-        colour = FOLLOWED if visible else GUESSED
-        cv2.circle(picture, start, 1 << BITS, colour, -1, cv2.LINE_AA, BITS)
-        cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, BITS, 0.3)
+        colour = SEEN_RGB if visible else PREDICTED_RGB
+        cv2.circle(picture, start, 1 << SUBPIXEL_BITS, colour, -1, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS, 0.3)
     return picture

@@ -10,5 +10,5 @@ LED_COLOURS = (
     "#5bc0be",
     "#b07d62",
 )
-SEVERAL = "#3a3a3a"
+SEVERAL_COLOUR = "#3a3a3a"
 """Pixels that several LEDs do not reach; untouched film is near white."""

@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 from pydantic import AfterValidator
 
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 
+ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
+"""Colours of plots that people with any sight tell apart."""
 DRAWN_BY = "Matplotlib"
 """How a picture's text chunk ``Software`` begins."""
 

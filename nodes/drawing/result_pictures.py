@@ -10,11 +10,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from tactograph.nodes import F4, Confidence, Contacts, Height, HeightError, Labels, Light
-from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL
+from tactograph.nodes import (
+    BAND_DEVIATIONS,
+    F4,
+    UM_PER_MM,
+    Confidence,
+    Contacts,
+    Height,
+    HeightError,
+    Labels,
+    Light,
+)
+from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
 
-BAND = 1.645
-"""Half of the 90 % band, in standard deviations."""
 # Fixed margins and `print_png` take half the time of a layout that measures every text and of
 # `savefig`, which draws twice.
 DPI = 110
@@ -35,7 +43,7 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
     across = (np.arange(columns) - (columns - 1) / 2) * pixel
     right.plot(across, height[top], linewidth=1)
     if error is not None:
-        half = BAND * error[top]
+        half = BAND_DEVIATIONS * error[top]
         right.fill_between(across, height[top] - half, height[top] + half, alpha=0.35, label="90 %")
         right.legend(loc="upper right")
     right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {y:.2f} mm")
@@ -45,7 +53,7 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
 
 def draw_error(error: HeightError, pixel: float, file: Path) -> None:
     """The height's standard deviation in micrometres."""
-    _draw_plane(1e3 * error, pixel, "standard deviation of the height", "µm", "magma", file)
+    _draw_plane(UM_PER_MM * error, pixel, "standard deviation of the height", "µm", "magma", file)
 
 
 def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
@@ -122,7 +130,7 @@ def _draw_leds(bits: Labels, image: Light, what: str, file: Path) -> None:
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
     figure, axes = _over(image)
-    colours = ListedColormap([*LED_COLOURS[:count], SEVERAL])
+    colours = ListedColormap([*LED_COLOURS[:count], SEVERAL_COLOUR])
     norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
     drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
     bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import Height, HeightError, Metrics
-
-NINETY_PERCENT = 1.645
-"""Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
+from tactograph.nodes import BAND_DEVIATIONS, Height, HeightError, Metrics
 
 
 @node
@@ -32,5 +29,5 @@ def evaluate_error(height: Height, error: HeightError, truth: Height | None = No
     stated = error > 0
     if truth is None or not stated.any():
         return {}
-    inside = np.abs(height - truth)[stated] <= NINETY_PERCENT * error[stated]
+    inside = np.abs(height - truth)[stated] <= BAND_DEVIATIONS * error[stated]
     return {"in_90_percent_band": float(100 * inside.mean())}

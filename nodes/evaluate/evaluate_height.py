@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import Height, Metrics, PixelSize
-
-UM = 1e3
-"""A millimetre in micrometres."""
+from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
 
 
 @node
@@ -36,15 +33,15 @@ def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = Non
     if truth is None:
         return {}
     error = np.abs(height.astype(np.float64) - truth)
-    largest, mean = float(error.max()), float(np.sqrt((error**2).mean()))
+    largest, rmse = float(error.max()), float(np.sqrt((error**2).mean()))
     peak = float(truth.max())
     area = max(int((truth > 0).sum()), 1)
     top = np.unravel_index(int(truth.argmax()), truth.shape)
     return {
         "max_error_px": largest / pixel,
-        "rmse_px": mean / pixel,
-        "max_error_um": UM * largest,
-        "rmse_um": UM * mean,
+        "rmse_px": rmse / pixel,
+        "max_error_um": UM_PER_MM * largest,
+        "rmse_um": UM_PER_MM * rmse,
         "over_10_percent": float(100 * (error > 0.1 * peak).sum() / area) if peak > 0 else 0.0,
         "peak_error_percent": float(100 * (height[top] / peak - 1)) if peak > 0 else 0.0,
         "peak_px": peak / pixel,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import Labels, Metrics
 
-BITS = tuple(np.uint8(1 << k) for k in range(8))
+LED_BITS = tuple(np.uint8(1 << k) for k in range(8))
 
 
 @node
@@ -32,19 +32,23 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
     """
     if truth is None:
         return {}
-    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in BITS])
+    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in LED_BITS])
     metrics = _rates(counts.sum(axis=0), "")
     for k, count in enumerate(counts, start=1):
         metrics |= _rates(count, f"/led{k}")
     return metrics
 
 
-def _counts(found: Labels, truth: Labels) -> NDArray[np.int64]:
-    """Pixels that are both, that were found, that are true."""
-    return np.array([np.count_nonzero(mask) for mask in (found & truth, found, truth)])
+def _counts(labelled: Labels, truth: Labels) -> NDArray[np.int64]:
+    """Return the numbers of pixels that are both, labelled, and true."""
+    return np.array([np.count_nonzero(mask) for mask in (labelled & truth, labelled, truth)])
 
 
 def _rates(counts: NDArray[np.int64], suffix: str) -> Metrics:
-    both, found, true = counts
-    rates = {"precision": (both, found), "recall": (both, true), "iou": (both, found + true - both)}
-    return {f"shadow_{name}{suffix}": float(n / of) for name, (n, of) in rates.items() if of}
+    both, labelled, true = counts
+    rates = {
+        "precision": (both, labelled),
+        "recall": (both, true),
+        "iou": (both, labelled + true - both),
+    }
+    return {f"shadow_{name}{suffix}": float(n / sum_) for name, (n, sum_) in rates.items() if sum_}

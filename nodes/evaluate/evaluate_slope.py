@@ -27,7 +27,7 @@ def evaluate_slope(
     Parameters
     ----------
     slope
-        2 x H x W, the slope that was found.
+        2 x H x W, the reconstructed slope.
     pixel
         mm per px.
     truth
@@ -42,17 +42,17 @@ def evaluate_slope(
     -------
     dict
         ``slope_rmse``, over both components of the pixels that count; ``normal_error_deg``,
-        the mean angle between found and true normal over the whole frame.
+        the mean angle between reconstructed and true normal over the whole frame.
     """
     if truth is None:
         if height is None:
             return {}
         truth = height_slopes(height, pixel).slope
-    found, true = slope.astype(np.float64), truth.astype(np.float64)
+    measured, true = slope.astype(np.float64), truth.astype(np.float64)
     gentle = (true**2).sum(axis=0) <= steepest**2
-    metrics = {"normal_error_deg": float(np.degrees(_angle(found, true)).mean())}
+    metrics = {"normal_error_deg": float(np.degrees(_angle(measured, true)).mean())}
     if gentle.any():
-        metrics["slope_rmse"] = float(np.sqrt(((found - true)[:, gentle] ** 2).mean()))
+        metrics["slope_rmse"] = float(np.sqrt(((measured - true)[:, gentle] ** 2).mean()))
     return metrics
 
 

@@ -7,15 +7,13 @@ from tactograph.nodes import Metrics
 
 
 @node
-def join_metrics(
-    first: Metrics,
-    second: Metrics,
-    third: Metrics | None = None,
-    fourth: Metrics | None = None,
-    fifth: Metrics | None = None,
-    sixth: Metrics | None = None,
-) -> Metrics:
+def join_metrics(*metrics: Metrics) -> Metrics:
     """Return the figures of several evaluations together, in the order of the inputs.
+
+    Parameters
+    ----------
+    *metrics
+        Named figures.
 
     Raises
     ------
@@ -23,9 +21,9 @@ def join_metrics(
         If two of them have a figure of the same name.
     """
     joined: Metrics = {}
-    for metrics in (first, second, third or {}, fourth or {}, fifth or {}, sixth or {}):
-        twice = sorted(joined.keys() & metrics.keys())
+    for each in metrics:
+        twice = sorted(joined.keys() & each.keys())
         if twice:
             raise InputError(f"join_metrics: two inputs hold a figure called '{twice[0]}'")
-        joined |= metrics
+        joined |= each
     return joined

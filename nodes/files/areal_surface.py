@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.extras import need
-from tactograph.nodes import Height
-
-UM = 1e3
-"""A millimetre in micrometres."""
+from tactograph.nodes import UM_PER_MM, Height
 
 
 def surfalize() -> Any:
@@ -30,5 +27,5 @@ def surfalize() -> Any:
 def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | None = None) -> Any:
     """Return a ``surfalize.Surface`` of a height map in mm, with the points `left_out` masked."""
     return surfalize().Surface(
-        UM * height.astype(np.float64), UM * pixel, UM * pixel, mask=left_out
+        UM_PER_MM * height.astype(np.float64), UM_PER_MM * pixel, UM_PER_MM * pixel, mask=left_out
     )

@@ -6,16 +6,19 @@ import json
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance, warn
+from tactograph.graph.declare.ports import make_record, record_ports, record_values
+from tactograph.graph.disk.array_files import load_arrays
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
-from tactograph.graph.files.array_files import load_arrays
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.nodes.stored import Value, stored_values, with_older
 
+R = TypeVar("R")
 DARKEST = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
 CHANNELS = ("bgr", "rgb")
@@ -28,39 +31,28 @@ USERS = {
 """Users of each kind of file."""
 
 
-class Stored(NamedTuple):
-    """An array of the file: its axes (sizes by letter or number), unit, type and range.
-
-    Older files may lack an array that is not `required`.  `low` and `high` bound the values of
-    any sensor: beyond them a file is damaged, not unusual.
-    """
-
-    axes: str
-    unit: str
-    dtype: type[np.generic] = np.float32
-    required: bool = True
-    low: float = -np.inf
-    high: float = np.inf
-
-
 def _fits(arrays: Mapping[str, NDArray[Any]]) -> None:
     """The check of a kind whose arrays fit together whatever they hold."""
 
 
 class FileKind(NamedTuple):
-    """A kind of calibration: its name, version, the command that makes it, and its arrays.
+    """A kind of calibration: its name, version, the command that makes it, and its record.
 
-    Every kind holds a `pixel_size`, and all but a camera's a `flat`.  `made_from` is what to
-    check if a calibration fails.  `check` raises a `ValueError` if the arrays, each of them as
-    declared, cannot be of one sensor.
+    The file keeps the fields of `record` that are `Stored`.  Every kind holds a `pixel_size`, and
+    all but a camera's a `flat`.  `made_from` is what to check if a calibration fails.  `check`
+    raises a `ValueError` if the arrays, each of them as declared, cannot be of one sensor.
     """
 
     name: str
     format: int
     maker: str
-    arrays: Mapping[str, Stored]
+    record: type
     made_from: str
     check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
+
+    @property
+    def values(self) -> Mapping[str, Value]:
+        return stored_values(self.record)
 
 
 def free_for(file: Path, kind: FileKind) -> Path:
@@ -106,15 +98,15 @@ def write_arrays(
         "format": kind.format,
         "kind": f"tactograph {kind.name}",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "units": {name: stored.unit for name, stored in kind.arrays.items()},
+        "units": {name: value.port.meaning for name, value in kind.values.items()},
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
     with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
         typed: dict[str, Any] = {
-            n: np.asarray(arrays[n], stored.dtype) for n, stored in kind.arrays.items()
+            n: np.asarray(arrays[n], value.dtype) for n, value in kind.values.items()
         }
     try:
-        _check_arrays(kind, typed)
+        _check_arrays(kind, typed, kind.values)
     except ValueError as error:
         raise InputError(
             f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
@@ -123,10 +115,31 @@ def write_arrays(
         np.savez_compressed(target, about=np.array(json.dumps(head)), **typed)
 
 
+def write_record(file: Path, kind: FileKind, record: Any, about: Mapping[str, Any]) -> None:
+    """Write a record of `kind`, its `Stored` fields as arrays and the others as JSON.
+
+    Raises
+    ------
+    InputError
+        As `write_arrays`.
+    """
+    ports = record_ports(kind.record)
+    fields = dict(zip(ports, record_values(kind.record, record), strict=True))
+    others = {name: value for name, value in fields.items() if name not in kind.values}
+    write_arrays(file, kind, fields, {**others, **about})
+
+
+def record_of(record: type[R], known: Mapping[str, Any]) -> R:
+    """Make a record of what a file holds, and of what older files stand for."""
+    filled = with_older(record, known)
+    made: R = make_record(record, [filled[name] for name in record_ports(record)])
+    return made
+
+
 def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     """Return the arrays of a calibration, without pickle; those without axes as floats.
 
-    An older file may lack those that are not required.
+    An older file may lack those of which it is known what they were then (`Stored.older`).
 
     Raises
     ------
@@ -137,12 +150,12 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     """
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
-    kept = {n: stored for n, stored in kind.arrays.items() if stored.required or n in arrays}
+    kept = {n: v for n, v in kind.values.items() if v.stored.older is None or n in arrays}
     try:
-        _check_arrays(kind._replace(arrays=kept), arrays)
+        _check_arrays(kind, arrays, kept)
     except ValueError as error:
         raise InputError(f"{file}: {error}; calibrate again") from None
-    return {n: arrays[n] if stored.axes else float(arrays[n]) for n, stored in kept.items()}
+    return {n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kept.items()}
 
 
 class About(NamedTuple):
@@ -269,14 +282,16 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
         )
 
 
-def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Raise a `ValueError` that says which array of `kind` is not as declared, and why."""
+def _check_arrays(
+    kind: FileKind, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Value]
+) -> None:
+    """Raise a `ValueError` that says which array is not as declared in `values`, and why."""
     sizes: dict[str, int] = {}
-    for name, stored in kind.arrays.items():
+    for name, value in values.items():
         if name not in arrays:
             raise ValueError(f"'{name}' is missing")
-        _check_array(name, arrays[name], stored, sizes)
-    if "flat" in kind.arrays and (led := dark_led(arrays["flat"])) is not None:
+        _check_array(name, arrays[name], value, sizes)
+    if "flat" in values and (led := dark_led(arrays["flat"])) is not None:
         raise ValueError(f"'flat' is dark under LED {led}")
     kind.check(arrays)
 
@@ -287,18 +302,18 @@ def dark_led(flat: NDArray[Any]) -> int | None:
     return next((k for k, plane in numbered if float(np.percentile(plane, 99)) < DARKEST), None)
 
 
-def _check_array(name: str, array: NDArray[Any], stored: Stored, sizes: dict[str, int]) -> None:
+def _check_array(name: str, array: NDArray[Any], value: Value, sizes: dict[str, int]) -> None:
     """Check one array; `sizes` collects the letters' sizes."""
-    axes = stored.axes.split()
-    if array.dtype != stored.dtype or array.ndim != len(axes):
+    axes, stored = value.port.dims, value.stored
+    if array.dtype != value.dtype or array.ndim != len(axes):
         raise ValueError(
             f"'{name}' is {array.dtype} of shape {array.shape}, not "
-            f"{np.dtype(stored.dtype)} of {len(axes)} axes"
+            f"{value.dtype} of {len(axes)} axes"
         )
     if not array.size:
         raise ValueError(f"'{name}' is empty, of shape {array.shape}")
     wanted = tuple(
-        int(axis) if axis.isdigit() else sizes.setdefault(axis, size)
+        axis if isinstance(axis, int) else sizes.setdefault(axis, size)
         for axis, size in zip(axes, array.shape, strict=True)
     )
     if array.shape != wanted:

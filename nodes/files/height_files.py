@@ -15,17 +15,17 @@ from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, I4, Height, Lens
-from tactograph.nodes.files.areal_surface import UM, areal_surface, surfalize
+from tactograph.nodes import F4, I4, UM_PER_MM, Height, Lens
+from tactograph.nodes.files.areal_surface import areal_surface, surfalize
 from tactograph.nodes.files.image_files import MOST_PIXELS, read_heights
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.film_places import film_places
 
 Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
 
-LEAST_MM, MOST_MM = 1e-6, 1e3
+MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1e3
 """Pixel sizes that files of 32-bit floats can hold."""
-APART = 0.005
+MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
 STEP_MM = 1e-4
 """A level of a 16-bit PNG: 0.1 micrometres."""
@@ -314,14 +314,14 @@ def read_sur(file: Path) -> HeightFile:
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a .sur file: {reason}") from None
-    side = _square(surface.step_x / UM, surface.step_y / UM)
-    return HeightFile(np.asarray(surface.data / UM, np.float32), side)
+    side = _square(surface.step_x / UM_PER_MM, surface.step_y / UM_PER_MM)
+    return HeightFile(np.asarray(surface.data / UM_PER_MM, np.float32), side)
 
 
 def _square(width: float, length: float) -> float | None:
     """The side of a pixel in mm; None if it is not square, or no size."""
-    is_size = min(width, length) >= LEAST_MM and max(width, length) <= MOST_MM
-    return width if is_size and math.isclose(width, length, rel_tol=APART) else None
+    is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
+    return width if is_size and math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE) else None
 
 
 READERS: Mapping[str, Callable[[Path], HeightFile]] = {

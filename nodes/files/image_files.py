@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from tactograph.graph import InputError, warn
-from tactograph.graph.files.array_files import load_array
+from tactograph.graph.disk.array_files import load_array
 
 FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MOST_PIXELS = 2**25

@@ -9,7 +9,7 @@ from annotated_types import Interval, Len
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import InputError
-from tactograph.graph.files.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import read_yaml
 
 FOLDER = Path(__file__).parent / "sensors"
 MAX_SETTING = 1e9

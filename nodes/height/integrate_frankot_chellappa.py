@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 
 from tactograph.graph import Close, node
-from tactograph.graph.backends.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.graph.backends.launch import Launch
+from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import (

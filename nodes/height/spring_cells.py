@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.height.springs import Springs, Ties, block_sums, join_ends, pair_sums
+from tactograph.nodes.height.springs import Springs, Ties, join_ends, pair_sums, quad_sums
 
 WEAKEST = np.float32(1e-12)
 """Smallest stiffness that is divided by."""
@@ -71,7 +71,7 @@ def cells_of(springs: Springs) -> Cells:
     network = Springs(
         pair_sums(in_rows),
         np.ascontiguousarray(pair_sums(in_columns.T).T),
-        block_sums(springs.ground),
+        quad_sums(springs.ground),
         Ties(top, foot, stiffness),
     )
     return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)

@@ -103,7 +103,7 @@ class Springs:
         return Springs(
             pair_sums(self.right[:, 1::2]),
             pair_sums(self.down[1::2].T).T,
-            block_sums(self.ground),
+            quad_sums(self.ground),
             Ties(top, foot, stiffness.astype(np.float32)),
         )
 
@@ -164,7 +164,7 @@ def pair_sums(rows: F4) -> F4:
     return sums
 
 
-def block_sums(plane: F4) -> F4:
+def quad_sums(plane: F4) -> F4:
     """Sums over 2 x 2 pixels; zero beyond an odd border."""
     return pair_sums(pair_sums(plane).T).T
 
@@ -183,7 +183,7 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
     if not coarser:
         return (network.inverse @ force.ravel()).reshape(force.shape)
     height = network.relax * force
-    left = block_sums(force - network.apply(height))
+    left = quad_sums(force - network.apply(height))
     moved = cycle(coarser, left, depth + 1)
     if depth + 1 >= SINGLE_VISITS and len(coarser) > 1:
         moved = moved + cycle(coarser, left - coarser[0].apply(moved), depth + 1)

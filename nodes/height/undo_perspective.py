@@ -10,8 +10,8 @@ from tactograph.nodes.slope.view_slope import is_orthographic
 
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
-def undo_perspective(height: Height, camera: Vergence) -> Height:
-    """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`).
+def undo_perspective(height: Height, camera: Vergence, *, inverse: bool = False) -> Height:
+    """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`), or the `inverse`.
 
     Parameters
     ----------
@@ -19,12 +19,15 @@ def undo_perspective(height: Height, camera: Vergence) -> Height:
         H x W in mm, the seen height.
     camera
         1 / D in 1/mm.
+    inverse
+        Return the seen height Z = z / (1 - z / D) of what each pixel sees at z.
 
     Returns
     -------
     H x W in mm, the height above the film at rest of what each pixel sees (V1).
     """
-    return np.asarray(height / (1 + np.float32(camera) * height), np.float32)
+    by = np.float32(-camera if inverse else camera)
+    return np.asarray(height / (1 + by * height), np.float32)
 
 
 undo_perspective.opencl(grid="H W", lanes="grid")

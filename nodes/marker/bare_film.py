@@ -1,4 +1,4 @@
-"""Where no marker covers the film."""
+"""The film that no marker covers."""
 
 from __future__ import annotations
 

@@ -58,5 +58,5 @@ def find_markers(
         np.bincount(grown.ravel(), weight * by.ravel(), count) for by in (np.ones_like(x), x, y)
     )
     total = np.maximum(total, 1e-9)
-    found = np.column_stack([at_x / total, at_y / total, np.sqrt(area / np.pi)])[kept]
-    return np.asarray(found, np.float32)
+    markers = np.column_stack([at_x / total, at_y / total, np.sqrt(area / np.pi)])[kept]
+    return np.asarray(markers, np.float32)

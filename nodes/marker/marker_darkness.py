@@ -1,4 +1,4 @@
-"""How much darker the film is than its surroundings: printed markers."""
+"""The darkness of printed markers, relative to the film around them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tactograph.nodes import F4, Light
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-DARKEST = np.float32(0.01)
+MIN_LIGHT = np.float32(0.01)
 """Smallest light that is divided by."""
 
 Darkness = Annotated[F4, Port("H W", "1", high=1)]
@@ -42,7 +42,7 @@ def marker_darkness(
     darkness = []
     for plane in light:
         closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, element)
-        darkness.append(np.float32(1) - plane / np.maximum(closed, DARKEST))
+        darkness.append(np.float32(1) - plane / np.maximum(closed, MIN_LIGHT))
     return np.asarray(np.maximum(np.min(darkness, axis=0), np.float32(0)), np.float32)
 
 
@@ -57,4 +57,4 @@ def _launch(run: Launch) -> None:
     run.kernel("extreme_along", sizes, there, here, *sizes, radius, 1, 0)
     run.kernel("extreme_along", sizes, here, there, *sizes, radius, 0, 0)
     out = run.outputs["marker_darkness"]
-    run.kernel("darkness", sizes[1:], light, there, out, *sizes, float(DARKEST))
+    run.kernel("darkness", sizes[1:], light, there, out, *sizes, float(MIN_LIGHT))

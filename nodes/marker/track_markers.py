@@ -9,32 +9,24 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, U1, Metrics, PixelSize
+from tactograph.graph import node
+from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
 from tactograph.nodes.marker.find_markers import Markers, find_markers
 from tactograph.nodes.marker.marker_darkness import Darkness
-from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.stream.touch import MarkerTracks, Shifts
 
-NEIGHBOURS = 1.6
+NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""
-SEED, RING = 0.25, 1.5
+MAX_RIM_SHIFT_PITCHES, RIM_PITCHES = 0.25, 1.5
 """Largest shift of a marker near the rim of the grid, and what counts as near, in pitches."""
-FEWEST = 3
+MAX_MEAN_NEIGHBOURS = 3
 """Up to this many neighbours predict a shift by their mean; more, by a plane."""
-
-Shifts = Annotated[F4, Port("M 2", "px")]
-"""The shift of each marker, x and y."""
-
-
-Seen = Annotated[U1, Port("M", "flag", high=1)]
-"""0: a marker is not seen; its shift is predicted from its neighbours."""
 
 
 class Tracks(NamedTuple):
-    """Where each marker has gone, and the figures."""
+    """The tracks of the markers, and the figures."""
 
-    shift: Shifts
-    seen: Seen
+    tracks: MarkerTracks
     quality: Metrics
 
 
@@ -74,21 +66,21 @@ def track_markers(
     Returns
     -------
     Tracks
-        Shifts M x 2 in px; which markers are seen; ``markers``, how many there are,
-        ``markers_seen_percent``, ``marker_shift_mm``, the longest and ``marker_shift_mean_mm``.
+        The markers; their shifts M x 2 in px; which of them are seen; as figures ``markers``,
+        how many there are, ``markers_seen_percent``, ``marker_shift_mm``, the longest, and
+        ``marker_shift_mean_mm``.
     """
-    found = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
+    spots = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
     places = markers[:, :2].astype(np.float64)
-    if len(places) < 2 or not len(found):
-        nothing = np.zeros((len(places), 2), np.float32)
-        return Tracks(
-            nothing, np.zeros(len(places), np.uint8), _figures(nothing, nothing[:, 0], pixel)
-        )
-    away = np.asarray(cKDTree(places).query(places, 2)[0])
-    pitch = float(np.median(away[:, 1]))
+    if len(places) < 2 or not len(spots):
+        still, unseen = np.zeros((len(places), 2), np.float32), np.zeros(len(places), np.uint8)
+        return Tracks(MarkerTracks(markers, still, unseen), _figures(still, unseen, pixel))
+    distances = np.asarray(cKDTree(places).query(places, 2)[0])
+    pitch = float(np.median(distances[:, 1]))
     start = None if before is None or before.shape != (len(places), 2) else before.astype(float)
-    shift, seen = _follow(places, found, pitch, farthest * pitch, start)
-    return Tracks(shift.astype(np.float32), seen, _figures(shift, seen, pixel))
+    shift, seen = _follow(places, spots, pitch, farthest * pitch, start)
+    tracks = MarkerTracks(markers, shift.astype(np.float32), seen)
+    return Tracks(tracks, _figures(shift, seen, pixel))
 
 
 def _figures(shift: F8 | F4, seen: NDArray[np.generic], pixel: float) -> Metrics:
@@ -102,26 +94,26 @@ def _figures(shift: F8 | F4, seen: NDArray[np.generic], pixel: float) -> Metrics
 
 
 def _follow(
-    places: F8, found: F8, pitch: float, farthest: float, before: F8 | None
+    places: F8, spots: F8, pitch: float, farthest: float, before: F8 | None
 ) -> tuple[F8, U1]:
     """Match markers with spots, proceeding from sure markers to their neighbours."""
-    spots, taken = cKDTree(found), np.zeros(len(found), bool)
-    pairs = cKDTree(places).query_pairs(NEIGHBOURS * pitch, output_type="ndarray")
+    tree, taken = cKDTree(spots), np.zeros(len(spots), bool)
+    pairs = cKDTree(places).query_pairs(NEIGHBOUR_PITCHES * pitch, output_type="ndarray")
     near = np.zeros((len(places), len(places)), bool)
     near[pairs[:, 0], pairs[:, 1]] = near[pairs[:, 1], pairs[:, 0]] = True
     shift, known = np.zeros_like(places), np.zeros(len(places), bool)
     seen = np.zeros(len(places), np.uint8)
 
     def settle(i: int, expected: F8, most: float) -> None:
-        away, spot = spots.query(places[i] + expected)
+        away, spot = tree.query(places[i] + expected)
         seen[i] = away < most and not taken[spot]
-        shift[i] = found[spot] - places[i] if seen[i] else expected
+        shift[i] = spots[spot] - places[i] if seen[i] else expected
         taken[spot] |= bool(seen[i])
 
-    start = _rim(places, RING * pitch) if before is None else np.ones(len(places), bool)
+    start = _rim(places, RIM_PITCHES * pitch) if before is None else np.ones(len(places), bool)
     for i in np.flatnonzero(start).tolist():
         if before is None:
-            settle(i, np.zeros(2), SEED * pitch)
+            settle(i, np.zeros(2), MAX_RIM_SHIFT_PITCHES * pitch)
             known[i] = seen[i]
         else:
             settle(i, before[i], farthest)
@@ -150,11 +142,11 @@ def _expected(places: F8, shift: F8, i: int, sure: NDArray[np.intp]) -> F8:
     """A plane through the neighbours' shifts, or their mean where they are few."""
     if not len(sure):
         return np.zeros(2)
-    if len(sure) <= FEWEST:
+    if len(sure) <= MAX_MEAN_NEIGHBOURS:
         return np.asarray(shift[sure].mean(axis=0))
-    away = places[sure] - places[i]
-    scale = float(np.abs(away).max())
-    design = np.column_stack([np.ones(len(sure)), away / scale])
-    held = np.diag([0.0, 0.3, 0.3])
-    found = np.linalg.solve(design.T @ design + held, design.T @ shift[sure])
-    return np.asarray(found[0])
+    offsets = places[sure] - places[i]
+    scale = float(np.abs(offsets).max())
+    design = np.column_stack([np.ones(len(sure)), offsets / scale])
+    damping = np.diag([0.0, 0.3, 0.3])
+    plane = np.linalg.solve(design.T @ design + damping, design.T @ shift[sure])
+    return np.asarray(plane[0])

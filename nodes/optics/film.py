@@ -31,21 +31,16 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import Film
 from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """What equation F1 adds to a matt film, in parts that a model may do without."""
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
-UNEVEN = 0.03
-"""Default for the unevenness of a film."""
-OTHERS = 8
-"""Number of other positions of the LEDs."""
 FADE = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 GRAZING = 0.05
 """Smallest cosine that a reflectance is divided by."""
-USUAL_RIM = 2.0
-"""Default for the mm of film beyond the frame."""
 
 TURN = 0.02
 """Radians by which a normal is turned for the derivative of a coat's light."""
@@ -66,24 +61,7 @@ Place = tuple[Array, Array, Array]
 
 def matt_film(lights: Array) -> Film:
     """Return the simplest film: matt, nothing diffused, no harmonics, an orthographic camera."""
-    return Film(
-        lights=lights,
-        others=np.repeat(lights[None], OTHERS, axis=0),
-        diffuse=np.zeros(len(lights), lights.dtype),
-        harmonics=np.zeros((len(lights), SHADES, TERMS), lights.dtype),
-        flattest=1.0,
-        reach=1.0,
-        gain=1.0,
-        contact=0.05,
-        base=1.0,
-        roughness=0.2,
-        refraction=1.0,
-        albedo=0.0,
-        rim=USUAL_RIM,
-        camera=0.0,
-        grain=0.0,
-        uneven=UNEVEN,
-    )
+    return Film(**with_older(Film, {"lights": lights}))
 
 
 def is_affine(film: Film) -> bool:

@@ -14,11 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-
-F8 = NDArray[np.float64]
 
 
 def places(count: int, pixel: np.float32) -> F4:

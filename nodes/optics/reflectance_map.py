@@ -15,12 +15,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tactograph.nodes import F4
-from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
-
-F8 = NDArray[np.float64]
+from tactograph.nodes import F4, F8
 
 DEGREE = 4
 TERMS = 15
@@ -96,3 +92,25 @@ def robust_weights(error: F8, weight: F8) -> F8:
 def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
     """Return light less 1, K x N, by equation M1: K x 9 x 15, 9 x N, 15 x N."""
     return np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)
+
+
+def harmonics(slope: F4) -> F4:
+    """The nine spherical harmonics up to second order, without their constant factors.
+
+    1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
+    normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.
+
+    Parameters
+    ----------
+    slope
+        2 x anything.
+
+    Returns
+    -------
+    ndarray
+        9 x anything.
+    """
+    p, q = slope
+    z = 1 / np.sqrt(1 + p * p + q * q)
+    x, y = -p * z, -q * z
+    return np.stack([np.ones_like(z), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1])

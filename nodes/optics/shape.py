@@ -6,12 +6,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, Height, PixelSize
-
-F8 = NDArray[np.float64]
+from tactograph.nodes import F4, F8, Height, PixelSize
 
 Side = Annotated[int, Interval(ge=1, le=16384)]
 """Width or height of an image in pixels."""

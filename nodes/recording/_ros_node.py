@@ -11,7 +11,7 @@ from typing import Any
 from tactograph.graph import InputError
 from tactograph.nodes.files.ros_messages import Message
 
-DEPTH = 8
+QUEUE_MESSAGES = 8
 """Most messages of a topic that wait for a slow receiver; older ones are dropped."""
 
 
@@ -55,14 +55,16 @@ class RosNode:
                 shared = message.topic == "/diagnostics"
                 topic = message.topic if shared else message.topic.lstrip("/")
                 kind = _class_of(message.type)
-                self._publishers[message.topic] = self._node.create_publisher(kind, topic, DEPTH)
+                self._publishers[message.topic] = self._node.create_publisher(
+                    kind, topic, QUEUE_MESSAGES
+                )
             publisher = self._publishers[message.topic]
             if publisher.get_subscription_count():
                 publisher.publish(as_ros(message))
 
     def subscribe(self, topic: str, kind: str) -> deque[Any]:
         """A queue that `wait` fills with the messages of a topic, newest last."""
-        came: deque[Any] = deque(maxlen=DEPTH)
+        came: deque[Any] = deque(maxlen=QUEUE_MESSAGES)
         # This profile accepts what a camera driver offers, reliable or not.
         profile = importlib.import_module("rclpy.qos").qos_profile_sensor_data
 

@@ -7,12 +7,11 @@ the film at rest: x right, y down, z towards the camera.
 from __future__ import annotations
 
 import time as clock
-from typing import NamedTuple
 
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes import Contacts, Height, Labels, Light, Metrics
+from tactograph.nodes import F8, Labels, Light
 from tactograph.nodes.files.ros_messages import (
     MM,
     Message,
@@ -21,31 +20,11 @@ from tactograph.nodes.files.ros_messages import (
     image_message,
     text_message,
 )
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
-from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes.stream.touch import Touch
 
-FRAME = "film"
+FILM_FRAME = "film"
 """ROS's name of the coordinate system."""
-FULL_SCALE = 255
-
-
-class TouchParts(NamedTuple):
-    """The parts of a touch; None for those that its graph does not provide.
-
-    As in `write_mcap`; `metrics` holds the figures of `measure_contact`.
-    """
-
-    height: Height
-    image: Light
-    pixel: float
-    name: str
-    shadow: Labels | None
-    contact: Contacts | None
-    metrics: Metrics | None
-    markers: Markers | None
-    shift: Shifts | None
-    seen: Seen | None
+MAX_BYTE = 255
 
 
 class TouchStamps:
@@ -75,9 +54,9 @@ def _day_offset() -> int:
 
 
 def touch_messages(
-    stamp: int, touch: TouchParts, points_step: int, provenance: Provenance
+    stamp: int, touch: Touch, points_step: int, provenance: Provenance
 ) -> list[Message]:
-    """All messages of a touch, with the same stamp; its name comes last."""
+    """Return all messages of a touch, with the same stamp; its name comes last."""
     figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
     figures |= touch.metrics or {}
     leds = (
@@ -87,8 +66,12 @@ def touch_messages(
     labels = {"/shadow": touch.shadow, "/contact": touch.contact}
     return [
         *leds,
-        image_message("/height", stamp, touch.height * np.float32(MM), FRAME),
-        *(image_message(at, stamp, each, FRAME) for at, each in labels.items() if each is not None),
+        image_message("/height", stamp, touch.height * np.float32(MM), FILM_FRAME),
+        *(
+            image_message(at, stamp, each, FILM_FRAME)
+            for at, each in labels.items()
+            if each is not None
+        ),
         *_surface(stamp, touch, points_step),
         *_contacts(stamp, touch),
         *_markers(stamp, touch),
@@ -97,17 +80,17 @@ def touch_messages(
     ]
 
 
-def _surface(stamp: int, touch: TouchParts, step: int) -> list[Message]:
+def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     if not step:
         return []
     height = touch.height[::step, ::step]
     rows, columns = height.shape
     side = step * touch.pixel * MM
     places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
-    return [cloud_message("/points", stamp, {**places, "z": height * np.float32(MM)}, FRAME)]
+    return [cloud_message("/points", stamp, {**places, "z": height * np.float32(MM)}, FILM_FRAME)]
 
 
-def _contacts(stamp: int, touch: TouchParts) -> list[Message]:
+def _contacts(stamp: int, touch: Touch) -> list[Message]:
     """One point per contact, from number 1: its centroid, with its depth as z."""
     figures = touch.metrics or {}
     if "contacts" not in figures:
@@ -130,20 +113,20 @@ def _contacts(stamp: int, touch: TouchParts) -> list[Message]:
         "minor": each("minor_mm", MM),
         "angle": each("angle_deg", np.pi / 180),
     }
-    return [cloud_message("/contacts", stamp, fields, FRAME)]
+    return [cloud_message("/contacts", stamp, fields, FILM_FRAME)]
 
 
-def _markers(stamp: int, touch: TouchParts) -> list[Message]:
+def _markers(stamp: int, touch: Touch) -> list[Message]:
     """One point per marker: its position on the untouched film, and its shift."""
-    if touch.markers is None or touch.shift is None:
+    if touch.tracks is None:
         return []
+    markers, shift, seen = touch.tracks
     side = touch.pixel * MM
-    (x, y, radius), (dx, dy) = side * touch.markers.T, side * touch.shift.T
-    seen = np.ones(len(x)) if touch.seen is None else touch.seen
+    (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
     fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
-    return [cloud_message("/markers", stamp, fields, FRAME)]
+    return [cloud_message("/markers", stamp, fields, FILM_FRAME)]
 
 
 def _eight_bit(plane: Light) -> Labels:
-    scaled = np.clip(np.rint(plane * np.float32(FULL_SCALE)), 0, FULL_SCALE)
+    scaled = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
     return np.asarray(scaled, np.uint8)

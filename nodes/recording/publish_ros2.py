@@ -6,27 +6,16 @@ from typing import Annotated
 
 from annotated_types import Ge
 
-from tactograph.graph import Port, Provenance, Session, node
-from tactograph.nodes import Contacts, Height, Labels, Light, Metrics, PixelSize
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
+from tactograph.graph import Provenance, Session, node
 from tactograph.nodes.recording._ros_node import RosNode
-from tactograph.nodes.recording._touch_messages import TouchParts, TouchStamps, touch_messages
+from tactograph.nodes.recording._touch_messages import TouchStamps, touch_messages
+from tactograph.nodes.recording.write_mcap import FORMER_INPUTS
+from tactograph.nodes.stream.touch import Touch
 
 
-@node
+@node(former=FORMER_INPUTS)
 def publish_ros2(
-    height: Height,
-    image: Light,
-    pixel: PixelSize,
-    name: str,
-    shadow: Labels | None = None,
-    metrics: Metrics | None = None,
-    time: Annotated[float, Port(unit="s")] | None = None,
-    contact: Contacts | None = None,
-    markers: Markers | None = None,
-    shift: Shifts | None = None,
-    seen: Seen | None = None,
+    touch: Touch,
     *,
     node_name: str = "tactograph",
     namespace: str = "tactograph",
@@ -42,7 +31,7 @@ def publish_ros2(
 
     Parameters
     ----------
-    height, image, pixel, name, shadow, metrics, time, contact, markers, shift, seen, points_step
+    touch, points_step
         As for `write_mcap`.
     node_name, namespace
         Its name in ROS, which must differ between sensors.
@@ -53,8 +42,8 @@ def publish_ros2(
         If ROS is not installed or rejects the name.
     """
     sensor = session.keep(lambda: _Sensor(RosNode(node_name, namespace)))
-    touch = TouchParts(height, image, pixel, name, shadow, contact, metrics, markers, shift, seen)
-    sensor.ros.publish(touch_messages(sensor.stamps.of(time), touch, points_step, provenance))
+    stamp = sensor.stamps.of(touch.time)
+    sensor.ros.publish(touch_messages(stamp, touch, points_step, provenance))
 
 
 class _Sensor:

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
+from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm, calibrated_film
 from tactograph.nodes.files.ros_messages import read_image
 from tactograph.nodes.recording._ros_node import RosNode
-from tactograph.nodes.stream.calibrated_film import CalibratedFilm, calibrated_film
 from tactograph.nodes.stream.colour_planes import Order, planes_of
-from tactograph.nodes.stream.frames import LiveState, Touch
+from tactograph.nodes.stream.frames import LiveFrames, LiveState
 
 WAIT_S = 0.1
-IMAGE = "sensor_msgs/msg/Image"
+IMAGE_TYPE = "sensor_msgs/msg/Image"
 
 
 @node(endless=True)
@@ -34,7 +34,7 @@ def read_ros2(
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
     seconds: Annotated[float, Gt(0)] | None = None,
     items: Annotated[int, Ge(1)] | None = None,
-) -> Iterator[Touch]:
+) -> Iterator[LiveFrames]:
     """Yield a touch whenever every LED has a new image.
 
     Images are sensor_msgs/Image, ``mono8`` or ``mono16``, and ``header.frame_id`` names the lit
@@ -72,13 +72,13 @@ def read_ros2(
     touches = RosTouches(film, lights, bits)
     ros = RosNode(node_name, namespace)
     try:
-        came = ros.subscribe(topic, IMAGE)
+        messages = ros.subscribe(topic, IMAGE_TYPE)
         end = None if seconds is None else time.monotonic() + seconds
         while (end is None or time.monotonic() < end) and (items is None or touches.count < items):
-            if not came:
+            if not messages:
                 ros.wait(WAIT_S)
                 continue
-            touch = touches.take(came.popleft())
+            touch = touches.take(messages.popleft())
             if touch is not None:
                 yield touch
     finally:
@@ -86,7 +86,7 @@ def read_ros2(
 
 
 @read_ros2.rehearsal
-def _rehearsal(*, calibration: Path, **_: Any) -> Touch:
+def _rehearsal(*, calibration: Path, **_: Any) -> LiveFrames:
     """The film at rest, from the calibration."""
     return calibrated_film(calibration).touch
 
@@ -114,7 +114,7 @@ class RosTouches:
         self._new: dict[int, NDArray[Any]] = {}
         self._state = LiveState()
 
-    def take(self, image: Any) -> Touch | None:
+    def take(self, image: Any) -> LiveFrames | None:
         """Take a sensor_msgs/Image; return the touch if this completes it."""
         self._state.frames += 1
         try:
@@ -128,7 +128,7 @@ class RosTouches:
         self._state.touches = self.count
         stamp = image.header.stamp
         moment = 1e-9 * (10**9 * stamp.sec + stamp.nanosec - self._offset)
-        return Touch(light, f"{self.count:06}", moment, [], self._state)
+        return LiveFrames(light, f"{self.count:06}", moment, [], self._state)
 
     def _light(self, image: Any) -> Light | None:
         """The light of all LEDs, once each has a new image."""

@@ -15,7 +15,7 @@ from tactograph.nodes.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.nodes.files.ros_messages import Message, image_message, text_message
 from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame
 
-FORMAT = "1"
+RECORDING_FORMAT = "1"
 
 
 @node
@@ -107,7 +107,7 @@ class _Recording:
     def __init__(self, folder: Path, limits: Limits, *, leds: int, provenance: Provenance) -> None:
         self._offset = time.time_ns() - time.monotonic_ns()
         about = {
-            "format": FORMAT,
+            "format": RECORDING_FORMAT,
             "leds": str(leds),
             "clock_offset_ns": str(self._offset),
             "graph": json.dumps(provenance.graph),

@@ -18,22 +18,22 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.capture.read_capture import MOST_LEDS
+from tactograph.nodes.capture.read_capture import MAX_LEDS
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import MOST_PIXELS
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile, Read
 from tactograph.nodes.files.ros_messages import read_image
-from tactograph.nodes.recording.record import FORMAT
+from tactograph.nodes.recording.record import RECORDING_FORMAT
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame, Touch
+from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
 from tactograph.nodes.stream.led_in_frame import make_film
 
-TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
-LOOK_AHEAD = 40
+IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
+RATE_FRAMES = 40
 """Frames from which the camera's rate is estimated."""
-LONGEST_PAUSE_S = 1.0
+MAX_PAUSE_S = 1.0
 """Longer pauses, as between two recordings in one folder, are skipped."""
 
 
@@ -44,7 +44,7 @@ def replay(
     calibration: Path | None = None,
     speed: Annotated[float, Ge(0)] = 1.0,
     refresh: Refresh = "rolling",
-) -> Iterator[Touch]:
+) -> Iterator[LiveFrames]:
     """Yield the touches of a recording, assembled as in the live stream or differently.
 
     No touch is left out: a graph that is slower than `speed` falls behind.  A recording whose
@@ -75,7 +75,7 @@ def replay(
     """
     source = _Recording(recording)
     frames = source.frames()
-    first = list(islice(frames, LOOK_AHEAD))
+    first = list(islice(frames, RATE_FRAMES))
     if not first:
         raise InputError(f"{recording}: holds no frame")
     every = _paced(source, chain(first, frames), _Pace(speed), first[0].led == ALL_LIT)
@@ -102,7 +102,7 @@ def _paced(
         yield frame
 
 
-def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[Touch]:
+def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[LiveFrames]:
     """Yield every colour frame as a touch."""
     state = LiveState(settings=source.settings)
     before: int | None = None
@@ -119,7 +119,7 @@ def _flashed(
     first: list[RawFrame],
     calibration: Path | None,
     refresh: Refresh,
-) -> Iterator[Touch]:
+) -> Iterator[LiveFrames]:
     """Yield the newest frames of all LEDs as touches."""
     state = LiveState(settings=source.settings)
     new: list[RawFrame] = []
@@ -146,9 +146,9 @@ def _count(state: LiveState, frame: RawFrame, before: int | None) -> None:
 
 def _touch(
     image: Light, time: float, new: list[RawFrame], state: LiveState, source: _Recording
-) -> Touch:
+) -> LiveFrames:
     name, now = f"{state.touches:06}", replace(state, settings=source.settings)
-    return Touch(image, name, time, new, now)
+    return LiveFrames(image, name, time, new, now)
 
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
@@ -185,7 +185,7 @@ class _Recording:
             file = McapFile(path)
             count = 0
             for message in file.messages():
-                if TOPIC.fullmatch(message.topic):
+                if IMAGE_TOPIC.fullmatch(message.topic):
                     self._learn(file)
                     count += 1
                     yield self._frame(path, message)
@@ -200,22 +200,23 @@ class _Recording:
 
     def _learn(self, file: McapFile) -> None:
         leds = file.about.get("leds", "")
-        if leds not in map(str, range(1, MOST_LEDS + 1)):
+        if leds not in map(str, range(1, MAX_LEDS + 1)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
-        if file.about.get("format") != FORMAT:
+        if file.about.get("format") != RECORDING_FORMAT:
             raise InputError(
-                f"{file.path}: is of format {file.about.get('format')}, this version reads {FORMAT}"
+                f"{file.path}: is of format {file.about.get('format')}, this version reads "
+                f"{RECORDING_FORMAT}"
             )
         self.leds = int(file.about["leds"])
 
     def _frame(self, path: Path, message: Read) -> RawFrame:
-        found = TOPIC.fullmatch(message.topic)
-        assert found is not None
+        topic = IMAGE_TOPIC.fullmatch(message.topic)
+        assert topic is not None
         try:
             data = read_image(message.body)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
-        led = ALL_LIT if found[2] else int(found[1] or 0)
+        led = ALL_LIT if topic[2] else int(topic[1] or 0)
         if (data.ndim > 2) != (led == ALL_LIT):
             raise InputError(f"{path}: {message.topic} holds {data.ndim - 1} planes of an image")
         if led > self.leds:
@@ -251,7 +252,7 @@ class _Pace:
             return
         now = time.monotonic()
         pause = recorded - self._before
-        if self._begin is None or not -LONGEST_PAUSE_S < pause < LONGEST_PAUSE_S:
+        if self._begin is None or not -MAX_PAUSE_S < pause < MAX_PAUSE_S:
             self._begin = now, recorded
         self._before = recorded
         began, first = self._begin
@@ -263,10 +264,10 @@ def _files(path: Path) -> list[Path]:
         raise InputError(f"{path}: there is no such recording")
     if not path.is_dir():
         return [path]
-    found = log_files(path) or sorted(path.glob("*.mcap"))
-    if not found:
+    files = log_files(path) or sorted(path.glob("*.mcap"))
+    if not files:
         raise InputError(f"{path}: holds no .mcap file, so no recording")
-    return found
+    return files
 
 
 def _assembler(

@@ -8,27 +8,21 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
-from tactograph.graph import Port, Provenance, Session, node
-from tactograph.nodes import Contacts, Height, Labels, Light, Metrics, PixelSize
+from tactograph.graph import Provenance, Session, node
 from tactograph.nodes.files.mcap_log import Limits, McapLog, WhenFull
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
-from tactograph.nodes.recording._touch_messages import TouchParts, TouchStamps, touch_messages
+from tactograph.nodes.recording._touch_messages import TouchStamps, touch_messages
+from tactograph.nodes.stream.touch import Touch, now_in_touch
+
+FORMER_INPUTS = now_in_touch(
+    *("height", "image", "pixel", "name", "shadow", "metrics", "time", "contact"),
+    *("markers", "shift", "seen"),
+)
+"""Inputs of earlier versions, here and in `publish_ros2`."""
 
 
-@node
+@node(former=FORMER_INPUTS)
 def write_mcap(
-    height: Height,
-    image: Light,
-    pixel: PixelSize,
-    name: str,
-    shadow: Labels | None = None,
-    metrics: Metrics | None = None,
-    time: Annotated[float, Port(unit="s")] | None = None,
-    contact: Contacts | None = None,
-    markers: Markers | None = None,
-    shift: Shifts | None = None,
-    seen: Seen | None = None,
+    touch: Touch,
     *,
     folder: Path,
     points_step: Annotated[int, Ge(0)] = 2,
@@ -51,25 +45,9 @@ def write_mcap(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    image
-        K x H x W, 0 to 1.
-    pixel
-        mm per px.
-    name
-        The touch's name.
-    shadow
-        H x W, the LEDs that do not reach each pixel.
-    metrics
-        Figures for the diagnostics; those of `measure_contact` also make up ``/contacts``.
-    time
-        When the newest frame was exposed, in seconds of ``time.monotonic()``; without it the
-        stamp is the time of writing.
-    contact
-        H x W, the number of the contact at each pixel.
-    markers, shift, seen
-        M x 3 and M x 2 in px, and M, as `find_markers` and `track_markers` return them.
+    touch
+        As `join_touch` makes it.  The figures of `measure_contact` among its own make up
+        ``/contacts``.  Without a time the stamp is the time of writing.
     folder
         Created if needed.  An existing export is continued in new files.
     points_step
@@ -99,8 +77,8 @@ def write_mcap(
     )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
-    touch = TouchParts(height, image, pixel, name, shadow, contact, metrics, markers, shift, seen)
-    export.log.put(touch_messages(export.stamps.of(time), touch, points_step, provenance))
+    stamp = export.stamps.of(touch.time)
+    export.log.put(touch_messages(stamp, touch, points_step, provenance))
     export.log.tell()
 
 

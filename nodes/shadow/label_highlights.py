@@ -9,7 +9,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
-from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize
+from tactograph.nodes import F8, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.near_light import (
     expected_light,
@@ -26,7 +26,6 @@ SOFTLY = 1e-6
 UNKNOWN = np.float32(1e3)
 """Standard deviation of a light that carries no information."""
 UP = np.array([[0], [0], [1]])
-F8 = NDArray[np.float64]
 
 
 class Highlights(NamedTuple):

@@ -1,4 +1,4 @@
-"""What is in a calibration of either kind, or in that of a camera's lens."""
+"""The content of a calibration of either kind, or of that of a camera's lens."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
-from tactograph.graph.files.array_files import load_arrays
+from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import (
     FileKind,
     head_of,
@@ -27,7 +27,7 @@ from tactograph.nodes.files.calibration_file import (
 from tactograph.nodes.optics.lens import seen_places
 from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
 
-KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
+FILE_KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
 MARKS_ACROSS = 12
@@ -42,7 +42,7 @@ def show_calibration(file: Path) -> Shown:
     InputError
         If the file is damaged, or no calibration.
     """
-    kind = next((kind for kind in KINDS if is_of_kind(file, kind)), None)
+    kind = next((kind for kind in FILE_KINDS if is_of_kind(file, kind)), None)
     if kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     arrays = read_arrays(file, kind)
@@ -76,7 +76,7 @@ def _values(arrays: dict[str, Any], kind: FileKind) -> list[str]:
     """Every array: its numbers if they are few, else its size and range; and its unit."""
     width = max(map(len, arrays))
     return [
-        f"  {name:<{width}}  {_range(np.asarray(array))}  [{kind.arrays[name].unit}]"
+        f"  {name:<{width}}  {_range(np.asarray(array))}  [{kind.values[name].port.meaning}]"
         for name, array in arrays.items()
     ]
 
@@ -116,8 +116,10 @@ def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
     above.plot(*box.T, color="black", label="film in the image")
     above.set(title="LEDs from above", xlabel="x / mm", ylabel="y / mm", aspect="equal")
     above.invert_yaxis()
-    away, other_away = (np.hypot(each[..., 0], each[..., 1]) for each in (lights, others))
-    _dots(side, away, lights[:, 2], other_away, others[..., 2])
+    from_axis, others_from_axis = (
+        np.hypot(each[..., 0], each[..., 1]) for each in (lights, others)
+    )
+    _dots(side, from_axis, lights[:, 2], others_from_axis, others[..., 2])
     side.plot([0, width / 2], [0, 0], color="black", label="film in the image")
     side.set(
         title="LEDs from the side", xlabel="from the axis / mm", ylabel="z / mm", aspect="equal"

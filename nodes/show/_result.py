@@ -1,4 +1,4 @@
-"""What is in the folder of a result."""
+"""The content of a result's folder."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tactograph.nodes.files.result_file import checksum
 from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
-HEIGHT = "height.npy"
+HEIGHT_FILE = "height.npy"
 
 
 def show_result(file: Path) -> Shown:
@@ -29,22 +29,22 @@ def show_result(file: Path) -> Shown:
         If the file is damaged, or no result.
     """
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        result = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{file}: cannot be read: {error}") from None
-    if not isinstance(found, dict) or not isinstance(found.get("graph"), dict):
+    if not isinstance(result, dict) or not isinstance(result.get("graph"), dict):
         raise InputError(f"{file}: not a result of this program")
-    metrics = found.get("metrics")
+    metrics = result.get("metrics")
     numbers = metrics if isinstance(metrics, dict) else {}
-    warnings = sentences(found.get("warnings"))
+    warnings = sentences(result.get("warnings"))
     lines = [
         f"{file}: result",
-        *origin(found),
+        *origin(result),
         *(section("warnings", first(warnings)) or ["warnings: none"]),
         *section("figures", figures({n: v for n, v in numbers.items() if _is_number(v)})),
-        *section("not as they were written", first(_not_as_written(file, found.get("checksums")))),
+        *section("not as they were written", first(_not_as_written(file, result.get("checksums")))),
     ]
-    height = file.parent / HEIGHT
+    height = file.parent / HEIGHT_FILE
     return Shown(lines, {"height.png": partial(_draw, height)} if height.is_file() else {})
 
 
@@ -64,6 +64,6 @@ def _is_number(value: Any) -> bool:
 
 
 def _draw(height: Path, target: Path) -> None:
-    found, pixel = read_height_file(height).height, read_pixel_size(height=height)
-    check_heights(found, height, unknown=True)
-    draw_height(found, None, pixel, target)
+    height_mm, pixel = read_height_file(height).height, read_pixel_size(height=height)
+    check_heights(height_mm, height, unknown=True)
+    draw_height(height_mm, None, pixel, target)

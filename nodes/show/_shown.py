@@ -1,4 +1,4 @@
-"""What is shown of a file: lines, and pictures."""
+"""The lines and pictures that are shown of a file."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def first(lines: list[str]) -> list[str]:
 
 def sentences(values: Any) -> list[str]:
     """Return the strings of what should be a list of them, a line each."""
-    found = values if isinstance(values, list) else []
-    return [f"  {one_line(value)}" for value in found if isinstance(value, str)]
+    lines = values if isinstance(values, list) else []
+    return [f"  {one_line(line)}" for line in lines if isinstance(line, str)]
 
 
 def origin(made: Any) -> list[str]:
@@ -61,5 +61,5 @@ def origin(made: Any) -> list[str]:
 
 def given_params(given: Mapping[str, Any]) -> list[str]:
     """Return a line of the params that were given; nothing if there were none."""
-    said = [f"{name}={value}" for name, value in given.items() if value is not None]
-    return [f"given: {' '.join(said)}"] if said else []
+    params = [f"{name}={value}" for name, value in given.items() if value is not None]
+    return [f"given: {' '.join(params)}"] if params else []

@@ -1,4 +1,4 @@
-"""What is in a batch's store."""
+"""The content of a batch's store."""
 
 from __future__ import annotations
 

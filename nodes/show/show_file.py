@@ -7,15 +7,15 @@ from pathlib import Path
 import click
 
 from tactograph.graph import InputError, node
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
-from tactograph.graph.files.atomic_files import atomic_file
 from tactograph.nodes.files.result_file import RESULT
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show._shown import Shown
 
-STORE = "zarr.json"
+STORE_FILE = "zarr.json"
 
 
 @node
@@ -56,7 +56,7 @@ def _look(file: Path) -> Shown:
         return show_calibration(file)
     if file.suffix == ".mcap" and file.is_file():
         return show_recording(file)
-    if (file / STORE).is_file():
+    if (file / STORE_FILE).is_file():
         # Needs the packages of a batch, which not every installation has.
         from tactograph.nodes.show._store import show_store
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.nodes.optics.shape import F8
+from tactograph.nodes import F8
 
 
 class Points(NamedTuple):

@@ -67,6 +67,28 @@ class _Spots(NamedTuple):
     norm: F4
 
 
+class Coat(NamedTuple):
+    """A rough dielectric over the film, and the camera that sees it.
+
+    Parameters
+    ----------
+    coat_alpha
+        Roughness of a coat, Beckmann's alpha; 0 is a film without a coat.
+    refractive_index
+        Of the coat.
+    albedo
+        Share of the light that the film under the coat reflects.
+    camera_mm
+        Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is
+        infinitely far away.
+    """
+
+    coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0
+    refractive_index: Annotated[float, Interval(ge=1.01, le=3)] = 1.5
+    albedo: Annotated[float, Interval(ge=0.01, le=1)] = 0.7
+    camera_mm: Annotated[float, Ge(0)] = 0.0
+
+
 class _Film(NamedTuple):
     """How LEDs emit and the film reflects, and how its shadows are traced."""
 
@@ -75,10 +97,7 @@ class _Film(NamedTuple):
     shininess: float
     step_px: float
     cosine_leds: bool
-    coat_alpha: float
-    refractive_index: float
-    albedo: float
-    camera_mm: float
+    coat: Coat
 
 
 class _Rays(NamedTuple):
@@ -112,10 +131,7 @@ def render(
     samples: Annotated[int, Interval(ge=1, le=8)] = 1,
     step_px: Annotated[float, Interval(gt=0, le=1)] = 0.5,
     cosine_leds: bool = False,
-    coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0,
-    refractive_index: Annotated[float, Interval(ge=1.01, le=3)] = 1.5,
-    albedo: Annotated[float, Interval(ge=0.01, le=1)] = 0.7,
-    camera_mm: Annotated[float, Ge(0)] = 0.0,
+    coat: Coat,
 ) -> Rendered:
     """Return the image under each LED and the pixels it does not reach.
 
@@ -164,15 +180,6 @@ def render(
     cosine_leds
         Whether the LEDs' disks face the middle of the film and emit by the cosine law, instead
         of lying parallel to the film and emitting uniformly.
-    coat_alpha
-        Roughness of a coat, Beckmann's alpha; 0 is a film without a coat.
-    refractive_index
-        Of the coat.
-    albedo
-        Share of the light that the film under the coat reflects.
-    camera_mm
-        Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is
-        infinitely far away.
 
     Returns
     -------
@@ -187,8 +194,7 @@ def render(
     """
     surface = _surface(height, np.float32(pixel))
     _check_above(lights, surface.top, distant)
-    coat = coat_alpha, refractive_index, albedo, camera_mm
-    film = _Film(distant, gloss, shininess, step_px, cosine_leds, *coat)
+    film = _Film(distant, gloss, shininess, step_px, cosine_leds, coat)
     gain = _gain(lights, height.shape, surface.pixel, distant, level)
     spots = _spots(surface, samples)
     light = np.empty((len(lights), *height.shape), np.float32)
@@ -234,7 +240,7 @@ def _lit_from(
         cosine = _cosine(spot, ray)
         lit = cosine > 0
         lit[lit] = _unobstructed(surface, spot, ray, lit, film)
-        coated = film.coat_alpha > 0
+        coated = film.coat.coat_alpha > 0
         radiance = (
             _coat(spot, ray, cosine, film) if coated else cosine + _highlight(spot, ray, film)
         )
@@ -374,18 +380,20 @@ def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:
 def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     """The replacement of n.L under a rough dielectric coat, seen from the pupil."""
     lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
-    vx, vy, vz = _to_camera(spot, np.float32(film.camera_mm))
+    vx, vy, vz = _to_camera(spot, np.float32(film.coat.camera_mm))
     seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE)
     lit = np.maximum(cosine, SMALLEST_COSINE)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
     length = np.sqrt(hx * hx + hy * hy + hz * hz)
     upright = np.maximum((hz - spot.p * hx - spot.q * hy) / (spot.norm * length), SMALLEST_COSINE)
     between = (vx * hx + vy * hy + vz * hz) / length
-    alpha, index = film.coat_alpha, film.refractive_index
+    alpha, index = film.coat.coat_alpha, film.coat.refractive_index
     mirrored = beckmann(upright, alpha) * fresnel(between, index)
     mirrored = mirrored * masking(lit, alpha) * masking(seen, alpha)
     matt = cosine * let_in(lit, alpha, index) * let_in(seen, alpha, index)
-    return np.asarray(matt + mirrored * np.float32(np.pi / (4 * film.albedo)) / seen, np.float32)
+    return np.asarray(
+        matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / seen, np.float32
+    )
 
 
 def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:

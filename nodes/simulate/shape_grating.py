@@ -8,8 +8,8 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
+from tactograph.nodes import F8
 from tactograph.nodes.optics.shape import (
-    F8,
     PAPER_PIXEL_MM,
     Length,
     Offset,

@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.array_files import load_array
-from tactograph.nodes.optics.shape import F8, PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
+from tactograph.graph.disk.array_files import load_array
+from tactograph.nodes import F8
+from tactograph.nodes.optics.shape import PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
 @node

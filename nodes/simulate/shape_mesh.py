@@ -9,8 +9,8 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.graph.extras import need
+from tactograph.nodes import F8
 from tactograph.nodes.optics.shape import (
-    F8,
     PAPER_PIXEL_MM,
     Length,
     Offset,

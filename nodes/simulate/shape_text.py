@@ -9,8 +9,8 @@ import numpy as np
 from annotated_types import Ge
 
 from tactograph.graph import InputError, node
+from tactograph.nodes import F8
 from tactograph.nodes.optics.shape import (
-    F8,
     MOST_PIXELS,
     PAPER_PIXEL_MM,
     Length,

@@ -48,7 +48,7 @@ class LiveState:
     motion: float = 0.0
 
 
-class Touch(NamedTuple):
+class LiveFrames(NamedTuple):
     """The newest light of every LED or colour, and its new frames.
 
     True slopes and shadows are never known live; the fields exist so that a camera can replace

@@ -19,35 +19,35 @@ from tactograph.nodes import F4, Dark, Light
 
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 Kind = Literal["one", "off", "mixed", "saturated", "covered", "unclear", "wrong size"]
-ROWS = 60
+CELL_ROWS = 60
 """Approximate number of rows to which frames are averaged."""
-BANDS = 6
+BAND_COUNT = 6
 """Number of bands of rows, each with its own weights."""
-TOLERANCE = 0.04
+MAX_DEPARTURE = 0.04
 """Largest relative departure from an LED's pattern of a cell at rest."""
-AT_REST = 0.01
+MAX_REST_DEPARTURE = 0.01
 """Largest relative departure from the best-fitting sum of a cell that is surely at rest."""
-NOISE = 0.005
+REST_NOISE = 0.005
 """Relative departure of the film at rest from its pattern."""
-QUANTILE = 0.4
+BAND_QUANTILE = 0.4
 """Quantile of its cells by which a band is judged: more than half of it may be touched."""
-EXPLAINS = 0.4
+MAX_PAIR_RESIDUAL = 0.4
 """Largest remaining share of a band's residual if a second LED explains it."""
-MARGIN = 0.3
+CERTAINTY_SHARE = 0.3
 """Share of the expected difference by which others must be worse for an LED to be certain."""
-FAINTEST = 0.02
+MIN_REST_LIGHT = 0.02
 """Light of the film at rest below which cells are not used; as for `flat_field`."""
-OFF = 0.12
+MAX_DARK_LIGHT = 0.12
 """Share of the film's light below which a frame is dark."""
-MOST_SATURATED = 0.03
+MAX_SATURATED_SHARE = 0.03
 """Share of pixels at full scale above which a frame is refused."""
-MOST_OF_ANOTHER = 0.04
+MAX_OTHER_WEIGHT = 0.04
 """Weight of a second LED, or deficit of the first, above which a frame is mixed."""
-LEAST_AT_REST = 0.15
+MIN_REST_SHARE = 0.15
 """Smallest share of film at rest that permits a decision."""
-DIMMEST, BRIGHTEST = 0.5, 1.8
+MIN_LED_GAIN, MAX_LED_GAIN = 0.5, 1.8
 """Range of an LED's brightness, 1 as calibrated."""
-FITS = 4
+FIT_ROUNDS = 4
 """Number of robust fits, each without the cells that the previous one did not explain."""
 
 
@@ -60,7 +60,7 @@ class RestFilm:
     patterns
         K x h x w: each LED's flat frame, averaged over cells.
     scale
-        The same, but at least `FAINTEST`, as a divisor of light.
+        The same, but at least `MIN_REST_LIGHT`, as a divisor of light.
     confusion
         K x K x hw: departure of the film at rest under the first LED from the pattern of the
         second, squared and truncated.
@@ -96,7 +96,7 @@ class Sight(NamedTuple):
 def make_film(flat: Light, dark: Dark | None = None) -> RestFilm:
     """Prepare the calibration's flat frames (K x H x W) and dark frame (H x W)."""
     patterns = np.stack([cells(plane) for plane in flat])
-    scale = np.maximum(patterns, np.float32(FAINTEST))
+    scale = np.maximum(patterns, np.float32(MIN_REST_LIGHT))
     none = np.zeros(flat.shape[1:], np.float32)
     unlit = cells(none if dark is None else dark)
     return RestFilm(patterns, scale, _confusion(scale), unlit, flat.shape[1:])
@@ -124,13 +124,13 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
     """
     if frame.shape != film.size:
         return Sight("wrong size")
-    if np.count_nonzero(frame >= top_of(frame, full)) > MOST_SATURATED * frame.size:
+    if np.count_nonzero(frame >= top_of(frame, full)) > MAX_SATURATED_SHARE * frame.size:
         return Sight("saturated")
     seen = (light_of(frame, full) if light is None else light) - film.dark
     patterns = film.scale.reshape(len(film.scale), -1)
     ratio = seen.ravel() / patterns
     brightness = _middle(ratio)
-    if brightness.max() < OFF:
+    if brightness.max() < MAX_DARK_LIGHT:
         return Sight("off")
     best, gain, certain, target = _closest(ratio, brightness, film)
     bands = [_fit(target[band], patterns[:, band], best, gain) for band in _bands(*seen.shape)]
@@ -141,11 +141,11 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
         other = _another(mixed, best)
         share = float(weights[other - 1] / weights.sum()) if other else 0.0
         return Sight("mixed", best + 1, float(weights[best]), other, at_rest, share)
-    if at_rest < LEAST_AT_REST:
+    if at_rest < MIN_REST_SHARE:
         return Sight("covered", at_rest=at_rest)
     if not certain:
         return Sight("unclear", at_rest=at_rest)
-    if not DIMMEST < gain < BRIGHTEST:
+    if not MIN_LED_GAIN < gain < MAX_LED_GAIN:
         return Sight("mixed", best + 1, gain, 0, at_rest)
     return Sight("one", best + 1, gain, 0, at_rest)
 
@@ -159,17 +159,17 @@ def _closest(ratio: F4, brightness: F4, film: RestFilm) -> tuple[int, float, boo
     share: F4 = np.asarray(ratio / gains[:, None], np.float32)
     apart = _truncated(share - 1)
     best = int(apart.mean(axis=1).argmin())
-    rest = (apart[best] < np.float32(TOLERANCE**2)).astype(np.float32)
+    rest = (apart[best] < np.float32(MAX_DEPARTURE**2)).astype(np.float32)
     added = apart @ rest
     # Expected departure from the other LEDs' patterns on the film at rest if this LED is right.
     expected = film.confusion[best] @ rest
     others = np.arange(len(ratio)) != best
-    clear = added[others] - added[best] > MARGIN * expected[others]
+    clear = added[others] - added[best] > CERTAINTY_SHARE * expected[others]
     return best, float(gains[best]), bool(clear.all() and rest.any()), share[best]
 
 
 def _truncated(off: F4) -> F4:
-    limited = np.minimum(np.abs(off), np.float32(TOLERANCE))
+    limited = np.minimum(np.abs(off), np.float32(MAX_DEPARTURE))
     return np.asarray(limited * limited, np.float32)
 
 
@@ -180,7 +180,7 @@ def _middle(values: F4) -> F4:
 
 
 def _quantile(values: F4) -> float:
-    place = int(QUANTILE * (values.size - 1))
+    place = int(BAND_QUANTILE * (values.size - 1))
     return float(np.partition(values, place)[place])
 
 
@@ -194,7 +194,7 @@ class _Band(NamedTuple):
 
 def _bands(rows: int, columns: int) -> list[slice]:
     """The cells of each band."""
-    ends = np.linspace(0, rows, min(BANDS, rows) + 1).round().astype(int) * columns
+    ends = np.linspace(0, rows, min(BAND_COUNT, rows) + 1).round().astype(int) * columns
     return [slice(first, last) for first, last in pairwise(ends.tolist())]
 
 
@@ -208,17 +208,19 @@ def _fit(target: F4, patterns: F4, best: int, gain: float) -> _Band:
     alone = np.abs(target - 1)
     single = np.zeros(len(patterns))
     single[best] = gain
-    at_rest = float((alone < TOLERANCE).mean())
+    at_rest = float((alone < MAX_DEPARTURE).mean())
     unexplained = _quantile(alone)
-    if unexplained < NOISE:
+    if unexplained < REST_NOISE:
         return _Band(single, False, at_rest)
     basis = patterns / (np.float32(gain) * patterns[best])
     fits = [_pair(basis, target, best, second) for second in range(len(basis)) if second != best]
     weights, off = min(fits, key=lambda fit: fit[1])
     others = np.delete(weights, best)
-    sensible = weights.min() > -MOST_OF_ANOTHER * gain and weights.sum() < BRIGHTEST * gain
-    strays = max(others.max(), abs(weights[best] - gain)) > MOST_OF_ANOTHER * gain
-    return _Band(weights, bool(sensible and strays and off < EXPLAINS * unexplained), at_rest)
+    sensible = weights.min() > -MAX_OTHER_WEIGHT * gain and weights.sum() < MAX_LED_GAIN * gain
+    strays = max(others.max(), abs(weights[best] - gain)) > MAX_OTHER_WEIGHT * gain
+    return _Band(
+        weights, bool(sensible and strays and off < MAX_PAIR_RESIDUAL * unexplained), at_rest
+    )
 
 
 def _pair(basis: F4, target: F4, first: int, second: int) -> tuple[NDArray[np.float64], float]:
@@ -226,19 +228,19 @@ def _pair(basis: F4, target: F4, first: int, second: int) -> tuple[NDArray[np.fl
 
     Returns
     -------
-    The weights, and the `QUANTILE` of the residual.
+    The weights, and the `BAND_QUANTILE` of the residual.
     """
     two = basis[[first, second]]
     used = np.ones(target.size, np.float32)
     weights: NDArray[np.float64] = np.zeros(2)
     off = target
-    for _ in range(FITS):
+    for _ in range(FIT_ROUNDS):
         weighted = two * used
         normal = (weighted @ two.T).astype(np.float64)
         normal[np.diag_indices(2)] += 1e-6 * used.size
         weights[:] = np.linalg.solve(normal, (weighted @ target).astype(np.float64))
         off = np.abs(weights.astype(np.float32) @ two - target)
-        used = (off < max(NOISE, 1.5 * float(_middle(off)))).astype(np.float32)
+        used = (off < max(REST_NOISE, 1.5 * float(_middle(off)))).astype(np.float32)
     shares = np.zeros(len(basis))
     shares[[first, second]] = weights
     return shares, _quantile(off)
@@ -269,7 +271,7 @@ def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
     target = light.ravel() * scale
     off = np.abs(target / _middle(target) - 1)
     weights = np.zeros(len(numbers))
-    for limit in (TOLERANCE, AT_REST, AT_REST):
+    for limit in (MAX_DEPARTURE, MAX_REST_DEPARTURE, MAX_REST_DEPARTURE):
         used = basis * (off < limit)
         normal = (used @ basis.T).astype(np.float64) + 1e-6 * off.size * np.eye(len(numbers))
         weights = np.linalg.solve(normal, (used @ target).astype(np.float64))
@@ -282,7 +284,7 @@ def _another(mixed: list[NDArray[np.float64]], best: int) -> int:
     """The second LED of mixed bands; 0 if the first one is only partly exposed."""
     share = np.mean(mixed, axis=0)
     share[best] = 0
-    return int(share.argmax()) + 1 if share.max() > MOST_OF_ANOTHER else 0
+    return int(share.argmax()) + 1 if share.max() > MAX_OTHER_WEIGHT else 0
 
 
 def light_of(frame: Plane, full: float = 0.0) -> F4:
@@ -296,8 +298,8 @@ def top_of(frame: Plane, full: float) -> float:
 
 
 def cells(plane: NDArray[np.generic]) -> F4:
-    """Return means over square cells, in about `ROWS` rows, to reduce noise."""
-    factor = max(1, round(plane.shape[0] / ROWS))
+    """Return means over square cells, in about `CELL_ROWS` rows, to reduce noise."""
+    factor = max(1, round(plane.shape[0] / CELL_ROWS))
     size = max(plane.shape[1] // factor, 1), max(plane.shape[0] // factor, 1)
     small = cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32)

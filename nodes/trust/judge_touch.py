@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -34,7 +34,15 @@ MAX_CELLS = 2500
 """More cells tell no more of medians; of larger images every n-th is looked at."""
 
 
-@node
+class FilmErrors(NamedTuple):
+    """The LEDs, and by how much the film departs from its model."""
+
+    lights: LightPositions | None = None
+    misfit: Misfit | None = None
+    uneven: Uneven | None = None
+
+
+@node(former=dict.fromkeys(("lights", "misfit", "uneven"), "give the calibration as 'film'"))
 def judge_touch(
     curl: Annotated[F4, Port("R C", "1", low=-1, high=25)],
     light: CoarseLight,
@@ -45,9 +53,7 @@ def judge_touch(
     used: Labels | None = None,
     matt: Light | None = None,
     shadow: Labels | None = None,
-    lights: LightPositions | None = None,
-    misfit: Misfit | None = None,
-    uneven: Uneven | None = None,
+    film: FilmErrors | None = None,
     pixel: PixelSize | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
@@ -76,14 +82,11 @@ def judge_touch(
         the LEDs that it tests.  Without a departure the light is not checked.
     matt, shadow
         K x H x W and H x W: the light as of a matt film, and the LEDs that do not light a pixel.
-    lights
-        K x 3 in mm.
-    misfit
-        The calibration's misfit.
-    uneven
-        Standard deviation of the film's brightness; None: it is known.
+    film
+        The calibration: the LEDs, K x 3 in mm, its misfit, and the standard deviation of the
+        film's brightness; without that it is known.
     pixel
-        mm per pixel of `slope`; with it, and with `matt`, `used`, `lights` and a height of the
+        mm per pixel of `slope`; with it, and with `matt`, `used`, `film` and a height of the
         slope's size, the brightness of the touched film is checked.
     least
         Trust below which there is a warning.
@@ -102,6 +105,7 @@ def judge_touch(
     InputError
         If all checks fail, unless `force`: three, or two where the light is not checked.
     """
+    lights, misfit, uneven = film or FilmErrors()
     checks = {
         "curl": check_curl(_thinned(curl)),
         "rest": check_rest(_thinned(light), drift, height, lights),

@@ -8,7 +8,7 @@ from typing import Annotated
 from annotated_types import MinLen
 
 from tactograph.graph import node
-from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Lens, PixelSize, Vergence
 from tactograph.nodes.files.height_files import MESHES, WRITERS, Format, write_mesh
 

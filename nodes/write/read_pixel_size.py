@@ -10,13 +10,18 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.files.height_files import APART, LEAST_MM, MOST_MM, read_height_file
+from tactograph.nodes.files.height_files import (
+    MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM,
+    read_height_file,
+)
 from tactograph.nodes.files.result_file import RESULT, read_result
 
 
 @node
 def read_pixel_size(
-    *, height: Path, mm: Annotated[float, Interval(ge=LEAST_MM, le=MOST_MM)] | None = None
+    *, height: Path, mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None
 ) -> PixelSize:
     """Return the pixel size of a height map in mm.
 
@@ -45,7 +50,7 @@ def read_pixel_size(
                 f"{height}: states no pixel size, nor does {result}; give pixel_size_mm=..."
             )
         return stated
-    if stated is not None and not math.isclose(mm, stated, rel_tol=APART):
+    if stated is not None and not math.isclose(mm, stated, rel_tol=MAX_SIZE_DIFFERENCE):
         warn(
             f"{where}: says {stated:.6g} mm per px, but pixel_size_mm={mm:.6g} is given and used; "
             "leave it out to use the file's"
@@ -54,8 +59,8 @@ def read_pixel_size(
 
 
 def _size_in(folder: Path) -> float | None:
-    """What a folder's result says; None if it is no result, or one of before results said it."""
+    """Return what a folder's result says; None if it is no result, or an older one."""
     size = read_result(folder).get("pixel_size_mm")
     if isinstance(size, bool) or not isinstance(size, int | float):
         return None
-    return float(size) if LEAST_MM <= size <= MOST_MM else None
+    return float(size) if MIN_PIXEL_MM <= size <= MAX_PIXEL_MM else None

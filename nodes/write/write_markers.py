@@ -7,30 +7,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.graph.files.atomic_files import atomic_files
-from tactograph.nodes import Light, PixelSize
+from tactograph.graph import InputError, node
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes.drawing.arrows import draw_arrows
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
+from tactograph.nodes.stream.touch import Touch, now_in_touch
 
-HEAD = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
-LEAST_WIDTH = 640
-"""Smallest width of the picture in pixels."""
+COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
+MIN_WIDTH_PX = 640
+"""Smallest width of the picture."""
 
 
-@node
-def write_markers(
-    markers: Markers,
-    shift: Shifts,
-    seen: Seen,
-    image: Light,
-    pixel: PixelSize,
-    name: str,
-    *,
-    folder: Path,
-) -> None:
+@node(former=now_in_touch("markers", "shift", "seen", "image", "pixel", "name"))
+def write_markers(touch: Touch, *, folder: Path) -> None:
     """Write ``markers.csv`` and ``markers.png``.
 
     One row per marker: its place on the untouched film and its shift, in px and in mm (places in
@@ -39,34 +28,30 @@ def write_markers(
 
     Parameters
     ----------
-    markers
-        M x 3 in px, as `find_markers` gives them.
-    shift, seen
-        M x 2 in px, and M, as `track_markers` gives them.
-    image
-        K x H x W of the touch; its mean is the background of the picture.
-    pixel
-        mm per px.
-    name
-        The capture's name in a stream; empty for a single capture.
+    touch
+        As `join_touch` makes it, with `tracks`; the mean of its image is the background of the
+        picture.
     folder
         Created if needed.
 
     Raises
     ------
     InputError
-        If the folder cannot be written.
+        If the folder cannot be written, or the touch has no markers.
     """
+    if touch.tracks is None:
+        raise InputError("write_markers: the touch has no markers; give join_touch its 'tracks'")
+    (markers, shift, seen), image, pixel = touch.tracks, touch.image, touch.pixel
     rows, columns = image.shape[1:]
     place = markers[:, :2]
     away = (place - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)) * pixel
     table = np.column_stack([place, shift, away, shift * pixel, seen])
-    scale = -(-LEAST_WIDTH // columns)
+    scale = -(-MIN_WIDTH_PX // columns)
     grey = (255 * image.mean(axis=0).clip(0, 1)).astype(np.uint8)
     large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
     draw_arrows(picture, place, shift, seen, scale)
-    with atomic_files(folder / name if name else folder) as target:
+    with atomic_files(folder / touch.name if touch.name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
-        np.savetxt(target / "markers.csv", table, formats, ",", header=HEAD, comments="")
+        np.savetxt(target / "markers.csv", table, formats, ",", header=COLUMNS, comments="")
         write_image(target / "markers.png", picture[..., ::-1])

@@ -26,8 +26,8 @@ import pytest
 from markdown_it import MarkdownIt
 
 from tactograph.graph.command import COMMANDS, run_command
+from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.graph.files.strict_yaml import read_yaml
 from tests.conftest import ROOT, MadeOnce
 
 PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))

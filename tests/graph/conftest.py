@@ -46,7 +46,7 @@ Write = Callable[..., str]
 
 
 class Outcome(NamedTuple):
-    """What a command did."""
+    """The exit code and the output of a command."""
 
     code: int
     out: str
@@ -79,7 +79,10 @@ def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Make the toy nodes known, as if a package had brought them; return their diary."""
-    points = {name: [EntryPoint(name, f"tests.graph.toys:{name}", find.GROUP)] for name in TOYS}
+    points = {
+        name: [EntryPoint(name, f"tests.graph.toys:{name}", find.ENTRY_POINT_GROUP)]
+        for name in TOYS
+    }
     monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
     CALLS.clear()
     return CALLS

@@ -37,15 +37,12 @@ nodes:
   height: {op: read_height, with: {file: $file}}
   pixel:  {op: pixel_size, with: {mm: 0.1}}
   score:  {op: evaluate_height, in: {height: height, pixel: pixel, truth: frames.truth}}
+  touch:
+    op: join_touch
+    in: {height: height, image: frames.image, pixel: pixel, frames: frames, shadow: lit}
   save:
     op: write_result
-    in:
-      height: height
-      shadow: lit
-      image: frames.image
-      pixel: pixel
-      metrics: score
-      name: frames.name
+    in: {touch: touch, metrics: score}
     with: {folder: $out, mesh: false, pictures: false}
 outputs: {score: score}
 """
@@ -789,4 +786,4 @@ def test_ctrl_c_says_how_to_go_on(
     monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
     done = tactograph("check", write(SLOPES))
     assert done.code == 130
-    assert done.err.strip() == command.STOPPED
+    assert done.err.strip() == command.STOPPED_MESSAGE

@@ -1,4 +1,4 @@
-"""What the command line tells of itself: help on graphs, near misses, completion in a shell."""
+"""Help of the command line: on graphs, on near misses, and by completion in a shell."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_help_on_a_graph_that_is_not_there_says_so(tactograph: Command) -> None:
 
 
 def completed(shell: str, words: str, number: int) -> list[str]:
-    """What a shell is told, with the words behind the command's name and the number of the last."""
+    """The completions for words after the command's name, and the number of the last word."""
     asked = words if shell != "fish" else words.rpartition(" ")[2]
     told = {
         "COMP_WORDS": f"tactograph {words}",

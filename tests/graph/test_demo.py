@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.commands.demo import STEPS
+from tactograph.graph.commands.demo import DEMO_STEPS
 from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command
 
-LINES = [shlex.split(line) for line in STEPS.splitlines() if line.startswith("tactograph")]
+LINES = [shlex.split(line) for line in DEMO_STEPS.splitlines() if line.startswith("tactograph")]
 
 
 def test_each_command_is_shown_and_run(

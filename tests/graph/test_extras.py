@@ -1,4 +1,4 @@
-"""What needs a package of an extra says in one line which extra brings it."""
+"""A feature without its package says in one line which extra brings it."""
 
 from __future__ import annotations
 

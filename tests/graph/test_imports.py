@@ -1,4 +1,4 @@
-"""The engine's modules import one another in one direction."""
+"""The engine's modules, and its rooms, import one another in one direction."""
 
 from __future__ import annotations
 
@@ -21,25 +21,44 @@ def modules() -> dict[str, Path]:
     }
 
 
+def room_of(module: str) -> str | None:
+    """The folder of the engine that a module lies in; None for what lies in none."""
+    room = module.removeprefix(f"{PACKAGE}.").partition(".")[0]
+    return room if (GRAPH / room).is_dir() else None
+
+
 def imports() -> nx.DiGraph[str]:
-    """Every import at the top of a module, those for type checkers too."""
-    found = modules()
+    """Every import between modules, those inside functions and for type checkers too."""
     graph: nx.DiGraph[str] = nx.DiGraph()
-    for name, file in found.items():
-        top = ast.parse(file.read_text()).body
-        guarded = [each for node in top if isinstance(node, ast.If) for each in node.body]
-        for node in (*top, *guarded):
+    for module, file in modules().items():
+        for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module:
-                named = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-                graph.add_edges_from((name, other) for other in named if other in found)
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            graph.add_edges_from((module, name) for name in names if name.startswith(PACKAGE))
     return graph
 
 
+def circles(graph: nx.DiGraph[str]) -> list[list[str]]:
+    parts = nx.strongly_connected_components(graph)
+    return [sorted(part) for part in parts if len(part) > 1]
+
+
 def test_no_module_imports_itself_by_way_of_others() -> None:
-    circles = [
-        sorted(part) for part in nx.strongly_connected_components(imports()) if len(part) > 1
-    ]
-    assert circles == []
+    assert circles(nx.subgraph(imports(), modules())) == []
+
+
+def test_no_room_imports_itself_by_way_of_others() -> None:
+    rooms: nx.DiGraph[str] = nx.DiGraph()
+    for module, imported in imports().edges:
+        one, other = room_of(module), room_of(imported)
+        if one and other and one != other:
+            rooms.add_edge(one, other)
+    assert len(rooms) > 10
+    assert circles(rooms) == []
 
 
 @pytest.mark.parametrize("folder", ["graph", "nodes"])

@@ -9,9 +9,11 @@ import pytest
 
 from tactograph.graph import GraphError, Session, load
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.plan.draw import to_dot, to_mermaid
+from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.show.draw_text import to_dot, to_mermaid
+from tactograph.graph.show.sketch import fold
 from tests.graph.conftest import STREAM, Command, Write
 
 SUMMED = STREAM.replace(
@@ -106,9 +108,9 @@ def test_a_node_that_only_its_successor_recalls_is_run(toys: list[str], write: W
 
 
 def test_a_memory_is_drawn_as_a_dashed_edge(toys: list[str], write: Write) -> None:
-    plan = opened(write(SUMMED)).plan
-    assert '"sum" -> "sum" [label="previous summed", style=dashed' in to_dot(plan)
-    assert "-.->|previous summed|" in to_mermaid(plan)
+    sketch = fold(sketch_of(opened(write(SUMMED)).plan))
+    assert '"sum" -> "sum" [label="previous summed", style=dashed' in to_dot(sketch)
+    assert "-.->|previous summed|" in to_mermaid(sketch)
 
 
 def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(

@@ -1,4 +1,4 @@
-"""What is being done is shown on a terminal, and nowhere else."""
+"""The present stage is shown on a terminal, and nowhere else."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(progress_line, "START_S", 0.0)
-    monkeypatch.setattr(progress_line, "EVERY_S", 0.001)
+    monkeypatch.setattr(progress_line, "MIN_SHOWN_S", 0.0)
+    monkeypatch.setattr(progress_line, "REDRAW_EVERY_S", 0.001)
     monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
 
 
 def shown(monkeypatch: pytest.MonkeyPatch, line_of: str, word: str, key: str = "one") -> str:
-    """What a terminal saw of a run in one stage, once a word had come."""
+    """The output of a run in one stage on a terminal, once a word had come."""
     terminal = Terminal(word)
     monkeypatch.setattr(sys, "stderr", terminal)
     with ProgressLine() as line:

@@ -31,7 +31,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Dark, Height, Lens, Light, Metrics
 
 CALLS: list[str] = []
-"""What ran, in order; the fixture `toys` empties it."""
+"""The nodes that ran, in order; the fixture `toys` empties it."""
 
 
 class Touch(NamedTuple):
@@ -56,7 +56,7 @@ def touches(*, count: int = 3, rows: int = 4, columns: int = 5) -> Iterator[Touc
 
 @node
 def at_rest(*, rows: int = 4, columns: int = 5, level: float = 1.0) -> Rest:
-    """What is made once: a flat field."""
+    """A flat field, made once."""
     CALLS.append("at_rest")
     return Rest(
         np.full((3, rows, columns), level, np.float32), np.zeros((rows, columns), np.float32)
@@ -149,7 +149,7 @@ def glared(image: Light) -> Glare:
 
 @node
 def counted(before: int | None = None, image: Light | None = None) -> int:
-    """How many items there were."""
+    """The number of items so far."""
     return (before or 0) + 1
 
 
@@ -251,7 +251,7 @@ leaned.opencl(grid="K H W")
 
 
 class Gate:
-    """Where `gated` waits for the test."""
+    """The gate at which `gated` waits for the test."""
 
     _reached, _open = threading.Event(), threading.Event()
 

@@ -19,9 +19,9 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.parity import SHAPES, cases, compare
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.parity import SHAPES, cases, compare
 from tactograph.nodes.height import height_solver
 from tests.conftest import ROOT
 
@@ -32,11 +32,7 @@ FILES = {
 MUTANTS: dict[str, dict[str, list[str]]] = {
     name: tomllib.loads(file.read_text(encoding="utf-8")) for name, file in FILES.items()
 }
-LISTED = [
-    pytest.param(name, what, id=f"{name}: {what}", marks=[pytest.mark.slow] if number else [])
-    for name, mutants in MUTANTS.items()
-    for number, what in enumerate(mutants)
-]
+LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 KERNEL = re.compile(r"^[^\n]*\b__kernel\b.*?^}", re.MULTILINE | re.DOTALL)
 
 
@@ -49,9 +45,9 @@ def test_the_mutants_of_a_kernel_fit_it(name: str) -> None:
     assert not stale, f"{file.relative_to(ROOT)} names what {name}.cl no longer says: {stale}"
 
 
-@pytest.mark.parametrize(("name", "what"), LISTED)
+@pytest.mark.one_case
+@pytest.mark.parametrize(("name", "what"), LISTED, ids=[f"{n}: {w}" for n, w in LISTED])
 def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of each kernel the first mutant is quick to run; 'make test-all' runs the others."""
     before, after = MUTANTS[name][what]
     build = compiled_node._build
 

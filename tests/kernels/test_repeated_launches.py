@@ -10,8 +10,8 @@ import pytest
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.parity import Case, cases, make_inputs
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.declare.parity import Case, cases, make_inputs
 from tests.kernels.test_parity import KERNEL_NODES
 
 
@@ -19,6 +19,7 @@ def first_case(name: str, fill: str) -> Case:
     return next(c for c in cases(find_node(name), shapes=((31, 37),)) if c.fill == fill)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("name", KERNEL_NODES)
 def test_a_repeated_launch_gives_what_a_first_one_gives(device: OpenCL, name: str) -> None:
     node = find_node(name)

@@ -23,7 +23,7 @@ import sys
 from tactograph.graph.backends import compiled_node, launch, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.declare.parity import cases, compare
+from tactograph.graph.backends.parity import cases, compare
 from tactograph.nodes.height import height_solver
 from tactograph.nodes.optics import radiosity
 

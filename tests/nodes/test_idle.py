@@ -7,8 +7,8 @@ import inspect
 import numpy as np
 import pytest
 
+from tactograph.graph.backends.parity import cases, make_inputs
 from tactograph.graph.declare.find_node import builtin_names, find_node
-from tactograph.graph.declare.parity import cases, make_inputs
 
 IDLE = [name for name in builtin_names() if find_node(name).is_idle is not None]
 

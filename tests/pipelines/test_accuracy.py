@@ -113,7 +113,7 @@ def colour_rig(raytraced: Raytraced, made_once: MadeOnce) -> Path:
     return made_once("far28_colour", write)
 
 
-@pytest.mark.one_case
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_stated_error_holds_where_neighbours_share_noise(colour_rig: Path, shape: str) -> None:
     given = {"capture": colour_rig / shape, "calibration": colour_rig / "cal.npz"}
@@ -153,6 +153,7 @@ def test_labels_are_what_shadows_need(reconstruct: Reconstruct) -> None:
     assert without["metrics"]["rmse_px"] > 2 * FILMS["near33", "cat_film"]
 
 
+@pytest.mark.slow
 def test_three_lights_are_enough(raytraced: Raytraced, tmp_path: Path) -> None:
     rig = raytraced / "near33"
     three = {"frames.leds": [1, 2, 3]}
@@ -187,7 +188,7 @@ def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None
 
 
 @pytest.mark.one_case
-@pytest.mark.parametrize("graph", ["paper", "paper_no_shadow", "reconstruct"])
+@pytest.mark.parametrize("graph", ["reconstruct", "paper", "paper_no_shadow"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_both_back_ends_find_the_same_height(
     reconstruct: Reconstruct, rig: str, graph: str

@@ -36,6 +36,7 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "cal.npz"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("graph", ["paper", "reconstruct"])
 def test_the_first_item_allocates_for_all(graph: str, calibration: Path) -> None:
     pipeline = load(graph, calibration=str(calibration), backend="opencl", force=True)

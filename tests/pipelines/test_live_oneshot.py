@@ -54,7 +54,7 @@ def test_leds_that_warm_up_are_followed(mini: Path) -> None:
     assert np.median(errors("live_oneshot", mini, warming, 40)[25:]) < 0.012
 
 
-def test_read_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
+def test_read_colour_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
     graph = {
         "format": 1,
         "extends": "gelsight_mini",
@@ -66,7 +66,7 @@ def test_read_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> N
         "patch": [
             {
                 "replace": "frames",
-                "op": "read_camera",
+                "op": "read_colour_camera",
                 "with": {"camera": "$camera", "calibration": "$calibration"},
             }
         ],

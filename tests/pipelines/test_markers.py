@@ -42,6 +42,7 @@ def sensor(made_once: MadeOnce) -> Path:
     return made_once("marker_sensor", make)
 
 
+@pytest.mark.slow
 def test_markers_cost_little_height_and_move_with_the_film(sensor: Path, tmp_path: Path) -> None:
     error, out = {}, tmp_path / "markers"
     for film, graph in (("plain", "reconstruct"), ("printed", "reconstruct_markers")):
@@ -84,6 +85,7 @@ def test_daylight_is_taken_off_the_flat_frame_that_keeps_its_markers(
     assert len(find_markers(marker_darkness(lit.flat), dark=0.08)) > 40
 
 
+@pytest.mark.slow
 def test_without_being_told_of_them_markers_spoil_the_height(sensor: Path, tmp_path: Path) -> None:
     film = {"capture": sensor / "printed/touch", "calibration": sensor / "printed/cal.npz"}
     told = run("reconstruct_markers", tmp_path / "told", **film)["metrics"]["rmse_px"]

@@ -12,7 +12,7 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.optics.reflectance_map import predicted, shades, terms
 from tests.conftest import MadeOnce

@@ -15,26 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from tactograph.nodes import F4
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, predicted, start_at
-from tactograph.nodes.calibrate.lights.light_fit import Rest
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes import F4, F8
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import fit, start_at
+from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.optics.near_light import places
 
-FINE = 6.0
+SEARCH_RADIUS_PX = 6.0
 """Radius in px of a ball in the reduced image that is searched."""
-ALIKE = 0.5
+MIN_CORRELATION = 0.5
 """Correlation with the template above which a peak is a ball."""
-OUTSIDE = 1.3
+REST_RADII = 1.3
 """Distance, in ball radii, at which the film around a ball is at rest again."""
-CONTACT = 0.9
+FIRST_CONTACT_SHARE = 0.9
 """Initial contact radius, relative to the ball's."""
-OFF_LATTICE = 0.15
+MAX_OFFSET_PITCHES = 0.15
 """Largest distance of a ball from the lattice, in pitches."""
-SAMPLES = 60
+SAMPLES_PER_BALL = 60
 """Samples per ball to place it."""
-RINGS = np.arange(0.5, 1.0, 0.04)
+EDGE_RADII = np.arange(0.5, 1.0, 0.04)
 """Radii, relative to the ball's, between which the contact's edge is searched for."""
-WORSE = 1.5
+MAX_RESIDUAL_RATIO = 1.5
 """Residual, relative to the inner one, above which the film has left the ball."""
 FAR_MM = 1e3
 
@@ -68,7 +69,7 @@ def find_grid(
     centre, kept = _lattice(peaks, pitch_px)
     if kept.sum() < 4:
         return None
-    circle = np.column_stack([centre, np.full(len(centre), CONTACT * radius_px)])[kept]
+    circle = np.column_stack([centre, np.full(len(centre), FIRST_CONTACT_SHARE * radius_px)])[kept]
     inside = _whole(circle, radius_px, light.shape[1:])
     circle, goodness = circle[inside], goodness[kept][inside]
     if len(circle) < 4:
@@ -78,29 +79,33 @@ def find_grid(
 
 def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
     """Positions (x, y in px, N x 2) where the LEDs' light varies as over a ball; correlations."""
-    factor = max(1, int(radius_px / FINE))
+    factor = max(1, int(radius_px / SEARCH_RADIUS_PX))
     small = [
         cv2.resize(plane, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
         for plane in light
     ]
     spread = np.std(np.stack(small), axis=0).astype(np.float32)
     radius = radius_px / factor
-    reach = int(np.ceil(1.05 * OUTSIDE * radius))
+    reach = int(np.ceil(1.05 * REST_RADII * radius))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     r = np.hypot(x, y) / radius
-    template = np.where(r < CONTACT, r / CONTACT, np.clip((OUTSIDE - r) / 0.4, 0, 1))
+    template = np.where(
+        r < FIRST_CONTACT_SHARE, r / FIRST_CONTACT_SHARE, np.clip((REST_RADII - r) / 0.4, 0, 1)
+    )
     wide = cv2.copyMakeBorder(spread, reach, reach, reach, reach, cv2.BORDER_REFLECT)
-    found = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
-    peak = (found == maximum_filter(found, size=2 * int(1.6 * radius) + 1)) & (found > ALIKE)
+    correlation = cv2.matchTemplate(wide, template.astype(np.float32), cv2.TM_CCOEFF_NORMED)
+    peak = (correlation == maximum_filter(correlation, size=2 * int(1.6 * radius) + 1)) & (
+        correlation > MIN_CORRELATION
+    )
     rows, columns = np.nonzero(peak)
     where = np.column_stack([columns, rows]).astype(np.float64)
-    return (where + 0.5) * factor - 0.5, found[rows, columns].astype(np.float64)
+    return (where + 0.5) * factor - 0.5, correlation[rows, columns].astype(np.float64)
 
 
 def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
     """The lattice points nearest to the peaks, for a known pitch, and which peaks are close."""
     away = peaks[:, None] - peaks[None]
-    near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < OFF_LATTICE
+    near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < MAX_OFFSET_PITCHES
     # Four times the angle (modulo 2 pi) is the same for all neighbours on a square lattice.
     angle = np.angle(np.exp(4j * np.arctan2(away[near][:, 1], away[near][:, 0])).sum()) / 4
     offset = np.zeros(2)
@@ -111,7 +116,7 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
         offset = np.angle(phase) / (2 * np.pi)
         step = np.round(place - offset)
         left = place - offset - step
-        kept = np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+        kept = np.hypot(left[:, 0], left[:, 1]) < MAX_OFFSET_PITCHES
         # A rotation by d moves the point (a, b) by d (-b, a).
         spread = step[kept] - step[kept].mean(axis=0)
         turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
@@ -120,11 +125,11 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
     place = (peaks @ turn.T) / pitch_px
     step = np.round(place - offset)
     left = place - offset - step
-    return (step + offset) * pitch_px @ turn, np.hypot(left[:, 0], left[:, 1]) < OFF_LATTICE
+    return (step + offset) * pitch_px @ turn, np.hypot(left[:, 0], left[:, 1]) < MAX_OFFSET_PITCHES
 
 
 def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which balls the frame does not cut off."""
+    """Flags of the balls that the frame does not cut off."""
     x, y = circle[:, 0], circle[:, 1]
     inside = (x > radius_px) & (x < shape[1] - 1 - radius_px)
     return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))
@@ -136,10 +141,10 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
     start = _start(balls)
     width = pixel * light.shape[2]
     shift = 0.1 * radius_px * pixel
-    found = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
+    fitted = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
     placed = circle.copy()
-    placed[:, :2] += found.shifts[:, :2] / pixel
-    placed[:, 2] = _contact(light, placed, radius_px, pixel, found) * radius_px
+    placed[:, :2] += fitted.shifts[:, :2] / pixel
+    placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px
     return placed
 
 
@@ -154,7 +159,7 @@ def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float
         xx, yy = np.round(u).astype(int) + dx, np.round(v).astype(int) + dy
         inside = np.hypot(xx - u, yy - v) < reach
         inside &= (xx >= 0) & (xx < columns) & (yy >= 0) & (yy < rows)
-        chosen = np.flatnonzero(inside)[:: inside.sum() // SAMPLES + 1]
+        chosen = np.flatnonzero(inside)[:: inside.sum() // SAMPLES_PER_BALL + 1]
         number.append(np.full(chosen.size, i))
         row.append(yy[chosen])
         column.append(xx[chosen])
@@ -189,14 +194,17 @@ def _start(balls: Balls) -> Fitted:
 
 def _contact(light: F4, circle: F8, radius_px: float, pixel: float, found: Fitted) -> float:
     """The contact radius, relative to the ball's: up to there the film follows the balls."""
-    balls = _samples(light, circle, RINGS[-1] * radius_px, radius_px, pixel)
+    balls = _samples(light, circle, EDGE_RADII[-1] * radius_px, radius_px, pixel)
     still = found._replace(shifts=found.shifts * [0, 0, 1])
     left = np.square(predicted(balls, still) - balls.light).mean(axis=0)
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
-    ring = np.digitize(r, RINGS)
+    ring = np.digitize(r, EDGE_RADII)
     spread = np.array(
-        [np.sqrt(np.median(left[ring == i])) if (ring == i).any() else 0 for i in range(len(RINGS))]
+        [
+            np.sqrt(np.median(left[ring == i])) if (ring == i).any() else 0
+            for i in range(len(EDGE_RADII))
+        ]
     )
-    beyond = np.flatnonzero(spread > WORSE * np.median(spread[:4]))
-    return float(RINGS[beyond[0] - 1] if beyond.size and beyond[0] else RINGS[-1])
+    beyond = np.flatnonzero(spread > MAX_RESIDUAL_RATIO * np.median(spread[:4]))
+    return float(EDGE_RADII[beyond[0] - 1] if beyond.size and beyond[0] else EDGE_RADII[-1])

@@ -11,26 +11,23 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 
-F8 = NDArray[np.float64]
-
-LIT = 0.06
+MIN_LIT_LIGHT = 0.06
 """Light below this counts as shadow: neither the ball's shading nor the film at rest."""
-NOISE = 0.01
+LIGHT_DEVIATION = 0.01
 """Standard deviation of light that need not be explained; it keeps noise from scoring."""
-SEARCH_WIDTH = 64
+SEARCH_WIDTH_PX = 64
 """Width in px to which the image is reduced."""
-LARGEST = 2
+MAX_CONTACT_DIAGONALS = 2
 """Largest contact that is searched for, in diagonals of the image."""
 CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
-SMALLEST_SEARCHED = 3.0
+MIN_SEARCH_RADIUS_PX = 3.0
 """Smallest contact radius in px of the reduced image at which a ball can be recognised."""
-SEARCHED = (0.97, 1.06, 1.45)
+SEARCH_RADII = (0.97, 1.06, 1.45)
 """Radii in contact radii: ball up to the first, film from the second to the third."""
 
 
@@ -51,11 +48,11 @@ def search_ball(
     light: F4, radius: float, center: tuple[float, float] | None, contact: float | None
 ) -> Circle:
     """Return the best circle on a grid of centres and radii."""
-    small, shrink = reduced_to(light, SEARCH_WIDTH)
+    small, shrink = reduced_to(light, SEARCH_WIDTH_PX)
     radii = [radius * s for s in CONTACT_SHARES] if contact is None else [contact]
-    radii = [r for r in radii if r <= LARGEST * np.hypot(*light.shape[1:])]
-    radii = [r for r in radii if r >= SMALLEST_SEARCHED * shrink] or [max(radii)]
-    best, found = -1.0, Circle(0, 0, radii[0])
+    radii = [r for r in radii if r <= MAX_CONTACT_DIAGONALS * np.hypot(*light.shape[1:])]
+    radii = [r for r in radii if r >= MIN_SEARCH_RADIUS_PX * shrink] or [max(radii)]
+    best, circle = -1.0, Circle(0, 0, radii[0])
     for r in radii:
         pad = int(0.6 * r / shrink)
         share = _share_everywhere(small, radius / shrink, r / shrink, pad)
@@ -64,8 +61,8 @@ def search_ball(
         y, x = np.unravel_index(int(share.argmax()), share.shape)
         if share[y, x] > best:
             best = float(share[y, x])
-            found = Circle(float(x) - pad, float(y) - pad, r / shrink).on(1 / shrink)
-    return found if center is None else Circle(*center, found.radius)
+            circle = Circle(float(x) - pad, float(y) - pad, r / shrink).on(1 / shrink)
+    return circle if center is None else Circle(*center, circle.radius)
 
 
 def reduced_to(light: F4, width: int) -> tuple[F4, float]:
@@ -87,12 +84,12 @@ def _only_at(share: F8, circle: Circle, pad: int) -> F8:
 def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     """Return the goodness of a contact circle around every pixel, `pad` px beyond the image."""
     around = ((0, 0), (pad, pad), (pad, pad))
-    lit = np.pad((light > LIT).astype(np.float64), around)
+    lit = np.pad((light > MIN_LIT_LIGHT).astype(np.float64), around)
     image = np.pad(light.astype(np.float64), around) * lit
-    reach = int(np.ceil(SEARCHED[2] * contact))
+    reach = int(np.ceil(SEARCH_RADII[2] * contact))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     u, v, shape = x / contact, y / contact, lit.shape
-    inside, outside = _rings(np.hypot(u, v), SEARCHED)
+    inside, outside = _rings(np.hypot(u, v), SEARCH_RADII)
     # LEDs that reach the same pixels, as all do without shadows, have the same normal equations.
     reached, of = np.unique(lit.reshape(len(lit), -1), axis=0, return_inverse=True)
     weights = _products(reached.reshape(-1, *shape[1:]), u, v, radius / contact, inside, outside)
@@ -144,10 +141,10 @@ def _products(lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8) -> 
 def _symmetric(upper: Sequence[F8]) -> F8:
     """Return the matrix (n x n x ...) whose upper triangle is given row by row."""
     n = int((np.sqrt(8 * len(upper) + 1) - 1) / 2)
-    made = np.empty((n, n, *upper[0].shape))
+    products = np.empty((n, n, *upper[0].shape))
     for i, j, each in zip(*np.triu_indices(n), upper, strict=True):
-        made[i, j] = made[j, i] = each
-    return made
+        products[i, j] = products[j, i] = each
+    return products
 
 
 def _explained_everywhere(normal: F8, right: F8, damping: F8) -> F8:
@@ -199,7 +196,7 @@ def rise_of(r: F8, radius: float) -> F8:
 def share_of(ball: F8, smooth: F8, pixels: float) -> F8:
     """Return the share of a smooth film's residual (K x ...) that the ball explains."""
     left = np.maximum(smooth, 0).sum(0)
-    return (left - np.maximum(ball, 0).sum(0)) / (left + NOISE**2 * pixels)
+    return (left - np.maximum(ball, 0).sum(0)) / (left + LIGHT_DEVIATION**2 * pixels)
 
 
 def _correlate(images: F8, kernels: F8) -> F8:

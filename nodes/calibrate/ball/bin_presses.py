@@ -14,20 +14,21 @@ from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-ENOUGH_PX = 16.0
+MIN_BALL_RADIUS_PX = 16.0
 """Smallest radius of a ball in px after binning."""
-ENOUGH_PIXELS = 3e5
+MIN_IMAGE_PIXELS = 3e5
 """Fewest pixels of an image after binning."""
 
 
 class BinnedPresses(NamedTuple):
-    """Binned presses on a sheet, the binned film at rest, and the known circles of the balls."""
+    """Binned presses on a sheet, the binned film at rest, the known circles, and n."""
 
     image: Annotated[F4, Port("K s w", "1")]
     flat: CoarseLight
     dark: CoarseDark
     known: KnownCircles
     pixel: PixelSize
+    factor: int
 
 
 @node
@@ -39,7 +40,7 @@ def bin_presses(
     radius: Radii | None = None,
     known: KnownCircles | None = None,
     *,
-    pixels: Annotated[float, Gt(0)] = ENOUGH_PIXELS,
+    pixels: Annotated[float, Gt(0)] = MIN_IMAGE_PIXELS,
 ) -> BinnedPresses:
     """Bin all inputs of a calibration by n x n pixels.
 
@@ -61,12 +62,12 @@ def bin_presses(
         Fewest pixels of the binned image.
     """
     if radius is None or known is None:
-        return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel)
+        return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel, 1)
     rows, columns = dark.shape
-    by_ball = float(radius.min()) / pixel / ENOUGH_PX
+    by_ball = float(radius.min()) / pixel / MIN_BALL_RADIUS_PX
     factor = int(min(by_ball, np.sqrt(rows * columns / pixels)))
     if factor <= 1:
-        return BinnedPresses(image, flat, dark, known, pixel)
+        return BinnedPresses(image, flat, dark, known, pixel, 1)
     size = (columns // factor, rows // factor)
     presses = [_binned(press, factor, size) for press in cut(image, rows)]
     circles = known.copy()
@@ -78,6 +79,7 @@ def bin_presses(
         _binned(dark[None], factor, size)[0],
         circles,
         pixel * factor,
+        factor,
     )
 
 

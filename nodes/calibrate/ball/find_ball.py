@@ -6,15 +6,14 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 from scipy import ndimage, optimize
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes import F4, F8, Light, PixelSize
 from tactograph.nodes.calibrate.ball._ball_search import (
     CONTACT_SHARES,
-    LARGEST,
-    LIT,
+    MAX_CONTACT_DIAGONALS,
+    MIN_LIT_LIGHT,
     Circle,
     bases,
     reduced_to,
@@ -23,23 +22,21 @@ from tactograph.nodes.calibrate.ball._ball_search import (
     share_of,
 )
 
-F8 = NDArray[np.float64]
-
-ACCEPTED = 0.45
+MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
-REFINE_WIDTH = 320
+REFINE_WIDTH_PX = 320
 """Width in px that the image is reduced to for the last step."""
-REFINE_PIXELS = 3000
+MAX_REFINE_PIXELS = 3000
 """Most pixels that are fitted; three numbers need no more."""
-JUDGED = (0.97, 1.3, 1.8)
+GOODNESS_RADII = (0.97, 1.3, 1.8)
 """As `SEARCHED`, for the goodness of the final circle; the film folds up to the second radius."""
 CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
 """Contact radii tried before the last descent, relative to that of the search."""
 FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)
 """Radii, in contact radii, between which the film around the contact is interpolated."""
-SMALLEST = 1.0
+MIN_CONTACT_PX = 1.0
 """Smallest radius of a contact in px."""
-RIDGE = 1e-9
+RIDGE_SHARE = 1e-9
 """Ridge relative to the trace; keeps the normal equations solvable where pixels are few."""
 
 
@@ -122,11 +119,11 @@ def find_ball(
     seed = search_ball(light, radius, center_px, contact_px)
     circle = _refine(light, seed, radius, center_px, contact_px)
     goodness = _goodness(light, circle, radius)
-    if goodness < ACCEPTED:
+    if goodness < MIN_GOODNESS:
         raise InputError(
             f"no ball of radius {radius_mm:g} mm found in the calibration capture: the best "
             f"circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
-            f"{ACCEPTED:g} is needed; give its place "
+            f"{MIN_GOODNESS:g} is needed; give its place "
             "(ball_center_px=x,y and ball_contact_px=r), or press again"
         )
     return _ball(circle, goodness)
@@ -134,19 +131,19 @@ def find_ball(
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
     """Refuse a ball or a contact below a pixel, and one that must be far larger than the image."""
-    if radius < SMALLEST:
+    if radius < MIN_CONTACT_PX:
         raise InputError(
             f"radius_mm={radius_mm:g}: a ball of {radius:.2g} px radius shows nothing; check "
             "ball_radius_mm and the pixel size"
         )
-    if contact is not None and contact < SMALLEST:
+    if contact is not None and contact < MIN_CONTACT_PX:
         raise InputError(
-            f"ball_contact_px={contact:g}: a contact of less than {SMALLEST:g} px shows no ball; "
-            "give its radius in px, or leave it out and it is searched for"
+            f"ball_contact_px={contact:g}: a contact of less than {MIN_CONTACT_PX:g} px shows no "
+            "ball; give its radius in px, or leave it out and it is searched for"
         )
     smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
     diagonal = float(np.hypot(*light.shape[1:]))
-    if smallest > LARGEST * diagonal:
+    if smallest > MAX_CONTACT_DIAGONALS * diagonal:
         raise InputError(
             f"radius_mm={radius_mm:g}: the ball's contact of {smallest:.3g} px does not fit the "
             f"image of {light.shape[2]} x {light.shape[1]} px; check ball_radius_mm, "
@@ -174,7 +171,7 @@ def _ball(circle: Circle, goodness: float) -> Ball:
 def _explained(normal: F8, right: F8) -> F8:
     """Return the sum of squares that the least-squares solution explains."""
     trace = np.trace(normal, axis1=-2, axis2=-1)[..., None, None]
-    damped = normal + (RIDGE * trace + 1e-12) * np.eye(normal.shape[-1])
+    damped = normal + (RIDGE_SHARE * trace + 1e-12) * np.eye(normal.shape[-1])
     return np.sum(np.linalg.solve(damped, right[..., None])[..., 0] * right, axis=-1)
 
 
@@ -186,7 +183,7 @@ def _refine(
     contact: float | None,
 ) -> Circle:
     """Return the circle near `seed` that explains the light best, with subpixel accuracy."""
-    reduced, shrink = reduced_to(light, REFINE_WIDTH)
+    reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     circle = seed.on(shrink)
     limit = radius / shrink
     samples = _sample(reduced, circle, FOLD_KNOTS[-1])
@@ -232,9 +229,11 @@ def _sample(light: F4, circle: Circle, reach: float) -> _Samples:
     """Return evenly spread pixels up to `reach` contact radii from the centre."""
     y, x = np.indices(light.shape[1:])
     # Pixels at a shadow's edge are partly lit, so they are left out.
-    lit = np.stack([ndimage.binary_erosion(i > LIT, border_value=1, iterations=2) for i in light])
+    lit = np.stack(
+        [ndimage.binary_erosion(i > MIN_LIT_LIGHT, border_value=1, iterations=2) for i in light]
+    )
     near = np.flatnonzero(np.hypot(x - circle.x, y - circle.y) < reach * circle.radius)
-    near = near[:: near.size // REFINE_PIXELS + 1]
+    near = near[:: near.size // MAX_REFINE_PIXELS + 1]
     values = light.reshape(len(light), -1)[:, near].astype(np.float64)
     shone = lit.reshape(len(light), -1)[:, near].astype(np.float64)
     return _Samples(x.flat[near].astype(float), y.flat[near].astype(float), values, shone)
@@ -263,11 +262,11 @@ def _left(samples: _Samples, basis: F8) -> F8:
 
 
 def _goodness(light: F4, circle: Circle, radius: float) -> float:
-    reduced, shrink = reduced_to(light, REFINE_WIDTH)
+    reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     small = circle.on(shrink)
-    samples = _sample(reduced, small, JUDGED[2])
+    samples = _sample(reduced, small, GOODNESS_RADII[2])
     u, v = (samples.x - small.x) / small.radius, (samples.y - small.y) / small.radius
-    ball, smooth, window = bases(u, v, radius / circle.radius, JUDGED)
+    ball, smooth, window = bases(u, v, radius / circle.radius, GOODNESS_RADII)
     if not window.any():  # of a contact that the reduced image does not resolve
         return 0.0
     samples = samples._replace(lit=samples.lit * window)

@@ -8,28 +8,23 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, I4, Light, PixelSize
+from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import find_grid
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
-from tactograph.nodes.calibrate.lights.light_fit import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-BallCircles = Annotated[F4, Port("B 3", "px")]
-"""x, y and contact radius of every ball."""
-BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
-"""The radius of every ball."""
-BallPress = Annotated[I4, Port("B", "press number")]
-"""The press that every ball is in, counted from 0."""
-
 
 class FoundBalls(NamedTuple):
-    """Circle, goodness, radius and press of every ball."""
+    """Circle, goodness, radius and press of every ball, and the presses' names."""
 
     circle: BallCircles
     goodness: Annotated[F4, Port("B", "1")]
     radius: BallRadii
     of: BallPress
+    names: list[str]
 
 
 @node
@@ -76,7 +71,7 @@ def find_balls(
     if not names:
         none = np.zeros(len(radius), np.float32)
         return FoundBalls(
-            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32)
+            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32), names
         )
     if pitch_mm is not None:
         return _grids(light, flat, radius, names, pixel, pitch_mm)
@@ -111,6 +106,7 @@ def find_balls(
         np.array([b.goodness if b else 0 for b in balls], np.float32),
         radius,
         np.arange(len(balls), dtype=np.int32),
+        names,
     )
 
 
@@ -119,7 +115,7 @@ def _grids(
 ) -> FoundBalls:
     """The balls of presses that each show a grid of balls."""
     rest = rest_of(flat, pixel)
-    found = []
+    grids = []
     for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):
         if 2 * size > pitch_mm:
             raise InputError(
@@ -129,17 +125,18 @@ def _grids(
         if grid is None:
             warn(f"press {names[number]} is left out: it shows no grid of four balls or more")
         else:
-            found.append((number, float(size), grid))
-    if not found:
+            grids.append((number, float(size), grid))
+    if not grids:
         raise InputError(
             f"none of {len(names)} presses shows a grid of balls; check ball_radius_mm, "
             "ball_pitch_mm and pixel_size_mm"
         )
     return FoundBalls(
-        np.concatenate([grid.circle for *_, grid in found]).astype(np.float32),
-        np.concatenate([grid.goodness for *_, grid in found]).astype(np.float32),
-        np.concatenate([np.full(len(grid.circle), size) for _, size, grid in found]).astype(
+        np.concatenate([grid.circle for *_, grid in grids]).astype(np.float32),
+        np.concatenate([grid.goodness for *_, grid in grids]).astype(np.float32),
+        np.concatenate([np.full(len(grid.circle), size) for _, size, grid in grids]).astype(
             np.float32
         ),
-        np.concatenate([np.full(len(grid.circle), i) for i, _, grid in found]).astype(np.int32),
+        np.concatenate([np.full(len(grid.circle), i) for i, _, grid in grids]).astype(np.int32),
+        names,
     )

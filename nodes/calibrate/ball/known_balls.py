@@ -9,8 +9,8 @@ from annotated_types import Ge
 
 from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 

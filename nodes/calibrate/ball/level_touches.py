@@ -9,14 +9,12 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Light, Noise
+from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLight, cut
-
-DEGREE, ROUGH = 2, 0.01
-"""Degree of the polynomial drift of the film at rest, and roughness of the film."""
 
 
 @node(neutral="light")
@@ -25,8 +23,8 @@ def level_touches(
     flat: Light,
     noise: Noise,
     *,
-    degree: Annotated[int, Interval(ge=0, le=2)] = DEGREE,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = ROUGH,
+    degree: Annotated[int, Interval(ge=0, le=2)] = DRIFT_DEGREE,
+    rough: Annotated[float, Interval(ge=0, le=0.1)] = FILM_ROUGHNESS,
 ) -> SheetLight:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 

@@ -35,9 +35,9 @@ def matt_presses(
     pixel
         mm per px.
     """
-    rows, made = flat.shape[1], []
+    rows, matt = flat.shape[1], []
     for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):
         bounced = film_bounce(press, z, film, pixel)
         sigma = np.ones_like(press)
-        made.append(matt_light(press, sigma, p_q, z, film, pixel, bounced).light)
-    return np.concatenate(made, axis=1)
+        matt.append(matt_light(press, sigma, p_q, z, film, pixel, bounced).light)
+    return np.concatenate(matt, axis=1)

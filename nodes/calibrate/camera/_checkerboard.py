@@ -13,13 +13,13 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.camera._dots import reduced
 from tactograph.nodes.calibrate.camera._lattice import Lattice, on_lattice
 
-SIGMAS = (1.5, 3.0)
+SMOOTHING_PX = (1.5, 3.0)
 """Standard deviations in px of the smoothing before saddles are searched for."""
-FAINTEST = 0.15
+MIN_SADDLE_SHARE = 0.15
 """Smallest strength of a saddle, relative to the strongest ones."""
-WINDOW = 0.3
+WINDOW_PITCHES = 0.3
 """Half the window in which a corner is measured, relative to the pitch."""
-HALF = (0.35, 0.65)
+DARK_SHARES = (0.35, 0.65)
 """Bounds of the dark share of a checkerboard."""
 
 Points = NDArray[Any]
@@ -28,13 +28,13 @@ Points = NDArray[Any]
 def find_corners(image: F4) -> Lattice | None:
     """Return the corners that lie on one lattice, in px; None if there are not enough."""
     small, factor = reduced(image)
-    lattices = [on_lattice(_saddles(small, sigma)) for sigma in SIGMAS]
-    found = max(filter(None, lattices), key=lambda lattice: len(lattice.place), default=None)
-    if found is None or not HALF[0] < _dark_part(small, found) < HALF[1]:
+    lattices = [on_lattice(_saddles(small, sigma)) for sigma in SMOOTHING_PX]
+    largest = max(filter(None, lattices), key=lambda lattice: len(lattice.place), default=None)
+    if largest is None or not DARK_SHARES[0] < _dark_part(small, largest) < DARK_SHARES[1]:
         return None
-    half = int(np.clip(WINDOW * found.pitch * factor, 2, 40))
+    half = int(np.clip(WINDOW_PITCHES * largest.pitch * factor, 2, 40))
     levels = np.clip(255 * image / image.max(), 0, 255).astype(np.uint8)
-    rough = np.ascontiguousarray(factor * (found.place + 0.5) - 0.5, np.float32)
+    rough = np.ascontiguousarray(factor * (largest.place + 0.5) - 0.5, np.float32)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
     return on_lattice(cv2.cornerSubPix(levels, rough, (half, half), (-1, -1), stop))
 
@@ -48,7 +48,7 @@ def _saddles(image: F4, sigma: float) -> Points:
     inner[margin:-margin, margin:-margin] = True
     strongest = np.percentile(strength[inner], 99.5) if inner.any() else 0
     peaks = inner & (strength == maximum_filter(strength, 2 * margin + 1))
-    y, x = np.nonzero(peaks & (strength > FAINTEST * strongest))
+    y, x = np.nonzero(peaks & (strength > MIN_SADDLE_SHARE * strongest))
     return np.stack([x, y], axis=1).astype(np.float64)
 
 

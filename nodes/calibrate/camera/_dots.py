@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.camera._lattice import FEWEST, Lattice, neighbours, on_lattice
+from tactograph.nodes.calibrate.camera._lattice import MIN_POINTS, Lattice, neighbours, on_lattice
 
-LARGEST = 800
+MAX_SEARCH_SIDE_PX = 800
 """Longest side in px of the image in which dots are searched for; the full one measures them."""
-SURROUNDINGS = (1 / 40, 1 / 20, 1 / 10, 1 / 5)
+BACKGROUND_SCALES = (1 / 40, 1 / 20, 1 / 10, 1 / 5)
 """Scales of the background, relative to the image's longer side; the one that suits is used."""
-SMALLEST = 7
+MIN_DOT_PIXELS = 7
 """Smallest area of a dot in pixels."""
-MOST_COVERED = 0.4
+MAX_COVERED_SHARE = 0.4
 """Largest share of the film under dots; dots that touch are squares of a checkerboard."""
 
 Points = NDArray[Any]
@@ -33,8 +33,8 @@ class Blobs(NamedTuple):
 
 
 def reduced(image: F4) -> tuple[F4, int]:
-    """The image reduced to at most `LARGEST` px, and the factor."""
-    factor = -(-max(image.shape) // LARGEST)
+    """The image reduced to at most `MAX_SEARCH_SIDE_PX` px, and the factor."""
+    factor = -(-max(image.shape) // MAX_SEARCH_SIDE_PX)
     small = cv2.resize(image, None, fx=1 / factor, fy=1 / factor, interpolation=cv2.INTER_AREA)
     return np.asarray(small, np.float32), factor
 
@@ -50,7 +50,7 @@ def find_dots(image: F4) -> Dots | None:
     """Return the dots that lie on one lattice; None if there are not enough."""
     small, factor = reduced(image)
     rough, blobs = None, None
-    for part in SURROUNDINGS:
+    for part in BACKGROUND_SCALES:
         for found in _blobs(small, part):
             lattice = on_lattice(found.place)
             if lattice and (rough is None or len(lattice.place) > len(rough.place)):
@@ -95,7 +95,7 @@ def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
     whole = (x > 0) & (y > 0) & (x + width < columns) & (y + height < rows)
     is_round = (width < 1.6 * height) & (height < 1.6 * width)
     filled = area / np.maximum(width * height, 1)
-    kept = whole & is_round & (filled > 0.55) & (filled < 0.97) & (area >= SMALLEST)
+    kept = whole & is_round & (filled > 0.55) & (filled < 0.97) & (area >= MIN_DOT_PIXELS)
     if not kept.any():
         return np.empty((0, 2)), 0.0
     # The median by area instead of by number, so that specks do not count.
@@ -106,10 +106,10 @@ def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
 
 
 def _is_sparse(blobs: Blobs) -> bool:
-    if len(blobs.place) < FEWEST:
+    if len(blobs.place) < MIN_POINTS:
         return False
     gaps, _ = neighbours(blobs.place, 1)
-    return bool(np.pi * blobs.radius**2 < MOST_COVERED * np.median(gaps) ** 2)
+    return bool(np.pi * blobs.radius**2 < MAX_COVERED_SHARE * np.median(gaps) ** 2)
 
 
 def _centre(image: F4, place: Points, radius: float, sign: int) -> Points | None:

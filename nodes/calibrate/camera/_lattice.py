@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-FEWEST = 12
+MIN_POINTS = 12
 """Fewest points on the lattice; three rows and columns are needed, too."""
-REACH = 0.25
+MAX_OFFSET_PITCHES = 0.25
 """Largest distance of a neighbour from its predicted position, relative to the pitch."""
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
+LATTICE_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 Points = NDArray[Any]
 
@@ -33,8 +33,8 @@ class Lattice(NamedTuple):
 
 def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
     """Distances and numbers of the nearest other points, N x `count` each."""
-    found: Any = KDTree(points).query(points, k=count + 1)
-    return found[0][:, 1:], found[1][:, 1:]
+    nearest: Any = KDTree(points).query(points, k=count + 1)
+    return nearest[0][:, 1:], nearest[1][:, 1:]
 
 
 def on_lattice(points: Points) -> Lattice | None:
@@ -43,7 +43,7 @@ def on_lattice(points: Points) -> Lattice | None:
     The first axis of the lattice is the one nearest to the image's rows.  Each step is predicted
     from the previous one in the same direction, so that the lattice may bend.
     """
-    if len(points) < FEWEST:
+    if len(points) < MIN_POINTS:
         return None
     tree = KDTree(points)
     step = _step(points)
@@ -53,11 +53,11 @@ def on_lattice(points: Points) -> Lattice | None:
     queue = deque([(start, step, np.array([-step[1], step[0]]))])
     while queue:
         at, along, down = queue.popleft()
-        for i, j in STEPS:
+        for i, j in LATTICE_STEPS:
             want = i * along + j * down
             distance, nearest = tree.query(points[at] + want)
             near, place = int(nearest), (cells[at][0] + i, cells[at][1] + j)
-            if near in cells or place in taken or distance > REACH * np.hypot(*want):
+            if near in cells or place in taken or distance > MAX_OFFSET_PITCHES * np.hypot(*want):
                 continue
             cells[near] = place
             taken.add(place)
@@ -65,7 +65,7 @@ def on_lattice(points: Points) -> Lattice | None:
             queue.append((near, went, down) if i else (near, along, went))
     which = np.array(list(cells))
     cell = np.array([cells[n] for n in which], np.int32)
-    if len(which) < FEWEST or min(len(np.unique(axis)) for axis in cell.T) < 3:
+    if len(which) < MIN_POINTS or min(len(np.unique(axis)) for axis in cell.T) < 3:
         return None
     return Lattice(points[which], cell)
 

@@ -11,11 +11,11 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, I4
 from tactograph.nodes.calibrate.camera._checkerboard import find_corners
 from tactograph.nodes.calibrate.camera._dots import find_dots
-from tactograph.nodes.calibrate.camera._lattice import FEWEST, Lattice
+from tactograph.nodes.calibrate.camera._lattice import MIN_POINTS, Lattice
 from tactograph.nodes.capture.read_grey import GreyImage
 
-MAX_NAMED = 5
-"""So many dots are named at most."""
+MAX_NAMED_DOTS = 5
+"""Most dots that a message names."""
 
 
 class GridMarks(NamedTuple):
@@ -69,8 +69,9 @@ def find_grid(
         return _marks(corners, "checkerboard", 0)
     what = {"auto": "dots or corners", "dots": "dots", "checkerboard": "corners"}[pattern]
     raise InputError(
-        f"the image shows no square lattice of {FEWEST} {what} or more in three rows and columns; "
-        "show more of the grid, sharp, evenly lit and without glare, or name another pattern="
+        f"the image shows no square lattice of {MIN_POINTS} {what} or more in three rows and "
+        "columns; show more of the grid, sharp, evenly lit and without glare, or name another "
+        "pattern="
     )
 
 
@@ -80,7 +81,7 @@ def _marks(found: Lattice, pattern: str, astray: int) -> GridMarks:
 
 def _astray(places: NDArray[Any]) -> str:
     """Name whole dots that are left out."""
-    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED])
-    more = f" and {len(places) - MAX_NAMED} more" if len(places) > MAX_NAMED else ""
+    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED_DOTS])
+    more = f" and {len(places) - MAX_NAMED_DOTS} more" if len(places) > MAX_NAMED_DOTS else ""
     what = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
     return f"{what} on no place of the grid and left out, at {named} px{more}; is it dirt?"

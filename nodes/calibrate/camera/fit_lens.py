@@ -16,18 +16,18 @@ from tactograph.nodes.calibrate.camera.find_grid import GridMarks
 from tactograph.nodes.capture.read_grey import GreyImage
 from tactograph.nodes.optics.lens import TERMS, half_diagonal, seen_offset
 
-POSE = 4
+POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
-RADIAL = ((), ("k1",), ("k1", "cx", "cy"), ("k1", "k2"), ("k1", "k2", "cx", "cy"))
-TILT = ("a", "b", "gx", "gy")
-OUTLIER = 5.0
+RADIAL_TERMS = ((), ("k1",), ("k1", "cx", "cy"), ("k1", "k2"), ("k1", "k2", "cx", "cy"))
+TILT_TERMS = ("a", "b", "gx", "gy")
+MAX_DEVIATIONS = 5.0
 """Robust standard deviations above which a mark is left out."""
-EXACT = 0.03
+MARK_ACCURACY_PX = 0.03
 """Accuracy of a mark's position in px, however well marks fit.  A lens that explains less is not
 fitted, so that images stay unchanged."""
-WORST = 0.05
+MAX_RESIDUAL_PITCHES = 0.05
 """Largest residual of a square grid, relative to its pitch."""
-NEAR = 0.75
+MIN_REACH_SHARE = 0.75
 """Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
 
 Places = NDArray[Any]
@@ -84,19 +84,19 @@ def fit_lens(
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     seen = (marks.place.astype(np.float64) - middle) / half
     kept = _fitting(seen, marks.cell)
-    pose, lens = _simplest(seen[kept], marks.cell[kept], EXACT / half)
+    pose, lens = _simplest(seen[kept], marks.cell[kept], MARK_ACCURACY_PX / half)
     departure = half * (seen - _predicted(pose, lens, marks.cell))
     departure[~kept] = np.nan
     residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     pitch = half * float(np.exp(pose[0]))
-    if residual > WORST * pitch:
+    if residual > MAX_RESIDUAL_PITCHES * pitch:
         raise InputError(
             f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid; "
             "lay it flat on the film, or name another pattern="
         )
     _check_fold(lens)
     reach = float(np.linalg.norm(seen[kept], axis=1).max())
-    if reach < NEAR:
+    if reach < MIN_REACH_SHARE:
         warn(
             f"the marks reach {reach:.0%} of the way to the corners; the distortion beyond is "
             "only continued: show a grid that fills the image"
@@ -117,22 +117,22 @@ def fit_lens(
 
 
 def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
-    """Which marks the most flexible lens fits."""
+    """Flags of the marks that the most flexible lens fits."""
     kept = np.ones(len(seen), bool)
     for _ in range(2):
-        pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT))
+        pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT_TERMS))
         away = np.linalg.norm(seen - _predicted(pose, lens, cell), axis=1)
         # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
-        kept = away <= OUTLIER * max(float(np.median(away[kept])) / 1.18, 1e-6)
+        kept = away <= MAX_DEVIATIONS * max(float(np.median(away[kept])) / 1.18, 1e-6)
     return kept
 
 
 def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]:
     """Pose and lens with the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
     best, least = None, np.inf
-    for tilt, radial in product(((), TILT), RADIAL):
+    for tilt, radial in product(((), TILT_TERMS), RADIAL_TERMS):
         pose, lens, squares = _fit(seen, cell, (*radial, *tilt))
-        number = POSE + len(radial) + len(tilt)
+        number = POSE_TERMS + len(radial) + len(tilt)
         criterion = seen.size * np.log(squares / seen.size + exact**2) + number * np.log(seen.size)
         if criterion < least:
             best, least = (pose, lens), criterion
@@ -147,15 +147,15 @@ def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Pla
 
     def lens_of(values: Places) -> Places:
         lens = np.zeros(len(TERMS))
-        lens[where] = values[POSE:]
+        lens[where] = values[POSE_TERMS:]
         return lens
 
     def wrong(values: Places) -> Places:
-        return (_predicted(values[:POSE], lens_of(values), cell) - seen).ravel()
+        return (_predicted(values[:POSE_TERMS], lens_of(values), cell) - seen).ravel()
 
-    low = np.concatenate([np.full(POSE, -np.inf), np.full(len(free), -0.5)])
-    found = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
-    return found.x[:POSE], lens_of(found.x), 2 * found.cost
+    low = np.concatenate([np.full(POSE_TERMS, -np.inf), np.full(len(free), -0.5)])
+    solution = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
+    return solution.x[:POSE_TERMS], lens_of(solution.x), 2 * solution.cost
 
 
 def _pose(seen: Places, cell: Places) -> Places:
@@ -166,7 +166,7 @@ def _pose(seen: Places, cell: Places) -> Places:
 
 
 def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
-    """Where the camera sees the cells of a grid with this pose."""
+    """The places in the image of the cells of a grid with this pose."""
     size, turn, x, y = pose
     place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
     u, v = place.real, place.imag

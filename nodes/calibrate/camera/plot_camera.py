@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.calibrate.camera.find_grid import GridMarks
-from tactograph.nodes.calibrate.rating.plot_calibration import BLUE, ORANGE
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.drawing.new_picture import BLUE, ORANGE, BesidePicture, write_picture
 
-LONGEST = 0.5
+ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""
 
 
@@ -53,7 +52,7 @@ def plot_camera(
     left.set(title=f"{marks.pattern}: {len(x)} found", xlabel="x / px", ylabel="y / px")
     usual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     spacing = float(np.sqrt(rows * columns / len(x)))
-    scale = max(usual, 1e-9) / (LONGEST * spacing)
+    scale = max(usual, 1e-9) / (ARROW_SHARE * spacing)
     arrows = right.quiver(
         x, y, *departure.T, angles="xy", scale_units="xy", scale=scale, color=BLUE, width=0.003
     )

@@ -9,14 +9,11 @@ from annotated_types import Ge, Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.capture.read_presses import PressImages
 
-DARKEST = np.float32(0.02)
-FEWEST = 4
-
-Circles = Annotated[F4, Port("P 3", "px")]
-"""Contact circles: x, y, radius; a radius of 0 where no ball was found."""
+MIN_PRESSES = 4
 
 
 class FoundPresses(NamedTuple):
@@ -35,7 +32,7 @@ def find_presses(
     known: Circles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
-    fewest: Annotated[int, Ge(1)] = FEWEST,
+    fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
 ) -> FoundPresses:
     """Return the contact circle of every press, as `find_ball` finds it.
 
@@ -77,7 +74,7 @@ def find_presses(
         return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
     circles, goodness = [], []
     for press, name in zip(image, names, strict=True):
-        light = press / np.maximum(flat, DARKEST)
+        light = press / np.maximum(flat, MIN_FLAT_LIGHT)
         try:
             ball = find_ball(light, pixel, radius_mm=radius_mm)
         except InputError:
@@ -87,10 +84,10 @@ def find_presses(
         else:
             circles.append((*ball.center, ball.contact))
             goodness.append(ball.goodness)
-    found = int(np.count_nonzero(goodness))
-    if found < fewest:
+    ball_count = int(np.count_nonzero(goodness))
+    if ball_count < fewest:
         raise InputError(
-            f"a ball of radius {radius_mm:g} mm shows in {found} of {len(image)} presses, and "
+            f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
             f"{fewest} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
         )
     return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))

@@ -8,8 +8,9 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import FEWEST, Circles
+from tactograph.nodes import F4, F8, U1, Light, PixelSize
+from tactograph.nodes.calibrate import Circles
+from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.height.enlarge_height import enlarge_height
 from tactograph.nodes.height.integrate_dct import integrate_dct
@@ -19,7 +20,6 @@ from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
-    F8,
     RIDGE,
     SHADES,
     TERMS,
@@ -34,17 +34,17 @@ from tactograph.nodes.optics.reflectance_map import (
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, solve_reflectance_map
 
 ROUGH_PASSES = 2
-"""How often the slope is solved for on cells, each time with the previous height."""
-MEASURED = 7
+"""Solutions for the slope on cells, each with the height of the one before."""
+MAX_RIM_PRESSES = 7
 """Most presses that measure the height of the contact's rim."""
-FIRST_RIM = 0.2
+FIRST_RIM_MM = 0.2
 """Start value of the rim's height in mm."""
 RIM_ROUNDS = 2
-OUTLYING = 6.0
+MAX_DEVIATIONS = 6.0
 """A press is an outlier above this many robust standard deviations of the residuals ..."""
-OUTLYING_SHARE = 2.5
+MAX_MEDIANS = 2.5
 """... and above this multiple of their median."""
-FARTHEST = 2.0
+MAX_CENTRE_STEP_PX = 2.0
 """Longest step of a centre in px."""
 
 
@@ -127,14 +127,16 @@ def fit_reflectance_map(
     order = degree_for(int(kept.sum())) if degree is None else degree
     bench = make_bench(image, flat, radius_mm, pixel, order)
     circles = circle.astype(np.float64)
-    rim = FIRST_RIM
+    rim = FIRST_RIM_MM
     reflectance, circles = fit_presses(bench, circles, kept, rim, rounds)
     outliers = _outliers(bench, reflectance, circles, kept, rim)
     for press in np.flatnonzero(outliers):
         warn(f"press {names[press]} is left out: its light does not fit that of the others")
     kept &= ~outliers
-    if kept.sum() < FEWEST:
-        raise InputError(f"{int(kept.sum())} presses agree, and {FEWEST} are needed; press more")
+    if kept.sum() < MIN_PRESSES:
+        raise InputError(
+            f"{int(kept.sum())} presses agree, and {MIN_PRESSES} are needed; press more"
+        )
     for _ in range(RIM_ROUNDS):
         reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
         rim = measure_rim(bench, reflectance, circles, kept)
@@ -192,7 +194,7 @@ def refine_center(
         move = -np.linalg.solve(
             normal + 1e-9 * np.trace(normal) * np.eye(2), np.einsum("akn,kn->a", weighted, left)
         )
-        circle[:2] += move * min(1.0, FARTHEST / max(float(np.hypot(*move)), 1e-9))
+        circle[:2] += move * min(1.0, MAX_CENTRE_STEP_PX / max(float(np.hypot(*move)), 1e-9))
     return circle
 
 
@@ -214,7 +216,7 @@ def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
 
 def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:
     """Return the median height in mm by which the film lifts the rims of some presses."""
-    some = np.flatnonzero(kept)[:: int(kept.sum()) // MEASURED + 1]
+    some = np.flatnonzero(kept)[:: int(kept.sum()) // MAX_RIM_PRESSES + 1]
     return float(np.median([_rim_of(bench, reflectance, circles[i], i) for i in some]))
 
 
@@ -250,10 +252,10 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
         weight.append(pixels.weight)
     basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
     weights = np.concatenate(weight, axis=1)
-    found = np.zeros((len(lights), SHADES, TERMS))
+    reflectance = np.zeros((len(lights), SHADES, TERMS))
     for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        found[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADES, used)
-    return found
+        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADES, used)
+    return reflectance
 
 
 def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
@@ -263,9 +265,9 @@ def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
         weighted = basis * weight
         normal = weighted @ basis.T
         ridge = RIDGE * np.diag(np.diag(normal) + 1e-12)
-        found: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
-        weight = robust_weights(light - found @ basis, even)
-    return found
+        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
+        weight = robust_weights(light - coefficients @ basis, even)
+    return coefficients
 
 
 def _press_residual(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> F8:
@@ -300,5 +302,5 @@ def _outliers(
         residual[i] = _misfit(bench, reflectance, circles[i], i, rim)
     middle = np.median(residual[kept])
     spread = 1.4826 * np.median(np.abs(residual[kept] - middle))
-    high = max(middle + OUTLYING * spread, OUTLYING_SHARE * middle)
+    high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
     return np.asarray(kept & (residual > high))

@@ -9,12 +9,11 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Light
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
-
-DARKEST = np.float32(0.02)
 
 
 @node(neutral="image")
@@ -36,7 +35,7 @@ def level_presses(
     degree, rough
         As for `film_drift`.
     """
-    rest = np.maximum(flat, DARKEST)
+    rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:
         drift = film_drift(coarsen(press / rest), degree=degree, rough=rough)

@@ -9,8 +9,8 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes import F4, F8, U1, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     Bench,
     degree_for,
@@ -20,17 +20,15 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.nodes.calibrate.rating.advise_press import REGIONS
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_error, verdict_of
 from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.optics.reflectance_map import F8, ball_shape
 
-JUDGED = 0.9
-"""Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
-CELLS = (4, 6)
+COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
-ENOUGH = 0.85
+MIN_COVERED_SHARE = 0.85
 """Share of the cells that contacts should reach."""
-STEEP = 0.5
+MIN_RIM_SLOPE = 0.5
 
 
 class PressRating(NamedTuple):
@@ -135,51 +133,10 @@ def _judge(
     return judge_contact(slope, height, circle, bench.radius, bench.pixel)
 
 
-def judge_contact(
-    slope: F4,
-    height: F4,
-    circle: F8,
-    radius: float,
-    pixel: float,
-    known: NDArray[np.bool_] | None = None,
-) -> tuple[float, float, float]:
-    """Compare slope and height in a contact (x, y, contact radius in px) with the ball's.
-
-    Parameters
-    ----------
-    slope, height
-        2 x H x W, and H x W in mm.
-    circle
-        x, y, contact radius in px.
-    radius, pixel
-        The ball's radius in px, mm per px.
-    known
-        H x W, the pixels that are judged.  None: all of the contact.
-
-    Returns
-    -------
-    tuple
-        Mean angle between normals in degrees; root mean square height error without its
-        mean, in um; the same in per cent of the cap's height.
-    """
-    y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
-    inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED * circle[2]
-    if known is not None:
-        inside &= known
-    true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
-    found = slope[:, inside].astype(np.float64)
-    p, q = found - true
-    twist = found[0] * true[1] - found[1] * true[0]
-    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (found * true).sum(axis=0))
-    microns = float(1e3 * np.std(height[inside] - rise))
-    cap = (radius - np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))) * pixel
-    return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)
-
-
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
     """Number of contacts that reach the middle of each cell of the film."""
-    (rows, columns), (height, width) = CELLS, shape
-    row, column = np.indices(CELLS)
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    row, column = np.indices(COVERAGE_CELLS)
     x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
     reach = 0.25 * min(width / columns, height / rows)
     far = np.hypot(x[..., None] - circles[:, 0], y[..., None] - circles[:, 1])
@@ -194,12 +151,12 @@ def rim_slope(circles: F4, radius: float) -> float:
 
 def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
     """Say what to press next: the emptiest part of the film, or deeper, or nothing."""
-    (rows, columns), (height, width) = CELLS, shape
-    if (pressed > 0).mean() < ENOUGH:
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    if (pressed > 0).mean() < MIN_COVERED_SHARE:
         row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
         x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
         region = REGIONS[int(3 * y / height)][int(3 * x / width)]
         return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
-    if steepest < STEEP:
+    if steepest < MIN_RIM_SLOPE:
         return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
     return "the presses cover the film; nothing more is needed"

@@ -9,8 +9,8 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes import F8, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate import FOLDS, MAX_ERROR_RATIO, MAX_INDEPENDENT, SLICES, Circles
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     RIM_ROUNDS,
     Bench,
@@ -19,11 +19,10 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import (
     DEGREE,
-    F8,
     SHADES,
     ball_pixels,
     ball_shape,
@@ -33,19 +32,13 @@ from tactograph.nodes.optics.reflectance_map import (
 )
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
-FOLDS, SLICES = 4, 16
-"""Number of folds, and the slices of a contact that they hold out in turn."""
-PIXELS = 1500
+MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
-HEIGHT = SHADES - 1
-BETTER = 0.95
-"""Factor by which a further change must lower the held-out error."""
-HELD = {"gain": 0.1, "shades": 0.3, "offsets": 0.05}
+HEIGHT_SHADE = SHADES - 1
+PRIOR_DEVIATIONS = {"gain": 0.1, "shades": 0.3, "offsets": 0.05}
 """Prior standard deviations: of a gain; of single harmonics' gains; of offsets to harmonics."""
-SPREAD = 0.01
+MAP_DEVIATION = 0.01
 """Standard deviation of the light from the map."""
-INDEPENDENT = 200
-"""Most independent values per light that the presses count as, because departures are smooth."""
 CHANGES = (("gain",), ("gain", "shades"), ("gain", "shades", "offsets"))
 """The changes tried, the simplest first."""
 
@@ -107,11 +100,11 @@ def refit_reflectance_map(
     error = before
     for parts in CHANGES:
         tried, degrees, height = _judged(bench, old, circles, kept, parts)
-        if degrees < BETTER * error:
+        if degrees < MAX_ERROR_RATIO * error:
             best, error, microns = tried, degrees, height
-    gains = (best[:, :HEIGHT] * old[:, :HEIGHT]).sum((1, 2)) / np.square(old[:, :HEIGHT]).sum(
-        (1, 2)
-    )
+    gains = (best[:, :HEIGHT_SHADE] * old[:, :HEIGHT_SHADE]).sum((1, 2)) / np.square(
+        old[:, :HEIGHT_SHADE]
+    ).sum((1, 2))
     figures = {"check_deg/before": before, "check_deg/held_out": error, "check_um": microns}
     figures |= {f"gain_percent/light{k}": 100 * float(g) for k, g in enumerate(gains, start=1)}
     return MapRefit(best.astype(np.float32), figures)
@@ -151,14 +144,14 @@ def _fit(
     used: NDArray[np.bool_],
 ) -> tuple[F8, F8, float]:
     """Update centres, the rim's height and map in turn; return map, circles and rim height."""
-    placed, found = circles.copy(), old
+    placed, reflectance = circles.copy(), old
     rim = 0.0
     for _ in range(RIM_ROUNDS + 1):
         for press in np.flatnonzero(kept).tolist():
-            placed[press] = refine_center(bench, found, placed[press], press, rim)
-        rim = measure_rim(bench, found, placed, kept)
-        found = _changed(bench, old, placed, kept, rim, parts, used)
-    return found, placed, rim
+            placed[press] = refine_center(bench, reflectance, placed[press], press, rim)
+        rim = measure_rim(bench, reflectance, placed, kept)
+        reflectance = _changed(bench, old, placed, kept, rim, parts, used)
+    return reflectance, placed, rim
 
 
 def _changed(
@@ -173,16 +166,16 @@ def _changed(
     """The old map with the changes fitted to the used pixels."""
     if not parts:
         return old
-    found: list[tuple[F8, ...]] = []
+    samples: list[tuple[F8, ...]] = []
     for press in np.flatnonzero(kept).tolist():
-        pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=PIXELS)
+        pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=MAX_PRESS_PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
         slope, rise = ball_shape(pixels.x, pixels.y, circles[press], bench.radius, bench.pixel)
         shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
         of_press = shade, place, pixels.light, pixels.weight
-        found.append(tuple(part[:, chosen] for part in of_press))
+        samples.append(tuple(part[:, chosen] for part in of_press))
     shade, place, light, weight = (
-        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+        np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
     )
     new = old.copy()
     for k, coefficients in enumerate(old):
@@ -193,27 +186,27 @@ def _changed(
 def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
     """The coefficients of one light, 9 x 15, after robust ridge regression of the changes."""
     known = (c @ place) * shade
-    columns = [known[:HEIGHT].sum(0), known[HEIGHT]]
-    held = [HELD["gain"]] * 2
+    columns = [known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]]
+    held = [PRIOR_DEVIATIONS["gain"]] * 2
     if "shades" in parts:
-        columns += list(known[:HEIGHT])
-        held += [HELD["shades"]] * HEIGHT
+        columns += list(known[:HEIGHT_SHADE])
+        held += [PRIOR_DEVIATIONS["shades"]] * HEIGHT_SHADE
     if "offsets" in parts:
-        columns += list(shade[:HEIGHT])
-        held += [HELD["offsets"]] * HEIGHT
+        columns += list(shade[:HEIGHT_SHADE])
+        held += [PRIOR_DEVIATIONS["offsets"]] * HEIGHT_SHADE
     basis, left = np.stack(columns), light - known.sum(0)
-    thinned = min(1.0, INDEPENDENT / max(light.size, 1))
+    thinned = min(1.0, MAX_INDEPENDENT / max(light.size, 1))
     weight, change = even / even.mean(), np.zeros(len(basis))
     for _ in range(3):
-        weighted = basis * (weight * thinned / SPREAD**2)
+        weighted = basis * (weight * thinned / MAP_DEVIATION**2)
         normal = weighted @ basis.T + np.diag(np.asarray(held) ** -2)
         change = np.linalg.solve(normal, weighted @ left)
         weight = robust_weights(left - change @ basis, even / even.mean())
     new = c.copy()
-    new[:HEIGHT] *= 1 + change[0]
-    new[HEIGHT] *= 1 + change[1]
+    new[:HEIGHT_SHADE] *= 1 + change[0]
+    new[HEIGHT_SHADE] *= 1 + change[1]
     if "shades" in parts:
-        new[:HEIGHT] += c[:HEIGHT] * change[2 : 2 + HEIGHT, None]
+        new[:HEIGHT_SHADE] += c[:HEIGHT_SHADE] * change[2 : 2 + HEIGHT_SHADE, None]
     if "offsets" in parts:
-        new[:HEIGHT, 0] += change[-HEIGHT:]
+        new[:HEIGHT_SHADE, 0] += change[-HEIGHT_SHADE:]
     return new

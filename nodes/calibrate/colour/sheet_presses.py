@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes.calibrate.ball.find_balls import BallPress
+from tactograph.nodes.calibrate import BallPress
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.sheet import SheetLight
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
 
 
@@ -31,11 +31,11 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
     """
     if file is None:
         return np.zeros(8, np.float32)
-    found = read_arrays(file, CAMERA)
-    columns, rows = found["size"]
+    arrays = read_arrays(file, CAMERA)
+    columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):
         raise InputError(
             f"{file}: was made with an image of {columns} x {rows} pixels, but these have "
             f"{image.shape[2]} x {image.shape[1]}; take and crop the grid as the captures"
         )
-    return np.asarray(found["lens"], np.float32)
+    return np.asarray(arrays["lens"], np.float32)

@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes import Light
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, PressCalibration
 from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
-
-
-class PressCalibration(NamedTuple):
-    """What `write_press_calibration` wrote; the camera's black level is taken to be 0."""
-
-    flat: Light
-    dark: Dark
-    pixel_size: PixelSize
-    reflectance: ReflectanceMap
-    misfit: Misfit
-    quality: Metrics
-    doubts: list[str]
 
 
 @node
@@ -53,23 +39,24 @@ def read_press_calibration(
         array is missing, misshapen, not finite or out of range; if the new film image has
         another size; if the calibration was made from lights of another order.
     """
-    found = read_arrays(file, PRESS_CALIBRATION)
+    arrays = read_arrays(file, PRESS_CALIBRATION)
     about = read_about(file)
     check_use(file, about, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
-    film = found["flat"] if flat is None else _fresh(flat, order, found["flat"])
+    film = arrays["flat"] if flat is None else _fresh(flat, order, arrays["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
-    quality, size, reflectance = about.quality, found["pixel_size"], found["reflectance"]
+    quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
 
 
 def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
-    found = read_film(flat, lights, 2.0)
-    if found.shape != film.shape:
+    new_film = read_film(flat, lights, 2.0)
+    if new_film.shape != film.shape:
+        columns, rows = new_film.shape[:0:-1]
         raise InputError(
-            f"{flat}: is {found.shape[2]} x {found.shape[1]} pixels, but the calibration is for "
+            f"{flat}: is {columns} x {rows} pixels, but the calibration is for "
             f"{film.shape[2]} x {film.shape[1]}"
         )
-    return found
+    return new_film

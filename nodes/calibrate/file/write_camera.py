@@ -2,43 +2,15 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import Lens, Metrics, PixelSize
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA, CameraLens, NewCamera
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.files.calibration_file import FileKind, Stored, free_for, write_arrays
-
-CAMERA = FileKind(
-    "camera",
-    1,
-    "run calibrate_camera",
-    {
-        "lens": Stored(
-            "8",
-            "k1, k2, cx, cy of the radial distortion (L2), a, b, gx, gy of the tilt (L1); places "
-            "from the image's middle in halves of its diagonal; zeros: none",
-            low=-10,
-            high=10,
-        ),
-        "pixel_size": Stored(
-            "", "mm/px on the film at rest, of the ideal image", low=1e-6, high=1e3
-        ),
-        "residual": Stored(
-            "", "px, root mean square distance of the marks from the fit", low=0, high=1e4
-        ),
-        "size": Stored(
-            "2", "px, columns and rows of the images that it holds for", np.int32, low=1, high=1e5
-        ),
-    },
-    made_from="the image of the grid and its pitch",
-)
-NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA))]
+from tactograph.nodes.files.calibration_file import write_record
 
 
 @node
@@ -71,6 +43,6 @@ def write_camera(
         If the lens cannot be of a camera, the file's name does not end in ``.npz``, or it cannot
         be written.
     """
-    rows, columns = image.shape
-    arrays = {"lens": lens, "pixel_size": pixel, "residual": residual, "size": (columns, rows)}
-    write_arrays(file, CAMERA, arrays, {"quality": quality, "made": provenance})
+    size = np.array(image.shape[::-1], np.int32)
+    record = CameraLens(lens, pixel, residual, size, quality)
+    write_record(file, CAMERA, record, {"made": provenance})

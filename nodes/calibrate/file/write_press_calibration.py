@@ -2,37 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import Annotated
-
-from pydantic import AfterValidator
-
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Light, Metrics, PixelSize
-from tactograph.nodes.files.calibration_file import FileKind, Stored, free_for, write_arrays
-from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
+from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
-
-PRESS_CALIBRATION = FileKind(
-    "press calibration",
-    1,
-    "run calibrate_presses",
-    {
-        "flat": Stored("K H W", "fraction of full scale", low=-1, high=100),
-        "pixel_size": Stored("", "mm/px", low=1e-6, high=1e3),
-        "reflectance": Stored(
-            f"K {SHADES} {TERMS}",
-            "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the "
-            "unit normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v "
-            "being x and y in px from the image's middle divided by half its width",
-            low=-1e6,
-            high=1e6,
-        ),
-    },
-    made_from="the images, and the ball's place and radius",
-)
-NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]
 
 
 @node

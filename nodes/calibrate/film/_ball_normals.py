@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted
+from tactograph.nodes import F8
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.optics.film import rest_below, turned
-from tactograph.nodes.optics.near_light import F8
 
-STEPS = 4
+NORMAL_STEPS = 4
 """Iterations for a normal, which start from the ball's own."""
 RINGS, SECTORS = 3, 8
 """Parts of a ball over which errors of the normal are averaged, to suppress noise."""
@@ -33,7 +33,7 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
     direct = balls.light - balls.thrown(fitted.shifts, film)
     place = x, y, np.maximum(z, film.contact)
     n, rest = truth, rest_below(film, *place)
-    for _ in range(STEPS):
+    for _ in range(NORMAL_STEPS):
         n = turned(film, direct, n, place, uneven, rest)
     return BallNormals(truth, n, direct, place)
 

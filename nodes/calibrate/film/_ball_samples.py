@@ -7,36 +7,35 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1, Film
-from tactograph.nodes.calibrate.ball.level_touches import DEGREE, ROUGH
-from tactograph.nodes.calibrate.film._contact_edge import FARTHEST, contact_edge
-from tactograph.nodes.calibrate.film.film_fit import COUNTED, FAINT, Balls, ball_height, sunk
+from tactograph.nodes import F4, F8, U1, Film
+from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, SLICES
+from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
+from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
-from tactograph.nodes.optics.near_light import F8, places
+from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import cut
 
-INNER = 0.95
+FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
-ENOUGH = 30
+MIN_SAMPLES = 30
 """Fewest samples of each ball."""
 USUAL_ALBEDO = 0.6
 """Albedo of the film for which a bounce is computed."""
-FINE = 4 * CELLS
+FINE_CELLS = 4 * CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
-LIFT = 0.02
+LIFT_SHARE = 0.02
 """Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
-ON_BALL = 1 + 1e-6
+MAX_SQUARED_RADIUS = 1 + 1e-6
 """Tolerance, relative to the squared radius, for a ray that meets a ball."""
-RIM = 0.5
+RIM_STEP_MM = 0.5
 """mm by which the film is widened, to differentiate a bounce by the film's rim."""
-NOISY = 1.5
+MAX_NOISE_RATIO = 1.5
 """Multiple of the camera's noise up to which noise explains a departure."""
-SLICES = 16
-"""Slices of a ball; every fourth is held out in turn if there is only one ball."""
 
 
 class _Press(NamedTuple):
@@ -72,7 +71,7 @@ def sample_balls(
     noise: F4,
     pixel: float,
     steepest: float,
-    most: int | None = COUNTED,
+    most: int | None = MAX_INDEPENDENT_SAMPLES,
     bare: U1 | None = None,
     shifts: F8 | None = None,
     rim: F8 | None = None,
@@ -96,7 +95,7 @@ def sample_balls(
     steepest
         Steeper samples are left out.
     most
-        Most samples of all balls together, but at least `ENOUGH` of each.  None: all pixels.
+        Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
@@ -134,10 +133,12 @@ def sample_balls(
             edge[number] = _edge(*seen, *placed, film, pixel)
         moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
         circle = np.column_stack([circle[:, :2], edge / pixel])
-    found: list[tuple[NDArray[Any], ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
-        reach = min(INNER * contact, radius[number] / pixel * np.sin(np.arctan(steepest)))
+        reach = min(
+            FITTED_RADIUS_SHARE * contact, radius[number] / pixel * np.sin(np.arctan(steepest))
+        )
         yy, xx = np.mgrid[
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
             max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
@@ -153,9 +154,9 @@ def sample_balls(
         by_rim = rimmed[i][:, yy, xx].astype(np.float64)
         bounced -= moved[number, 2] * by_lift + film.rim * by_rim
         each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
-        found.append((x[xx], y[yy], *each_ball))
+        parts.append((x[xx], y[yy], *each_ball))
     u, v, values, bounced, by_lift, by_rim, ball, sector = (
-        np.concatenate(part, axis=-1) for part in zip(*found, strict=True)
+        np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
     every = Balls(
@@ -174,9 +175,9 @@ def sample_balls(
     return every if most is None else thinned(every, most)
 
 
-def thinned(balls: Balls, most: int = COUNTED) -> Balls:
-    """Return about `most` samples of all balls, evenly over each, but at least `ENOUGH` of each."""
-    each = max(ENOUGH, most // len(balls.centre))
+def thinned(balls: Balls, most: int = MAX_INDEPENDENT_SAMPLES) -> Balls:
+    """Return about `most` samples, evenly over each ball, but at least `MIN_SAMPLES` of each."""
+    each = max(MIN_SAMPLES, most // len(balls.centre))
     first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
     number = np.arange(balls.ball.size) - first[balls.ball]
     # A stride that does not divide the rows' length spreads the samples over all columns.
@@ -202,7 +203,7 @@ def _edge(
 ) -> float:
     """The radius of a ball's contact in mm, from the light around it."""
     x, y, contact = (float(part) for part in circle)
-    around = int(FARTHEST * contact) + 2
+    around = int(MAX_EDGE_RATIO * contact) + 2
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
@@ -244,19 +245,19 @@ def _thrown_on(
         return _unit_bounce(press, sigma, circle, radius, places, film, pixel, cells)
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
-    matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM)
-    found = on_matt = thrown(matt, FINE)
-    by_lift = (thrown(matt, FINE, LIFT).left - on_matt.left) / LIFT
+    matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
+    bounced = on_matt = thrown(matt, FINE_CELLS)
+    by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).left - on_matt.left) / LIFT_SHARE
     if film.refraction == 1:
-        by_rim = thrown(wider, FINE).left - found.left
+        by_rim = thrown(wider, FINE_CELLS).left - bounced.left
     else:
-        found = thrown(film, CELLS)
-        by_lift *= found.left.mean() / on_matt.left.mean()
-        by_rim = thrown(wider, CELLS).left - found.left
-        found = thrown(film, FINE) if fine else found
+        bounced = thrown(film, CELLS)
+        by_lift *= bounced.left.mean() / on_matt.left.mean()
+        by_rim = thrown(wider, CELLS).left - bounced.left
+        bounced = thrown(film, FINE_CELLS) if fine else bounced
     if film.albedo > 0:
-        press = _levelled(press, sigma, found, film.albedo)
-    return _Press(press, found.left, by_lift, by_rim / np.float32(RIM))
+        press = _levelled(press, sigma, bounced, film.albedo)
+    return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
 def _unit_bounce(
@@ -272,12 +273,12 @@ def _unit_bounce(
         z = ball_height(u, v, (cx, cy, cz), size, film.camera)
         nearer = 1 - film.camera * z
         away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
-        height = np.maximum(height, np.where(away < ON_BALL * size**2, z, 0))
+        height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
     thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
     # Balls are not film at rest, although little light is reflected onto their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
-    drift = film_drift(coarsen(shown), sigma, degree=DEGREE, rough=ROUGH)
+    drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
     level = (drift_gain(drift, seen.shape) - 1) * press
     whole, taken = thrown / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
     return _Thrown(whole, whole - taken)
@@ -290,7 +291,9 @@ def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
     light.  For another albedo, `left` accounts for what would have been taken for drift.
     """
     known = coarsen(np.float32(albedo) * thrown.whole)
-    drift = film_drift(coarsen(press), sigma, bounced=known, degree=DEGREE, rough=ROUGH)
+    drift = film_drift(
+        coarsen(press), sigma, bounced=known, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS
+    )
     taken = np.float32(albedo) * (thrown.whole - thrown.left)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - taken, np.float32)
 
@@ -299,7 +302,7 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    whole = np.maximum(balls.light, FAINT)
-    found = np.median(np.square(left / whole)) / 0.455
+    whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT)
+    variance = np.median(np.square(left / whole)) / 0.455
     alone = np.median(camera / whole**2)
-    return float(np.sqrt(found - alone)) if found > NOISY**2 * alone else 0.0
+    return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

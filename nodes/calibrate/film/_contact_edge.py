@@ -1,18 +1,17 @@
-"""Where the film leaves a ball: inside it is lit like the ball, outside like the film at rest."""
+"""The edge of a contact: inside the film is lit like the ball, outside like the film at rest."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import Film
-from tactograph.nodes.calibrate.film.film_fit import FAINT, ball_height
+from tactograph.nodes import F8, Film
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, ball_height
 from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import F8
 
-NEAREST, FARTHEST = 0.8, 1.25
+MIN_EDGE_RATIO, MAX_EDGE_RATIO = 0.8, 1.25
 """Radii between which the edge is searched for, relative to the known one."""
-CLEAR = 0.15
+MAX_DEPARTURE = 0.15
 """Largest departure of the light that counts, because folding film matches neither model."""
 
 
@@ -34,7 +33,7 @@ def contact_edge(
     Parameters
     ----------
     u, v
-        N positions in mm on the film at rest, up to `FARTHEST` times `rim` from the ball's
+        N positions in mm on the film at rest, up to `MAX_EDGE_RATIO` times `rim` from the ball's
         centre.
     light, thrown
         K x N, the light as seen, and the part reflected from film to film.
@@ -47,7 +46,7 @@ def contact_edge(
     """
     cx, cy, cz = centre
     away = np.hypot(u - cx, v - cy)
-    ring = (away > NEAREST * rim) & (away < min(FARTHEST * rim, radius))
+    ring = (away > MIN_EDGE_RATIO * rim) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
     if not away.size:
         return rim
@@ -57,15 +56,15 @@ def contact_edge(
     n /= np.sqrt((n * n).sum(0))
     on_ball = predict(film, n, x, y, np.maximum(z, film.contact)) + thrown
     # Both the far side of a ball and its shadow are dark.
-    lit = light > FAINT
+    lit = light > MIN_WEIGHT_LIGHT
     inside, outside = (_departure(light - model, lit) for model in (on_ball, 1 + thrown))
     order = np.argsort(away)
     beyond = np.concatenate([[0.0], np.cumsum((inside - outside)[order])])
-    edges = np.concatenate([[NEAREST * rim], away[order]])
+    edges = np.concatenate([[MIN_EDGE_RATIO * rim], away[order]])
     return float(edges[np.argmin(beyond)])
 
 
 def _departure(left: F8, lit: NDArray[np.bool_]) -> F8:
     """Departure without what the LEDs share: at the foot, light from film to film is common."""
     common = (left * lit).sum(0) / np.maximum(lit.sum(0), 1)
-    return np.asarray((np.minimum(np.abs(left - common), CLEAR) ** 2 * lit).sum(0))
+    return np.asarray((np.minimum(np.abs(left - common), MAX_DEPARTURE) ** 2 * lit).sum(0))

@@ -8,32 +8,31 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
-from tactograph.nodes.optics.near_light import F8
 
-NEAREST_PX = 2
+MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
-FARTHEST, LAGS = 0.7, 12
+MAX_LAG_SHARE, LAG_COUNT = 0.7, 12
 """Longest lag, relative to a contact's radius, and number of lags."""
-WITHIN = 0.95
+BAND_QUANTILE = 0.95
 """Quantile at which a normal distribution replaces Student's: that of the 90 % band."""
-EVERY = 7
+PIXEL_STRIDE = 7
 """Stride of the pixels on which other LED positions are tried."""
-LEAST_LIT = 0.1
+MIN_DIRECT_LIGHT = 0.1
 """Light beyond the diffused share from which an LED is used to measure brightness."""
-CAUTION = 2.5
+BRIGHTENING_FACTOR = 2.5
 """Factor by which another object may brighten the film more than the calibration's balls, which
 all stretch it in the same way."""
-LEAST_DOUBT = 0.015
+MIN_BOUNCE_ERROR = 0.015
 """Smallest relative uncertainty of the light from film to film, however well presses agree.  On
 ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
-DOWN = 0.75
+MAX_APPROACH_SHARE = 0.75
 """Farthest that another place of an LED lies nearer to the film, relative to the LED's height."""
-LEVEL = 0.1
+FULL_TILT_SINE = 0.1
 """Sine of the slant above which the model's tilt error counts in full."""
 
 
@@ -75,8 +74,8 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
         mm per px.
     """
     rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
-    farthest = max(FARTHEST * rim / pixel, NEAREST_PX + 1)
-    lags = np.unique(np.geomspace(NEAREST_PX, farthest, LAGS).round().astype(int))
+    farthest = max(MAX_LAG_SHARE * rim / pixel, MIN_LAG_PX + 1)
+    lags = np.unique(np.geomspace(MIN_LAG_PX, farthest, LAG_COUNT).round().astype(int))
     total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
     tilts, spread, count = [], 0.0, 0
     for part in held:
@@ -99,7 +98,7 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     known = np.mean([_led_tilt(part, others, uneven) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
     level = _root(max(normal[0], 0) + chance) * float(np.sqrt(1 + 1 / len(held)))
-    tilt *= float(stdtrit(len(tilts), WITHIN) / ndtri(WITHIN))
+    tilt *= float(stdtrit(len(tilts), BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
     tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
@@ -119,43 +118,43 @@ def unevenness(held: list[Held], pixel: float) -> float:
     pixel
         mm per px.
     """
-    lags = np.array([NEAREST_PX])
+    lags = np.array([MIN_LAG_PX])
     total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
     for part in held:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
-        made = seen - balls.thrown(part.fitted.shifts, film)
-        lit = made > film.diffuse[:, None] + LEAST_LIT
-        left, made = np.where(lit, balls.light - seen, 0), np.where(lit, made, 0)
-        brightness = (left * made).sum(0) / np.maximum(np.square(made).sum(0), LEAST_LIT)
+        direct = seen - balls.thrown(part.fitted.shifts, film)
+        lit = direct > film.diffuse[:, None] + MIN_DIRECT_LIGHT
+        left, direct = np.where(lit, balls.light - seen, 0), np.where(lit, direct, 0)
+        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_DIRECT_LIGHT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel
             _add(total, place, np.empty((0, at.sum())), brightness[None, at])
-    return CAUTION * _root(float(total.light[0] / max(total.pairs[0], 1)))
+    return BRIGHTENING_FACTOR * _root(float(total.light[0] / max(total.pairs[0], 1)))
 
 
 def _led_tilt(part: Held, others: F8, uneven: float) -> float:
     """Mean square effect of other LED positions on `tilt`."""
-    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % EVERY == 0)
+    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % PIXEL_STRIDE == 0)
     truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
     z = np.maximum(z, film.contact)
     light, outward = predict(film, truth, x, y, z), _outward(truth)
-    found = []
+    tilts = []
     for away in others:
         # A place that the whole fit allows may be under the film for the LED of a part.
-        most = DOWN * film.lights[:, 2:]
+        most = MAX_APPROACH_SHARE * film.lights[:, 2:]
         lights = film.lights + most / np.maximum(-away[:, 2:], most) * away
         n = turned(film._replace(lights=cast(F4, lights)), light, truth, (x, y, z), uneven)
-        found.append(((n - truth) * outward).sum() / np.square(outward).sum())
-    return float(np.square(found).mean())
+        tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(tilts).mean())
 
 
 def _outward(normal: F8) -> F8:
     """The direction of increasing slant in a normal's tangent plane; zero on level film."""
     nx, ny, nz = normal
     sine = np.maximum(np.hypot(nx, ny), 1e-6)
-    rising = np.minimum(sine / LEVEL, 1)
+    rising = np.minimum(sine / FULL_TILT_SINE, 1)
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 
@@ -206,9 +205,9 @@ def _doubt(held: list[Held]) -> float:
     parts = len(albedo)
     if parts < 2 or albedo.mean() <= 0:
         return 0.0
-    wider = float(stdtrit(parts - 1, WITHIN) / ndtri(WITHIN))
+    wider = float(stdtrit(parts - 1, BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     share = float(albedo.std(ddof=1) / np.sqrt(parts) / albedo.mean())
-    return float(np.hypot(wider * share, LEAST_DOUBT))
+    return float(np.hypot(wider * share, MIN_BOUNCE_ERROR))
 
 
 def _root(square: float) -> float:

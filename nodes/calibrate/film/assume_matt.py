@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from tactograph.graph import node
-from tactograph.nodes import Film, LightPlaces, LightPositions
+from tactograph.nodes import Film, LightPlaces, LightPositions, Misfit
+from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.optics.film import matt_film
 
 
+class MattFilm(NamedTuple):
+    """A film, and the misfit of a model that leaves only noise."""
+
+    film: Film
+    misfit: Misfit
+
+
 @node
-def assume_matt(lights: LightPositions, others: LightPlaces) -> Film:
+def assume_matt(lights: LightPositions, others: LightPlaces) -> MattFilm:
     """Return the film of equation N1 (`optics/near_light`): matt, seen from far away.
 
     Parameters
@@ -16,4 +28,4 @@ def assume_matt(lights: LightPositions, others: LightPlaces) -> Film:
     lights, others
         K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them.
     """
-    return matt_film(lights)._replace(others=others)
+    return MattFilm(matt_film(lights)._replace(others=others), np.array(NO_MISFIT, np.float32))

@@ -9,9 +9,9 @@ from annotated_types import Gt
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate.colour.find_presses import Circles
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.film_fit import Balls
+from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     MAX_SAMPLES,
     RadiusVerdict,
@@ -26,14 +26,12 @@ MAX_PRESSES = 12
 """Most presses that are looked at."""
 COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
-MIN_FLAT = np.float32(0.02)
-"""Light of the film at rest below which presses are not divided by it."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 MAX_SLOPE = 3.0
 """Steepest film of a sample."""
-ABOVE = np.array([0, 0, 1], np.float32)
-"""Where all lights are taken to be until the samples tell, in mm."""
+STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
+"""Place of all lights until the samples tell."""
 
 
 @node
@@ -72,29 +70,29 @@ def judge_press_radius(
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
-    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT)), axis=1)
+    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
-    nowhere = matt_film(np.tile(ABOVE, (len(flat), 1)))
+    nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
     of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
-    found = sample_balls(
+    balls = sample_balls(
         *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),
         MAX_SLOPE,
         most=MAX_SAMPLES,
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(found, flat, pixel, _directions(found), strength, shift_px, COARSE_FACTORS, 0)
+    tried = try_radii(balls, flat, pixel, _directions(balls), strength, shift_px, COARSE_FACTORS, 0)
     doubt = doubt_of_radius(tried, radius_mm)
     figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
-    return RadiusVerdict(figures, [doubt.said] if doubt.said else [])
+    return RadiusVerdict(figures, [doubt.sentence] if doubt.sentence else [])
 
 
 def _directions(balls: Balls) -> F4:
     """Roughly where the lights are: distant ones, by linear least squares."""
     (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
-    found = []
+    directions = []
     for light in balls.light:
         lit = light > MIN_LIGHT
         slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
-        found.append([*slant, 1.0])
-    return np.asarray(found, np.float32)
+        directions.append([*slant, 1.0])
+    return np.asarray(directions, np.float32)

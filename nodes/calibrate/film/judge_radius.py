@@ -15,20 +15,20 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Film, Light, LightPositions, Metrics, Noise, PixelSize
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
+from tactograph.graph import InputError, node
+from tactograph.nodes import F4, Film, Metrics
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, fit, rest_left, start_at
-from tactograph.nodes.calibrate.lights.light_fit import Rest, rest_of
+from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.film.film_fit import fit, start_at
+from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.optics.film import matt_film
-from tactograph.nodes.optics.sheet import SheetLight
 
-FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
+RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
-FINER_SHARES, ROUNDS = (0.35, 0.7), 2
+FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
@@ -60,7 +60,7 @@ class RadiusVerdict(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A radius, relative to the given one, and what a plain film with it says.
+    """A radius, relative to the given one, and the fit of a plain film with it.
 
     The departure left on balls and flat frame, that on the balls alone, the LEDs' mean distance
     in mm, and the mean share of light that the gel diffuses.
@@ -74,26 +74,17 @@ class Tried(NamedTuple):
 
 
 class Doubt(NamedTuple):
-    """What is said against a radius, empty if nothing; whether the light contradicts it."""
+    """A sentence against a radius, empty if there is none; whether the light contradicts it."""
 
-    said: str
+    sentence: str
     is_clear: bool
 
 
 @node
 def judge_radius(
-    light: SheetLight,
-    flat: Light,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
-    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
-    lights: LightPositions,
-    strength: Annotated[F4, Port("K", "1")],
+    evidence: FilmEvidence,
     film: Film,
     fitted: Metrics,
-    noise: Noise,
-    pixel: PixelSize,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -104,8 +95,8 @@ def judge_radius(
 
     Parameters
     ----------
-    light, flat, circle, radius, of, kept, lights, strength, noise, pixel, steepest, shift_px
-        As for `fit_film`.
+    evidence
+        The inputs of `fit_film`.
     film, fitted
         The film that `fit_film` found with the given radius, and its figures.  A radius is
         doubted only if the plain model with another one departs less than this film.
@@ -114,6 +105,8 @@ def judge_radius(
         gives it.
     force
         Whether a radius that the light contradicts is doubted instead of refused.
+    steepest, shift_px
+        As for `fit_film`.
 
     Returns
     -------
@@ -129,6 +122,7 @@ def judge_radius(
     InputError
         If the light contradicts the radius and `force` is not set.
     """
+    light, flat, circle, radius, of, kept, lights, strength, noise, pixel = evidence
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
@@ -136,17 +130,17 @@ def judge_radius(
         most=MAX_SAMPLES,
         fine=True,
     )
-    found = try_radii(balls, flat, pixel, lights, strength, shift_px)
+    trials = try_radii(balls, flat, pixel, lights, strength, shift_px)
     first = float(radius[used[0]])
-    doubt = doubt_of_radius(found, first, _left(fitted))
-    doubts = [doubt.said] if doubt.said else []
+    doubt = doubt_of_radius(trials, first, _left(fitted))
+    doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
-        raise InputError(doubt.said + HOW_TO_FORCE)
+        raise InputError(doubt.sentence + HOW_TO_FORCE)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
-        doubts += _of_distance(mean, led_distance_mm, first, found)
-    quality = fitted | {"light_departure_percent": 100 * as_given(found).departure}
-    if (best := _best(found)).departure < EQUAL_DEPARTURE * _left(fitted):
+        doubts += _of_distance(mean, led_distance_mm, first, trials)
+    quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
+    if (best := _best(trials)).departure < EQUAL_DEPARTURE * _left(fitted):
         quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
 
@@ -158,8 +152,8 @@ def try_radii(
     lights: F4,
     strength: F4,
     shift_px: float,
-    factors: tuple[float, ...] = FACTORS,
-    rounds: int = ROUNDS,
+    factors: tuple[float, ...] = RADIUS_FACTORS,
+    rounds: int = FINER_ROUNDS,
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
@@ -172,10 +166,10 @@ def try_radii(
     def tried(factors: Iterable[float]) -> list[Tried]:
         return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
 
-    found = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
+    trials = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
     for _ in range(rounds):
-        found = sorted(found + tried(_beside(_best(found), found)))
-    return found
+        trials = sorted(trials + tried(_beside(_best(trials), trials)))
+    return trials
 
 
 def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
@@ -225,7 +219,7 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
 
 
 def _left(fitted: Metrics) -> float:
-    """What `fit_film` leaves of the balls' light and of the flat frame."""
+    """The share of the balls' light and of the flat frame that `fit_film` leaves."""
     left = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
     return float(np.hypot(*left)) / 100
 
@@ -236,25 +230,25 @@ def _try(
     """Fit the plain film to balls of other radii and the same contacts."""
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
-    got = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
-    flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, got)).mean()))
-    distance = float(np.linalg.norm(got.film.lights, axis=1).mean())
-    diffuse = float(got.film.diffuse.mean())
-    return Tried(factor, float(np.hypot(got.scale, flat)), got.scale, distance, diffuse)
+    fitted = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
+    flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
+    distance = float(np.linalg.norm(fitted.film.lights, axis=1).mean())
+    diffuse = float(fitted.film.diffuse.mean())
+    return Tried(factor, float(np.hypot(fitted.scale, flat)), fitted.scale, distance, diffuse)
 
 
-def _best(found: list[Tried]) -> Tried:
-    return min(found, key=lambda each: each.departure)
+def _best(trials: list[Tried]) -> Tried:
+    return min(trials, key=lambda each: each.departure)
 
 
-def as_given(found: list[Tried]) -> Tried:
+def as_given(trials: list[Tried]) -> Tried:
     """Return what the light says of the radius that was given."""
-    return next(each for each in found if each.factor == 1)
+    return next(each for each in trials if each.factor == 1)
 
 
-def _beside(best: Tried, found: list[Tried]) -> list[float]:
+def _beside(best: Tried, trials: list[Tried]) -> list[float]:
     """Factors between the best one and its neighbours."""
-    factors = [each.factor for each in found]
+    factors = [each.factor for each in trials]
     at = factors.index(best.factor)
     near = factors[max(at - 1, 0) : at] + factors[at + 1 : at + 2]
     return [best.factor + share * (other - best.factor) for other in near for share in FINER_SHARES]
@@ -265,11 +259,14 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
     if abs(found_mm / given_mm - 1) < DISTANCE_TOLERANCE:
         return []
     agreeing = [each for each in tried if abs(each.distance / given_mm - 1) < DISTANCE_TOLERANCE]
-    said = f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
+    contradiction = (
+        f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
+    )
     if agreeing and abs((best := _best(agreeing)).factor - 1) > RADIUS_TOLERANCE:
-        return [said + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
+        return [contradiction + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [
-        said + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
+        contradiction
+        + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
         "large; or led_distance_mm is wrong"
     ]

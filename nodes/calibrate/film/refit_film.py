@@ -9,37 +9,39 @@ import numpy as np
 from annotated_types import Gt
 from scipy.optimize import least_squares
 
-from tactograph.graph import SizeLimit, node
-from tactograph.nodes import (
-    F4,
-    Film,
-    Light,
-    Metrics,
-    Misfit,
-    Noise,
-    PixelSize,
+from tactograph.graph import SizeLimit, node, warn
+from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
+from tactograph.nodes.calibrate import (
+    FOLDS,
+    MAX_ERROR_RATIO,
+    MAX_INDEPENDENT,
+    BallCircles,
+    BallPress,
+    BallRadii,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film.film_fit import FAINT, LIFT, Balls, Fitted, predicted
-from tactograph.nodes.calibrate.lights.light_fit import HUBER, LIFT_MM, SPREAD, Rest, rest_of
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import HEIGHT_DEVIATION_SHARE
+from tactograph.nodes.calibrate.film.fit_film import pressed_slope
+from tactograph.nodes.calibrate.lights.light_fit import (
+    HEIGHT_DEVIATION_MM,
+    HUBER_DEVIATIONS,
+    LIGHT_DEVIATION,
+)
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.optics.film import rest_light
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import SheetLight
 
-FOLDS = 4
-"""Number of folds, each of which holds out a quarter of the check press."""
-SAMPLES = 400
+CHECK_SAMPLES = 400
 """Samples of the check press; the few parameters need no more."""
-INDEPENDENT, INDEPENDENT_REST = 200, 5
-"""Most independent values per LED that a check press, and the flat frame's fall-off, count as,
-because departures from a model are smooth."""
-BETTER = 0.95
-"""Factor by which a further change of the film must lower the held-out error."""
-STEPS = 25
-COPIES = 25
+MAX_INDEPENDENT_REST = 5
+"""Most independent values per LED that the flat frame's fall-off counts as."""
+SHALLOW_SHARE = 0.5
+"""Share of the slopes pressed for the calibration below which a check press tells too little."""
+MAX_STEPS = 25
+PRIOR_COPIES = 25
 """Residuals into which each prior is split.  They stay below the scale of the robust loss, which is
 meant for light."""
 
@@ -52,7 +54,7 @@ class _Open(NamedTuple):
     high: float
 
 
-OPEN = {
+OPEN_PARAMETERS = {
     "thicker": _Open(0.3, -3.0, 3.0),
     "gain": _Open(0.01, 0.8, 1.3),
     "diffuse": _Open(0.15, -0.9, 0.9),
@@ -65,10 +67,10 @@ OPEN = {
 CHANGES = (
     ("thicker",),
     ("thicker", "gain", "diffuse", "albedo"),
-    tuple(OPEN),
+    tuple(OPEN_PARAMETERS),
 )
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
-COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
+FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
 
 
@@ -104,7 +106,7 @@ class _Refitted(NamedTuple):
     @property
     def fitted(self) -> Fitted:
         """The fit in the form that other functions take."""
-        return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, SPREAD)
+        return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, LIGHT_DEVIATION)
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -170,13 +172,18 @@ def refit_film(
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
     given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
-    balls = sample_balls(*given, most=SAMPLES)
+    balls = sample_balls(*given, most=CHECK_SAMPLES)
+    if (slope := pressed_slope(balls, steepest)) < SHALLOW_SHARE * film.pressed_slope:
+        warn(
+            f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
+            f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
+        )
     known = _known(precise, flat, before, pixel, shift_px)
     best, error, folds = _choose(known, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(known._replace(film=plain), balls)
-        if other[1] < BETTER * error:
+        if other[1] < MAX_ERROR_RATIO * error:
             best, error, folds = other
     before_error = _judged(known, balls, (), None)[1]
     whole = sample_balls(*given, most=None)
@@ -187,14 +194,14 @@ def refit_film(
     away = np.asarray(film.others - film.lights, np.float64)
     held = [part for part in held if part.balls.u.size]
     uneven = unevenness(held, pixel)
-    found = misfit(held, away, pixel, uneven)
+    new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": error}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
         best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
         film,
-        np.maximum(found, old_misfit),
+        np.maximum(new_misfit, old_misfit),
         even_pixel * (1 + film.camera * thicker),
         figures | _changes(film, best.film, thicker),
     )
@@ -212,7 +219,7 @@ def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> F
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
-    """What has changed, in practical units."""
+    """The changes of the film, in practical units."""
     diffuse = float(np.mean(new.diffuse - old.diffuse))
     return {
         "thicker_mm": thicker,
@@ -247,8 +254,8 @@ def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitt
     """The simplest change that the held-out slices support, its error and its folds."""
     best, error, folds = _judged(known, balls, CHANGES[0], None)
     for names in CHANGES[1:]:
-        tried = _judged(known, balls, names, COAT if "base" in names else None)
-        if tried[1] < BETTER * error:
+        tried = _judged(known, balls, names, FIRST_COAT if "base" in names else None)
+        if tried[1] < MAX_ERROR_RATIO * error:
             best, error, folds = tried
     return best, error, folds
 
@@ -303,12 +310,12 @@ def _fit(
         # The LEDs stay, so a film at rest that is darker reflects less.
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
-    lift = np.minimum(LIFT_MM, LIFT * balls.radius)
+    lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
     places = np.column_stack([np.full((count, 2), known.shift_mm), lift]).ravel()
-    spread = np.concatenate([places, [OPEN[name].spread for name in names]])
-    samples = SPREAD * np.sqrt(max(balls.u.size / INDEPENDENT / count, 1))
-    blocks = SPREAD * np.sqrt(max(known.fall.x.size / INDEPENDENT_REST, 1))
-    whole = np.maximum(balls.light, FAINT) * samples
+    spread = np.concatenate([places, [OPEN_PARAMETERS[name].spread for name in names]])
+    samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
+    blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
+    whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT) * samples
     level = np.log(rest_light(film, known.fall.x, known.fall.y))
 
     def at(values: F8) -> _Refitted:
@@ -320,7 +327,7 @@ def _fit(
         scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
         parts = [
             ((balls.light - predicted(_scaled(balls, scale), tried.fitted)) / whole).ravel(),
-            np.tile((values - usual) / spread / np.sqrt(COPIES), COPIES),
+            np.tile((values - usual) / spread / np.sqrt(PRIOR_COPIES), PRIOR_COPIES),
         ]
         if names and known.fall.x.size:
             fallen = np.log(rest_light(tried.film, known.fall.x * scale, known.fall.y * scale))
@@ -329,7 +336,9 @@ def _fit(
 
     usual = np.concatenate([np.zeros(3 * count), first])
     begin = [(start or {}).get(name, value) for name, value in zip(names, first, strict=True)]
-    bounds = np.array([(OPEN[name].low, OPEN[name].high) for name in names]).reshape(-1, 2)
+    bounds = np.array(
+        [(OPEN_PARAMETERS[name].low, OPEN_PARAMETERS[name].high) for name in names]
+    ).reshape(-1, 2)
     low = np.concatenate([-10 * places, bounds[:, 0]])
     high = np.concatenate([10 * places, bounds[:, 1]])
     margin = 1e-6 * spread
@@ -339,8 +348,8 @@ def _fit(
         bounds=(low, high),
         x_scale=spread,
         loss="huber",
-        f_scale=HUBER,
-        max_nfev=STEPS,
+        f_scale=HUBER_DEVIATIONS,
+        max_nfev=MAX_STEPS,
         xtol=1e-4,
         ftol=1e-4,
     )

@@ -9,16 +9,18 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
+from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.calibrate.lights.light_fit import (
-    FEWEST,
     other_places,
     place_leds,
-    presses_of,
     residual_of,
+    spread_of,
+)
+from tactograph.nodes.calibrate.lights.light_samples import (
+    presses_of,
     rest_of,
     sample,
     samples_for,
-    spread_of,
     unreached,
 )
 from tactograph.nodes.optics.sheet import (
@@ -103,7 +105,7 @@ def calibrate_lights(
     if dark:
         raise InputError(
             f"LED {dark[0]} reaches only {dark[1]} pixels of the calibration object "
-            f"({FEWEST} are needed): is it on?"
+            f"({MIN_PIXELS} are needed): is it on?"
         )
     rest, width = rest_of(flat, pixel), pixel * light.shape[2]
     placed = place_leds(objects, rest, shift_px, width)

@@ -10,22 +10,18 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import (
-    DIM,
-    ENOUGH,
+from tactograph.nodes import F4, F8, U1, Light, PixelSize
+from tactograph.nodes.calibrate.lights.light_fit import Placed, place_leds, residual_of, shift_of
+from tactograph.nodes.calibrate.lights.light_samples import (
+    DIM_LIGHT,
+    MAX_SAMPLES_EACH,
     Object,
-    Placed,
     Rest,
-    place_leds,
     presses_of,
-    residual_of,
     rest_of,
     sample,
-    shift_of,
     unreached,
 )
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
@@ -35,19 +31,19 @@ from tactograph.nodes.optics.sheet import (
     cut,
 )
 
-FULL = 0.998
+SATURATED_LIGHT = 0.998
 """Captured light that counts as saturated."""
-TOO_MUCH = 0.02
+MAX_SATURATED_SHARE = 0.02
 """Share of saturated pixels in a contact above which a press is rejected."""
-CANDIDATES = 8
+CANDIDATE_PRESSES = 8
 """Number of presses that each serve alone as a candidate reference for the others."""
-OUT_OF_LINE = 3.0
+MAX_MEDIANS = 3.0
 """Residual or movement, relative to the median press's, above which a press is an outlier."""
-FINE = 0.02
+INLIER_RESIDUAL = 0.02
 """Residual, relative to the film at rest, up to which a press is never an outlier."""
-STILL_PX = 1.0
+INLIER_MOVEMENT_PX = 1.0
 """Movement in px between LEDs up to which a press is never an outlier."""
-EXPLAINED = 0.3
+MAX_RESIDUAL_SHARE = 0.3
 """Largest share of the squared residual that may remain if movement is the cause."""
 
 
@@ -111,15 +107,15 @@ def choose_presses(
         If no press can be used.
     """
     presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
-    found = [i for i, press in enumerate(presses) if press.mask.any()]
+    pressed = [i for i, press in enumerate(presses) if press.mask.any()]
     kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
-    kept[found] = 1
+    kept[pressed] = 1
     if len(presses) > 1:
         captured = cut(image, flat.shape[1])
-        objects = {i: sample(presses[i], pixel, steepest, ENOUGH) for i in found}
-        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in found}
+        objects = {i: sample(presses[i], pixel, steepest, MAX_SAMPLES_EACH) for i in pressed}
+        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in pressed}
         why = {i: reason for i, reason in spoilt.items() if reason}
-        usable = [i for i in found if i not in why]
+        usable = [i for i in pressed if i not in why]
         if not usable:
             raise InputError(
                 f"none of {len(presses)} presses can be used: "
@@ -137,7 +133,7 @@ def choose_presses(
 
 
 class _Agreement(NamedTuple):
-    """How well LEDs explain each press: its residual, and the ball's movement between LEDs."""
+    """The fit of LEDs to each press: its residual, and the ball's movement between LEDs."""
 
     residual: F8
     moved: F8
@@ -145,8 +141,8 @@ class _Agreement(NamedTuple):
 
 def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
     """The reason why a press cannot be used, regardless of the others; None if it can."""
-    clipped = float((captured[:, mask > 0] >= FULL).any(axis=0).mean())
-    if clipped > TOO_MUCH:
+    clipped = float((captured[:, mask > 0] >= SATURATED_LIGHT).any(axis=0).mean())
+    if clipped > MAX_SATURATED_SHARE:
         return f"{clipped:.0%} of its contact is saturated; expose shorter"
     dark = unreached([there])
     if dark:
@@ -157,14 +153,16 @@ def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
 def _consensus(
     objects: list[Object], rest: Rest | None, shift_px: float, width_mm: float
 ) -> _Agreement:
-    """How well the LEDs that most presses agree on explain each press."""
-    tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATES).astype(int))
+    """The fit to each press of the LEDs that most presses agree on."""
+    tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
     alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
-    found = [_explain(objects, placed, shift_px) for placed in alone]
+    explanations = [_explain(objects, placed, shift_px) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
-    best = min(found, key=lambda a: _middle(a.residual))
-    good = [o for o, bad in zip(objects, _far(best.residual, FINE), strict=True) if not bad]
-    start = alone[next(i for i, a in enumerate(found) if a is best)]
+    best = min(explanations, key=lambda a: _middle(a.residual))
+    good = [
+        o for o, bad in zip(objects, _far(best.residual, INLIER_RESIDUAL), strict=True) if not bad
+    ]
+    start = alone[next(i for i, a in enumerate(explanations) if a is best)]
     return _explain(objects, place_leds(good, rest, shift_px, width_mm, start), shift_px)
 
 
@@ -190,12 +188,12 @@ def _movement(there: Object, placed: Placed, shift: F8, error: F8) -> float:
     ]
     seen, left = [], 0.0
     for k, lit in enumerate(there.lit):
-        used = lit & (there.light[k] > 2 * DIM)
+        used = lit & (there.light[k] > 2 * DIM_LIGHT)
         by_shift = np.stack([s[k, used] for s in slopes], axis=1)
         place = np.linalg.lstsq(by_shift, -error[k, used], rcond=None)[0]
         seen.append(place)
         left += float(((by_shift @ place + error[k, used]) ** 2).sum())
-    if left > EXPLAINED * float((error * error).sum()):
+    if left > MAX_RESIDUAL_SHARE * float((error * error).sum()):
         return 0.0
     apart = np.asarray(seen)[:, None] - np.asarray(seen)[None]
     return float(np.hypot(apart[..., 0], apart[..., 1]).max())
@@ -206,11 +204,11 @@ def _middle(values: F8) -> float:
 
 
 def _far(values: F8, harmless: float) -> NDArray[np.bool_]:
-    return np.asarray(values > max(OUT_OF_LINE * _middle(values), harmless))
+    return np.asarray(values > max(MAX_MEDIANS * _middle(values), harmless))
 
 
 def _out_of_line(found: _Agreement) -> Iterator[tuple[int, str]]:
-    residual, moved = _far(found.residual, FINE), _far(found.moved, STILL_PX)
+    residual, moved = _far(found.residual, INLIER_RESIDUAL), _far(found.moved, INLIER_MOVEMENT_PX)
     for i in np.flatnonzero(residual | moved):
         if moved[i]:
             yield int(i), f"the ball moved by {found.moved[i]:.1f} px between two LEDs"

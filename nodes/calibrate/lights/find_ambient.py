@@ -12,12 +12,11 @@ from scipy.ndimage import uniform_filter
 
 from tactograph.graph import SizeLimit, node, warn
 from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import (
-    ENOUGH,
+from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
+from tactograph.nodes.calibrate.lights.light_samples import (
+    MAX_SAMPLES_EACH,
     Object,
     Press,
-    misfit_of,
-    place_leds,
     presses_of,
     rest_of,
     sample,
@@ -27,19 +26,19 @@ from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
-NEGLIGIBLE = 0.01
+MIN_AMBIENT = 0.01
 """Ambient light, relative to the film at rest, too weak to tell from an imperfect ball."""
-FINE = 0.002
+AMBIENT_TOLERANCE = 0.002
 """Tolerance of the search, relative to the film at rest."""
-DARKEST = 0.1
+DARK_PERCENT = 0.1
 """Per cent of the pixels that may be darker than the ambient light: dead pixels and noise."""
-EXPLAINED = 0.5
+MAX_MISFIT_SHARE = 0.5
 """Largest share of the misfit that may remain if ambient light is the cause."""
-BEYOND = 1.5
+MAX_DARK_RATIO = 1.5
 """Light, relative to the darkest pixels, that ambient light cannot reach."""
-CALM = 5
+SMOOTHING_PX = 5
 """Width in px of the mean that suppresses noise in the darkest pixels."""
-PRESSES = 3
+MAX_PRESSES = 3
 """Most presses that are used: they suffice for one number."""
 
 
@@ -99,9 +98,9 @@ def find_ambient(
     if taken is not None or rest_of(flat, pixel) is None:
         return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
-    presses = [press for press in presses if press.mask.any()][:PRESSES]
+    presses = [press for press in presses if press.mask.any()][:MAX_PRESSES]
     film, most = float(np.median(flat)), _darkest(image)
-    if not presses or most < NEGLIGIBLE * film:
+    if not presses or most < MIN_AMBIENT * film:
         return nothing
 
     def misfit(ambient: float) -> float:
@@ -114,13 +113,13 @@ def find_ambient(
         placed = place_leds(objects, rest, shift_px, pixel * flat.shape[2])
         return misfit_of(objects, rest, placed, shift_px)
 
-    if misfit(0.0) <= misfit(NEGLIGIBLE * film):
+    if misfit(0.0) <= misfit(MIN_AMBIENT * film):
         return nothing
-    stop = {"xatol": FINE * film}
+    stop = {"xatol": AMBIENT_TOLERANCE * film}
     minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
     left = misfit(ambient)
-    if left > EXPLAINED * misfit(0.0) or misfit(BEYOND * most) < left:
+    if left > MAX_MISFIT_SHARE * misfit(0.0) or misfit(MAX_DARK_RATIO * most) < left:
         # Light diffused in the gel or reflected from film to film has a similar effect, which
         # `fit_film` models.
         return nothing
@@ -130,14 +129,14 @@ def find_ambient(
         "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
         "pixel_size_mm and that the camera is linear (gamma 1)"
     )
-    found = np.full_like(dark, ambient)
-    return WithoutAmbient(_less(flat, ambient), found, {"ambient_percent": percent})
+    ambient_dark = np.full_like(dark, ambient)
+    return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent})
 
 
 def _darkest(image: F4) -> float:
     """Light that all but a few pixels exceed under every LED."""
-    calm = [uniform_filter(plane, (CALM, CALM)) for plane in image]
-    return min(float(np.percentile(plane, DARKEST)) for plane in calm)
+    calm = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
+    return min(float(np.percentile(plane, DARK_PERCENT)) for plane in calm)
 
 
 def _less(flat: F4, ambient: float) -> F4:
@@ -147,4 +146,6 @@ def _less(flat: F4, ambient: float) -> F4:
 def _object(press: Press, flat: F4, ambient: float, pixel: float, steepest: float) -> Object:
     """Samples of a press without ambient light."""
     light = flat_field(press.light, flat, np.full(press.mask.shape, ambient, np.float32))
-    return sample(press._replace(light=light, lit=label_lit(light)), pixel, steepest, ENOUGH)
+    return sample(
+        press._replace(light=light, lit=label_lit(light)), pixel, steepest, MAX_SAMPLES_EACH
+    )

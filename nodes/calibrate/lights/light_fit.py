@@ -4,100 +4,36 @@ An LED is described by L_x / L_z, L_y / L_z, 1 / L_z, which stay finite for a di
 the logarithm of its strength.  Each known shape also has a shift.  A ball is found only to a
 fraction of a pixel.  Its height depends on the contact radius (for half a ball, a hundredth of a
 pixel is a tenth of a millimetre) and on how high the film lifts the rim.
-
-Long because the residuals, their derivatives and the descent share the same unknowns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import hadamard
-from scipy.ndimage import binary_erosion, map_coordinates
 
-from tactograph.nodes import F4, U1, Height, Labels, Light, Mask, Slope
-from tactograph.nodes.optics.near_light import F8, irradiance_ratio, places
-from tactograph.nodes.optics.sheet import cut
+from tactograph.nodes import F4, F8
+from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
+from tactograph.nodes.optics.near_light import irradiance_ratio
 
-BLOCKS = 32
-"""Number of square blocks along the image in which the (smooth) flat frame is averaged."""
-SAMPLES = 3000
-"""Pixels of an object that suffice to fit twenty unknowns to a thousandth."""
-ENOUGH = 500
-"""Pixels that suffice for each of several objects, or for one that is only compared."""
-FEWEST = 100
-DIM = 0.05
-"""Light below this may be half shadow."""
-SPREAD = 0.006
+LIGHT_DEVIATION = 0.006
 """Expected standard deviation of the light; beyond twice that, a pixel is an outlier."""
-HUBER = 2.0
-FARTHEST = 1e6
+HUBER_DEVIATIONS = 2.0
+INFINITY_MM = 1e6
 """Distance in mm that stands for infinity."""
-ROOM = 3
-"""Width in px of the known shape's edge that is left out, since a shift could move it outside."""
-LIFT_MM = 0.2
+HEIGHT_DEVIATION_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
-OTHERS = 8
+OTHER_PLACES = 8
 """Number of sampled LED positions, and of the least certain directions that they span."""
-NEAREST = 0.25
+MIN_INVERSE_HEIGHT_RATIO = 0.25
 """Smallest 1 / L_z of a sampled LED, relative to its own, so that it stays above the film."""
-STEPS, CONVERGED = 60, 1e-9
+MAX_STEPS, MIN_COST_GAIN = 60, 1e-9
 """Most steps of the descent, and the relative gain of the cost below which it ends."""
-STEP = 1.5e-8
+DERIVATIVE_STEP = 1.5e-8
 """Relative step of the numeric derivative: the square root of the rounding error."""
-
-
-class Press(NamedTuple):
-    """A known shape, H x W: light, slope, mask where they hold, height, and LEDs that reach it."""
-
-    light: Light
-    slope: Slope
-    mask: Mask
-    height: Height
-    lit: Labels
-
-
-@dataclass(frozen=True)
-class Object:
-    """Samples of a known shape: N positions, the light there (K x N) and whether it counts.
-
-    `reach` is the number of pixels that each LED reaches, including the samples' neighbours.
-    """
-
-    rows: NDArray[np.intp]
-    columns: NDArray[np.intp]
-    light: F8
-    lit: NDArray[np.bool_]
-    x: F8
-    y: F8
-    normal: F4
-    height: F4
-    reach: NDArray[np.intp]
-
-    def moved(self, shift: F8) -> tuple[F8, F8]:
-        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
-        where = np.stack([self.rows - shift[1], self.columns - shift[0]])
-        # n_x and n_y are linear on a ball, so interpolating them (not the slope) is exact.
-        nx, ny, z = (
-            map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
-            for plane in (*self.normal, self.height)
-        )
-        nz = np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))
-        return np.stack([nx, ny, nz]), z + shift[2]
-
-
-@dataclass(frozen=True)
-class Rest:
-    """The flat frame: logarithm of block means, minus its mean over the LEDs; K x N."""
-
-    logarithm: F8
-    x: F8
-    y: F8
-    block: int
 
 
 @dataclass(frozen=True)
@@ -118,65 +54,6 @@ class Placed:
         """The film's light in the middle of the image if there was no flat frame, else 1."""
         strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
         return strength.astype(np.float32)
-
-
-def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
-    """Cut the sheets of presses, each of `rows` rows, into single presses."""
-    sheets = (light, slope, mask, height, lit)
-    return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
-
-
-def sample(press: Press, pixel: float, steepest: float, most: float = SAMPLES) -> Object:
-    """Choose about `most` samples of an object, spread evenly over it."""
-    light, slope, mask, height, lit = press
-    p, q = slope
-    nz = 1 / np.sqrt(1 + p * p + q * q)
-    known = binary_erosion(mask > 0, iterations=ROOM, border_value=1)
-    rows, columns = np.nonzero(known & (p * p + q * q < steepest * steepest))
-    stride = max(1, int(np.sqrt(rows.size / most)))
-    chosen = (rows % stride == 0) & (columns % stride == 0)
-    rows, columns = rows[chosen], columns[chosen]
-    values = light[:, rows, columns].astype(np.float64)
-    numbers = np.arange(len(light))[:, None]
-    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM)
-    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
-    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
-    reach = reached.sum(axis=1) * stride * stride
-    return Object(rows, columns, values, reached, x, y, np.stack([-p * nz, -q * nz]), height, reach)
-
-
-def samples_for(presses: int) -> float:
-    """Number of samples needed per press, for this number of presses."""
-    return max(ENOUGH, SAMPLES / presses)
-
-
-def unreached(objects: list[Object]) -> tuple[int, int] | None:
-    """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
-    reach = sum(there.reach for there in objects)
-    assert isinstance(reach, np.ndarray)
-    found = int(reach.argmin())
-    return (found + 1, int(reach[found])) if reach[found] < FEWEST else None
-
-
-def is_uniform(flat: Light) -> bool:
-    """Whether the light is the same everywhere: no flat frame was taken."""
-    return all(np.ptp(plane) == 0 for plane in flat)
-
-
-def rest_of(flat: Light, pixel: float) -> Rest | None:
-    """Reduce the flat frame to blocks; None if it is uniform, because none was taken."""
-    if is_uniform(flat):
-        return None
-    count, rows, columns = flat.shape
-    block = max(1, min(columns // BLOCKS, rows))
-    down, across = rows // block, columns // block
-    cut = flat[:, : down * block, : across * block].reshape(count, down, block, across, block)
-    means = np.log(np.maximum(cut.mean(axis=(2, 4), dtype=np.float64), 1e-6))
-    middle = (block - 1) / 2
-    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
-    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
-    gx, gy = np.meshgrid(x, y)
-    return Rest((means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel(), block)
 
 
 def place_leds(
@@ -203,8 +80,8 @@ def place_leds(
     def jacobian(unknown: F8) -> F8:
         return _jacobian(objects, rest, *split(unknown), shift_px)
 
-    found = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
-    return Placed(*split(found), flat)
+    solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    return Placed(*split(solution), flat)
 
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
@@ -232,7 +109,7 @@ def other_places(
     lit = np.hstack([there.lit for there in objects])
     first, last = placed.shifts.size, placed.shifts.size + on_objects.size
     noise = np.ones(len(slopes))
-    noise[first:last] = np.square(on_objects).sum() / max(lit.sum(), 1) / SPREAD**2
+    noise[first:last] = np.square(on_objects).sum() / max(lit.sum(), 1) / LIGHT_DEVIATION**2
     noise[last:] = np.square(on_film).mean()
     scale = np.sqrt(np.maximum((slopes * slopes).sum(axis=0), 1e-30))
     slopes = slopes / scale
@@ -257,12 +134,16 @@ def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
     """
     unit = np.tile([1, 1, 2 / width_mm], len(leds))
     variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
-    modes = direction[:, -OTHERS:] * np.sqrt(np.maximum(variance[-OTHERS:], 0)) * unit[:, None]
-    changes = hadamard(OTHERS) @ modes.T
+    modes = (
+        direction[:, -OTHER_PLACES:]
+        * np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
+        * unit[:, None]
+    )
+    changes = hadamard(OTHER_PLACES) @ modes.T
     others = []
-    for change in changes.reshape(OTHERS, len(leds), 3):
+    for change in changes.reshape(OTHER_PLACES, len(leds), 3):
         moved = leds + change
-        moved[:, 2] = np.maximum(moved[:, 2], NEAREST * leds[:, 2])
+        moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
         others.append(_positions(moved))
     return np.stack(others)
 
@@ -270,21 +151,21 @@ def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
 def _positions(leds: F8) -> F4:
     """Positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
     ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / FARTHEST), np.float32)
+    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM), np.float32)
 
 
 def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
 
-    weight = 1 / np.array([shift_px, shift_px, LIFT_MM])
+    weight = 1 / np.array([shift_px, shift_px, HEIGHT_DEVIATION_MM])
 
     def residual(shift: F8) -> F8:
         left = residual_of(there, placed.leds, shift, placed.flat)
-        return np.r_[shift * weight, left.ravel() / SPREAD]
+        return np.r_[shift * weight, left.ravel() / LIGHT_DEVIATION]
 
     def jacobian(shift: F8) -> F8:
         return np.vstack(
-            [np.diag(weight), by_shift(there, placed.leds, shift, placed.flat) / SPREAD]
+            [np.diag(weight), by_shift(there, placed.leds, shift, placed.flat) / LIGHT_DEVIATION]
         )
 
     return _descend(residual, jacobian, np.zeros(3))
@@ -295,7 +176,7 @@ def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     before = residual_of(there, leds, shift, flat)
     columns = []
     for axis in range(3):
-        step, changed = STEP * max(1.0, abs(float(shift[axis]))), shift.copy()
+        step, changed = DERIVATIVE_STEP * max(1.0, abs(float(shift[axis]))), shift.copy()
         changed[axis] += step
         after = residual_of(there, leds, changed, flat)
         columns.append(((after - before) / step).ravel())
@@ -310,9 +191,9 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
     """
     unknown, left = start, residual(start)
     damping = 1e-3
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         slopes = jacobian(unknown)
-        weight = np.minimum(1, HUBER / np.maximum(np.abs(left), HUBER))
+        weight = np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS))
         normal = slopes.T @ (slopes * weight[:, None])
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
@@ -327,7 +208,7 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
         else:
             return unknown
         unknown, left, damping = trial, tried, max(damping / 10, 1e-9)
-        if gain < CONVERGED * cost:
+        if gain < MIN_COST_GAIN * cost:
             break
     return unknown
 
@@ -340,8 +221,8 @@ def _all_residuals(
     left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
     return np.concatenate(
         [
-            (shifts / [shift_px, shift_px, LIFT_MM]).ravel(),
-            *(part.ravel() / SPREAD for part in left),
+            (shifts / [shift_px, shift_px, HEIGHT_DEVIATION_MM]).ravel(),
+            *(part.ravel() / LIGHT_DEVIATION for part in left),
             *_rest_residual(rest, leds),
         ]
     )
@@ -349,7 +230,11 @@ def _all_residuals(
 
 def huber(left: F8) -> float:
     far = np.abs(left)
-    return float(np.where(far < HUBER, far * far, HUBER * (2 * far - HUBER)).sum())
+    return float(
+        np.where(
+            far < HUBER_DEVIATIONS, far * far, HUBER_DEVIATIONS * (2 * far - HUBER_DEVIATIONS)
+        ).sum()
+    )
 
 
 def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
@@ -384,7 +269,7 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
     model = (nx * dx + ny * dy + nz * dz) * irradiance_ratio(at_rest, plan + dz * dz)
-    return np.where(there.lit[k] & (model > DIM), there.light[k] - model, 0)
+    return np.where(there.lit[k] & (model > DIM_LIGHT), there.light[k] - model, 0)
 
 
 def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
@@ -398,7 +283,7 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     # The mean of a block is `block` times less noisy than a pixel.
     left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.
-    return [left.ravel() / SPREAD, leds[:, 3].mean(keepdims=True) / SPREAD]
+    return [left.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
 
 
 def _jacobian(
@@ -409,9 +294,9 @@ def _jacobian(
     sizes = [o.light.shape[1] for o in objects]
     starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
     at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
-    found = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
-    found[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
-        [1 / shift_px, 1 / shift_px, 1 / LIFT_MM], len(objects)
+    jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
+    jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
+        [1 / shift_px, 1 / shift_px, 1 / HEIGHT_DEVIATION_MM], len(objects)
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
     before = [
@@ -419,18 +304,18 @@ def _jacobian(
         for there, (normal, z) in zip(objects, bases, strict=True)
     ]
     for k, j in np.ndindex(leds.shape):
-        step, changed = STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
+        step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
         changed[k, j] += step
-        column = found[:, 4 * k + j]
+        column = jacobian[:, 4 * k + j]
         for number, (there, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
             after = _led_residual(there, normal, z, k, changed[k], flat)
             first, size = starts[number] + k * sizes[number], sizes[number]
-            column[first : first + size] = (after - before[number][k]) / step / SPREAD
+            column[first : first + size] = (after - before[number][k]) / step / LIGHT_DEVIATION
         if flat:
             after = np.concatenate(_rest_residual(rest, changed))
             column[starts[-1] :] = (after - at_rest) / step
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
-        moved = by_shift(there, leds, shift, flat) / SPREAD
-        found[starts[i] : starts[i + 1], first : first + 3] = moved
-    return found
+        moved = by_shift(there, leds, shift, flat) / LIGHT_DEVIATION
+        jacobian[starts[i] : starts[i + 1], first : first + 3] = moved
+    return jacobian

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, U1, Light, Metrics
+from tactograph.nodes import F4, F8, U1, Light, Metrics
 from tactograph.nodes.calibrate.rating.verdict import advice_after
-from tactograph.nodes.optics.near_light import F8
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
 REGIONS = (
@@ -23,9 +22,9 @@ DIRECTIONS = (
     "left", "upper left", "upper side", "upper right",
 )  # fmt: skip
 """Sides of a ball, clockwise from x.  Where the film falls to the right is the right side."""
-TOUCHED = 0.15
+MIN_TOUCHED_SHARE = 0.15
 """Share of each part of the film that contacts must cover."""
-STEEP = 1.0
+FULL_SLOPE = 1.0
 """Slope up to which every direction should be covered."""
 
 
@@ -68,8 +67,8 @@ def advise_press(
     steep = _steepest(slope[:, (mask > 0) & reached])
     presses = sum(bool(part.any()) for part in cut(mask, rows))
     quality = {
-        "film_covered_percent": float(100 * (touched >= TOUCHED).mean()),
-        "slopes_covered_percent": float(100 * (np.minimum(steep, STEEP) / STEEP).mean()),
+        "film_covered_percent": float(100 * (touched >= MIN_TOUCHED_SHARE).mean()),
+        "slopes_covered_percent": float(100 * (np.minimum(steep, FULL_SLOPE) / FULL_SLOPE).mean()),
     }
     return PressAdvice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
 
@@ -93,7 +92,7 @@ def _steepest(slope: F4) -> F8:
 def _advice(presses: int, touched: F8, steep: F8) -> str:
     row, column = np.unravel_index(int(touched.argmin()), touched.shape)
     flattest = int(steep.argmin())
-    empty, gentle = touched[row, column] < TOUCHED, steep[flattest] < STEEP
+    empty, gentle = touched[row, column] < MIN_TOUCHED_SHARE, steep[flattest] < FULL_SLOPE
     if not empty and not gentle:
         if presses == 1:
             return "press once more: one press has no other to be checked by"

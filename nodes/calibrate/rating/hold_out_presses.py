@@ -20,17 +20,16 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.colour.rate_presses import judge_contact
-from tactograph.nodes.calibrate.lights.light_fit import (
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
+from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
-    place_leds,
     presses_of,
     rest_of,
     sample,
     samples_for,
-    shift_of,
 )
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import (
@@ -44,6 +43,14 @@ from tactograph.nodes.optics.sheet import (
 from tactograph.nodes.shadow.label_lights import label_lights
 
 
+class BallPlaces(NamedTuple):
+    """Circle, radius and press of every ball."""
+
+    circle: BallCircles
+    radius: BallRadii
+    of: BallPress
+
+
 class HeldOut(NamedTuple):
     """Errors by press, NaN where there are none, and their means."""
 
@@ -52,7 +59,7 @@ class HeldOut(NamedTuple):
     quality: Metrics
 
 
-@node
+@node(former=dict.fromkeys(("circle", "radius", "of"), "give the node that found them as 'balls'"))
 def hold_out_presses(
     image: SheetLight,
     light: SheetLight,
@@ -61,9 +68,7 @@ def hold_out_presses(
     mask: SheetMask,
     height: SheetHeight,
     lit: SheetLabels,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
+    balls: BallPlaces,
     noise: Noise,
     pixel: PixelSize,
     uneven: Uneven,
@@ -86,8 +91,8 @@ def hold_out_presses(
         K x H x W, the film at rest.
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in.
+    balls
+        The node that found them: circles B x 3 in px, radii in mm, and the press of each.
     noise
         (shot, read), as `estimate_noise` returns it.
     pixel
@@ -120,7 +125,7 @@ def hold_out_presses(
     everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
     percent = []
     for i in kept:
-        others = [there for j, there in objects.items() if j != i]
+        others = [other for j, other in objects.items() if j != i]
         placed = place_leds(others, rest, shift_px, width_mm, start=everything)
         shift = shift_of(objects[i], placed, shift_px)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
@@ -129,12 +134,12 @@ def hold_out_presses(
         errors = [
             judge_contact(
                 *found,
-                np.array([*(circle[b, :2] + shift[:2]), circle[b, 2]]),
-                radius[b] / pixel,
+                np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]]),
+                balls.radius[b] / pixel,
                 pixel,
                 judged,
             )
-            for b in np.flatnonzero(of == i)
+            for b in np.flatnonzero(balls.of == i)
         ]
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
@@ -170,6 +175,6 @@ def _measure(
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    found = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
-    slope = np.where(inside & ~judged, press.slope, found)
+    measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
+    slope = np.where(inside & ~judged, press.slope, measured)
     return slope, integrate_dct(slope, pixel)

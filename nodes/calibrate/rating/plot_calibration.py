@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,43 +18,72 @@ from tactograph.nodes import (
     LutSlope,
     Metrics,
     NullVector,
-    PixelSize,
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
-from tactograph.nodes.calibrate.tables.fit_reflectance import harmonics
-from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
+from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
-TOGETHER = 6
+FIGURES_PER_LINE = 6
 """Figures per line of the title."""
-MOST_NAMES = 20
+MAX_NAMES = 20
 """Most balls that are labelled with the names of their presses."""
-LONGEST = 24
+MAX_NAME_LETTERS = 24
 """Most letters of a press's name."""
 
 
-@node
+class Binned(NamedTuple):
+    """The film at rest, whose size is that of a press, and the binning of the camera's pixels."""
+
+    flat: Light
+    factor: int
+
+
+class NullTest(NamedTuple):
+    """The null vector, and the standard deviation of a.I on lit pixels."""
+
+    null: NullVector
+    spread: Spread
+
+
+class NamedBalls(NamedTuple):
+    """Circle and press of every ball, and the presses' names."""
+
+    circle: BallCircles
+    of: BallPress
+    names: list[str]
+
+
+class HeldOutErrors(NamedTuple):
+    """Errors by press of slope and height; NaN where there are none."""
+
+    degrees: Annotated[F4, Port("P", "deg", nan=True)]
+    microns: Annotated[F4, Port("P", "um", nan=True)]
+
+
+_FORMER = {
+    **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
+    "spread": "give 'fit_null_vector' as 'null'",
+    **dict.fromkeys(("names", "circle", "of"), "give 'find_balls' as 'balls'"),
+    **dict.fromkeys(("degrees", "microns"), "give 'hold_out_presses' as 'held_out'"),
+}
+
+
+@node(former=_FORMER)
 def plot_calibration(
     light: SheetLight,
-    flat: Light,
+    frames: Binned,
     mask: SheetMask,
     slope: SheetSlope,
     lit: SheetLabels,
     lut_slope: LutSlope,
     reflectance: Reflectance,
-    null: NullVector,
-    spread: Spread,
+    null: NullTest,
     quality: Metrics,
-    names: list[str] | None = None,
-    circle: BallCircles | None = None,
-    of: BallPress | None = None,
-    pixel: PixelSize | None = None,
-    camera_pixel: PixelSize | None = None,
-    degrees: Annotated[F4, Port("P", "deg", nan=True)] | None = None,
-    microns: Annotated[F4, Port("P", "um", nan=True)] | None = None,
+    balls: NamedBalls | None = None,
+    held_out: HeldOutErrors | None = None,
     advice: str | None = None,
     *,
     file: BesidePicture,
@@ -68,26 +97,22 @@ def plot_calibration(
     ----------
     light, mask, slope, lit
         Of the calibration object, or of all presses on a sheet; the mask of those used.
-    flat
-        K x H x W; only its size is used.
+    frames
+        `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
+        of these.
     lut_slope
         N x 2, the slopes in the tables.
-    reflectance, null, spread
-        The fits.
+    reflectance, null
+        The fits: that of `fit_reflectance`, and `fit_null_vector`.
     quality
         The figures of the calibration, for the title.
-    names, degrees, microns, advice
-        Of P presses: names, held-out errors, and what to press next.
-    circle, of
-        B x 3 in px: the balls, and the press that each is in.
-    pixel, camera_pixel
-        mm per px of these images and of the camera's, whose pixels the axes count; none: alike.
+    balls, held_out, advice
+        Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
-    rows = flat.shape[1]
+    rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
-    wide = 1 if pixel is None or camera_pixel is None else round(pixel / camera_pixel)
     figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
@@ -96,15 +121,16 @@ def plot_calibration(
     ]
     _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
     _draw_coverage(figure, axes[0, 1], lut_slope)
-    _draw_null(axes[1, 1], light, mask, lit, null, spread)
+    _draw_null(axes[1, 1], light, mask, lit, *null)
     if len(lights) == 1:
         _draw_found(axes[0, 0], light, mask, wide)
-    elif names and circle is not None and of is not None:
+    elif balls is not None and balls.names:
         used = np.array([part.any() for part in masks])
-        _draw_presses(axes[0, 0], masks, names, circle, of, used, wide)
-        if degrees is not None and microns is not None:
-            _draw_errors(axes[0, 2], names, degrees, used, "normal, held out / degrees")
-            _draw_errors(axes[1, 2], names, microns, used, "height, held out / um")
+        _draw_presses(axes[0, 0], masks, balls.names, balls.circle, balls.of, used, wide)
+        if held_out is not None:
+            degrees, microns = held_out
+            _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
+            _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
     write_picture(figure, file.with_suffix(".png"))
 
@@ -116,7 +142,10 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if "/" not in name
     ]
-    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
+    return "\n".join(
+        "  ".join(figures[i : i + FIGURES_PER_LINE])
+        for i in range(0, len(figures), FIGURES_PER_LINE)
+    )
 
 
 def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
@@ -164,8 +193,10 @@ def _draw_presses(
             continue
         look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        if len(circle) <= MOST_NAMES:
-            axes.text(x, y - radius, names[press][:LONGEST], fontsize=7, ha="center", va="bottom")
+        if len(circle) <= MAX_NAMES:
+            axes.text(
+                x, y - radius, names[press][:MAX_NAME_LETTERS], fontsize=7, ha="center", va="bottom"
+            )
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",
@@ -181,7 +212,8 @@ def _draw_errors(
     places = np.arange(len(names))
     axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
     labels = [
-        name[:LONGEST] + ("" if good else " (out)") for name, good in zip(names, used, strict=True)
+        name[:MAX_NAME_LETTERS] + ("" if good else " (out)")
+        for name, good in zip(names, used, strict=True)
     ]
     axes.set_yticks(places, labels, fontsize=7)
     axes.invert_yaxis()

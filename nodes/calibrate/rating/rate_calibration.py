@@ -19,21 +19,21 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
-POOR_RESIDUAL = 0.05
-NARROW = 0.5
-POOR_LIGHTS = 0.03
-NOISY = 1.3
+MAX_RESIDUAL = 0.05
+MIN_STEEPEST_SLOPE = 0.5
+MAX_LIGHT_MISMATCH = 0.03
+MAX_NOISE_RATIO = 1.3
 """Multiple of the camera's noise up to which noise explains a departure."""
-APART_DEG = 5.0
+MIN_ANGLE_DEG = 5.0
 """Angle between two LEDs below which they count as the same LED."""
-FAR = 100.0
+MAX_LED_WIDTHS = 100.0
 """Widths of the image; no LED of a sensor is farther from its film."""
-BRIGHTEST = 0.94
+MAX_ALBEDO = 0.94
 """Albedo next to the largest that `fit_film` allows."""
 
 
@@ -45,23 +45,41 @@ class Rating(NamedTuple):
     verdict: str
 
 
-@node
+class LedFit(NamedTuple):
+    """The places of the LEDs, the residuals of their fit, and, where it was fitted, the film."""
+
+    lights: LightPositions
+    residual: Annotated[F4, Port("K", "1")]
+    albedo: Albedo | None = None
+    refraction: Annotated[float, Port(unit="1")] | None = None
+
+
+class RadiusCheck(NamedTuple):
+    """The figures and doubts of `judge_radius`."""
+
+    quality: Metrics
+    doubts: list[str]
+
+
+_MODEL, _RADIUS = "give the fit of the LEDs as 'model'", "give 'judge_radius' as 'radius'"
+
+
+@node(
+    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL)
+    | dict.fromkeys(("fitted", "of_radius"), _RADIUS)
+)
 def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],
     spread: Spread,
     lut_slope: LutSlope,
     mask: SheetMask,
     lit: SheetLabels,
-    lights: LightPositions,
-    mismatch: Annotated[F4, Port("K", "1")],
+    model: LedFit,
     goodness: Annotated[F4, Port("B", "1")] | None = None,
     flat: Light | None = None,
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
-    albedo: Albedo | None = None,
-    refraction: Annotated[float, Port(unit="1")] | None = None,
-    fitted: Metrics | None = None,
-    of_radius: list[str] | None = None,
+    radius: RadiusCheck | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -77,8 +95,10 @@ def rate_calibration(
         N x 2, the slopes in the tables.
     mask, lit
         The pixels of known slope, and the LEDs that reach them.
-    lights, mismatch
-        K x 3 in mm, and the root mean square residual of their fit, K.
+    model
+        `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
+        their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth
+        function of the slope, and then that raises no warning.
     goodness
         Of each ball, 0 to 1; 0 where none was found.
     flat, noise
@@ -86,11 +106,8 @@ def rate_calibration(
         Residuals that noise explains raise no warning of a poor fit.
     pixel
         mm per px.
-    albedo, refraction
-        Of the film, as `fit_film` returns them.  Under a coat the light is no smooth function of
-        the slope, and then that raises no warning.
-    fitted, of_radius
-        The figures of `fit_film`, and the doubts of `judge_radius`.
+    radius
+        `judge_radius`: its figures, those of the fit among them, and its doubts.
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
         doubt.
@@ -113,32 +130,34 @@ def rate_calibration(
         that returns all light; unless `force` is set.
     """
     count = len(residual)
-    error = (fitted or {}).get("film_heldout_deg")
-    doubts = of_heldout_error(error) + (of_radius or [])
+    lights, mismatch, albedo, refraction = model
+    figures, radius_doubts = radius or RadiusCheck({}, [])
+    error = figures.get("film_heldout_deg")
+    doubts = of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
     noisiest = int(np.argmax(grain))
-    if NOISY * grain[noisiest] > POOR_LIGHTS:
+    if MAX_NOISE_RATIO * grain[noisiest] > MAX_LIGHT_MISMATCH:
         warn(
             f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
             "expose longer"
         )
     is_coated = refraction is not None and refraction != 1
-    if residual[worst] > max(POOR_RESIDUAL, NOISY * grain[worst]) and not is_coated:
+    if residual[worst] > max(MAX_RESIDUAL, MAX_NOISE_RATIO * grain[worst]) and not is_coated:
         is_missing = flat is None or is_uniform(flat)
         doubts.append(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size"
             + (", or give flat=DIR" if is_missing else "")
         )
-    if steepest < NARROW:
+    if steepest < MIN_STEEPEST_SLOPE:
         warn(
             f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
             "smaller ball"
         )
     poorest = int(np.argmax(mismatch))
-    if mismatch[poorest] > max(POOR_LIGHTS, NOISY * grain[poorest]):
+    if mismatch[poorest] > max(MAX_LIGHT_MISMATCH, MAX_NOISE_RATIO * grain[poorest]):
         doubts.append(
             f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
             "above a matt film: check the order of the images, the ball's radius, its contact and "
@@ -179,7 +198,7 @@ def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
 def _of_twins(lights: LightPositions) -> list[str]:
     """A doubt if two LEDs light the film from the same direction."""
     away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
-    alike = np.triu(away @ away.T > np.cos(np.radians(APART_DEG)), 1)
+    alike = np.triu(away @ away.T > np.cos(np.radians(MIN_ANGLE_DEG)), 1)
     return [
         f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
         f"copy of led{one + 1}, or does the same LED flash twice?"
@@ -195,13 +214,13 @@ def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[st
     """
     distance = np.linalg.norm(lights, axis=1)
     farthest = int(np.argmax(distance))
-    if distance[farthest] > FAR * width_mm:
+    if distance[farthest] > MAX_LED_WIDTHS * width_mm:
         return [
             f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
-            f"than {FAR:.0f} widths of the image: check the ball's radius, the pixel size and the "
-            "order of the images"
+            f"than {MAX_LED_WIDTHS:.0f} widths of the image: check the ball's radius, the pixel "
+            "size and the order of the images"
         ]
-    if albedo > BRIGHTEST:
+    if albedo > MAX_ALBEDO:
         return [
             f"the film's albedo is found as {albedo:.2f}, the largest possible: check the "
             "ball's radius and the pixel size"

@@ -6,22 +6,22 @@ import numpy as np
 
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, Light, Metrics
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-SKIRT = 1.5
+SKIRT_RADII = 1.5
 """Film within so many contact radii of a ball is lifted, and shaded by its slope."""
-FEWEST = 0.05
+MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
-ALIKE = 0.1
+MAX_DEPARTURE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
 _TAKEN = "the flat frame", "take both with the same exposure, gain and LED currents"
 _MODELLED = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, flat=DIR",
 )
-"""What the film is compared with, and what to do."""
+"""The other frame of the comparison, and the advice."""
 
 
 @node
@@ -60,11 +60,11 @@ def rate_exposure(
     """
     presses = cut(light, flat.shape[1])
     compared, cure = _TAKEN if not is_uniform(taken) else _MODELLED
-    found = [
+    departures = [
         _departure(press, circle[of == number], names[number], compared, cure)
         for number, press in enumerate(presses)
     ]
-    worst = max(found, key=abs, default=0.0)
+    worst = max(departures, key=abs, default=0.0)
     return {"rest_departure_percent": 100 * worst}
 
 
@@ -74,13 +74,13 @@ def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> f
     y, x = np.mgrid[:rows, :columns]
     free = np.ones((rows, columns), bool)
     for at_x, at_y, radius in circles:
-        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT * radius) ** 2
-    if free.mean() < FEWEST:
+        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT_RADII * radius) ** 2
+    if free.mean() < MIN_FREE_SHARE:
         free[:] = True
     levels = np.median(press[:, free], axis=1) - 1
     led = int(np.argmax(np.abs(levels)))
     level = float(levels[led])
-    if abs(level) > ALIKE:
+    if abs(level) > MAX_DEPARTURE:
         more = "brighter" if level > 0 else "darker"
         # A single press has no name.
         where = f"{name}: under" if name else "under"

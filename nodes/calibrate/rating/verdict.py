@@ -1,18 +1,18 @@
-"""What both kinds of calibration say of themselves."""
+"""Doubts and verdicts that both kinds of calibration share."""
 
 from __future__ import annotations
 
-POOR_NORMALS = 3.0
+MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:
     """Return a doubt if the normals of what was held out are far off."""
-    if degrees is None or degrees <= POOR_NORMALS:
+    if degrees is None or degrees <= MAX_ERROR_DEG:
         return []
     return [
         f"normals of what was held out are {degrees:.1f} degrees off, more than "
-        f"{POOR_NORMALS:g}: check the ball's radius, the pixel size, the order of the images and "
+        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images and "
         "dirt on the ball"
     ]
 

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tactograph.nodes import F4, Height, Light
-
-BLUE = "#3c8fe6"
+from tactograph.nodes.drawing.new_picture import BLUE
 
 
 def draw_films(

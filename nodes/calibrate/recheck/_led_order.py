@@ -1,18 +1,17 @@
-"""Whether images come in the order of the LEDs, told by the light on the untouched film."""
+"""The order of images, checked by the light of each LED on the untouched film."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.nodes import F4
-from tactograph.nodes.calibrate.lights.light_fit import rest_of
-from tactograph.nodes.optics.near_light import F8
+from tactograph.nodes import F4, F8
+from tactograph.nodes.calibrate.lights.light_samples import rest_of
 
-ALIKE = 0.9
+MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""
-CLEARLY = 0.2
-"""What each image must gain in correlation if it is taken for another LED's."""
+MIN_CORRELATION_GAIN = 0.2
+"""Smallest gain of each image's correlation if it is taken for another LED's."""
 
 
 def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
@@ -36,7 +35,11 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     image, led = linear_sum_assignment(-alike)
     other = image != led
     found, own = alike[image, led][other], alike[image, image][other]
-    if not other.any() or found.min() < ALIKE or (found - own).min() < CLEARLY:
+    if (
+        not other.any()
+        or found.min() < MIN_CORRELATION
+        or (found - own).min() < MIN_CORRELATION_GAIN
+    ):
         return None
     return [int(k) + 1 for k in led]
 

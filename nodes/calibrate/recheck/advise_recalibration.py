@@ -9,22 +9,22 @@ import numpy as np
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 
-REFERENCES = "film_heldout_deg", "heldout_normal_deg"
+REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
 """Figures that hold a full calibration's error on held-out presses, in degrees."""
-WORSE = 1.5
+DUE_ERROR_RATIO = 1.5
 """Error, relative to the full calibration's, above which another full calibration is due, ..."""
-GOOD = 0.5
+DUE_ERROR_DEG = 0.5
 """... if it also exceeds this many degrees."""
-WRONG = 3.0
-"""Degrees above which the check press itself is doubted, if `WORSE` holds, too."""
-THICKER = 1.0
+WRONG_ERROR_DEG = 3.0
+"""Degrees above which the check press itself is doubted, if `DUE_ERROR_RATIO` holds, too."""
+MAX_THICKER_MM = 1.0
 """Change of the gel's thickness in mm above which LED light takes another path to the film."""
-UNEVEN = 0.2
+MAX_LED_DIFFERENCE = 0.2
 """Relative difference between the LEDs' changes above which one is weak or has moved."""
-STEEP = 0.1
+MAX_DENT_SLOPE = 0.1
 """Largest slope of a dent that the flat frame can correct.  Above it, the product of the dent's
 slope and a touch's matters, which the flat frame does not hold."""
-NOTICEABLE = 0.02
+MIN_DENT_SLOPE = 0.02
 """Slope from which a departure is a dent; smooth differences between films are less steep."""
 
 
@@ -65,8 +65,8 @@ def advise_recalibration(
         ``full_calibration_due``, 0 or 1.  A warning says if the check press cannot be right.
     """
     height, slope = _dent(dent, pixel)
-    full = next((before[name] for name in REFERENCES if name in before), None)
-    kept = {name: before[name] for name in REFERENCES if name in before}
+    full = next((before[name] for name in REFERENCE_FIGURES if name in before), None)
+    kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}
     reasons = _reasons(strength, slope, refitted, full)
     quality = (
         refitted
@@ -82,32 +82,32 @@ def _dent(dent: F4, pixel: float) -> tuple[float, float]:
     """Largest height in mm and slope of a dent, 0 if there is none."""
     by_y, by_x = np.gradient(dent, pixel)
     slope = np.hypot(by_x, by_y)
-    if slope.max() < NOTICEABLE:
+    if slope.max() < MIN_DENT_SLOPE:
         return 0.0, 0.0
     return float(dent.flat[np.abs(dent).argmax()]), float(slope.max())
 
 
 def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) -> list[str]:
-    found = []
+    reasons = []
     error = refitted.get("check_deg/held_out")
-    most = GOOD if full is None else max(WORSE * full, GOOD)
+    most = DUE_ERROR_DEG if full is None else max(DUE_ERROR_RATIO * full, DUE_ERROR_DEG)
     if error is not None and error > most:
         off = f"normals of the check press are off by {error:.2f} degrees"
-        found.append(off)
-        if error > WRONG:
+        reasons.append(off)
+        if error > WRONG_ERROR_DEG:
             warn(
                 f"{off}, so the new calibration is wrong: check the order of the press's images, "
                 "ball_radius_mm, and that film and ball are clean, and recalibrate"
             )
-    if abs(refitted.get("thicker_mm", 0.0)) > THICKER:
-        found.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
+    if abs(refitted.get("thicker_mm", 0.0)) > MAX_THICKER_MM:
+        reasons.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
     uneven = strength / np.median(strength)
-    if np.abs(uneven - 1).max() > UNEVEN:
+    if np.abs(uneven - 1).max() > MAX_LED_DIFFERENCE:
         k = int(np.abs(uneven - 1).argmax())
-        found.append(f"LED {k + 1} has {100 * uneven[k]:.0f} % of the light that the others have")
-    if slope > STEEP:
-        found.append(f"the film kept a dent with slopes of {slope:.2f}: change the film")
-    return found
+        reasons.append(f"LED {k + 1} has {100 * uneven[k]:.0f} % of the light that the others have")
+    if slope > MAX_DENT_SLOPE:
+        reasons.append(f"the film kept a dent with slopes of {slope:.2f}: change the film")
+    return reasons
 
 
 def _sentence(reasons: list[str], refitted: Metrics, full: float | None) -> str:

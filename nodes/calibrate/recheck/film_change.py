@@ -10,31 +10,26 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, Height, Light, PixelSize
+from tactograph.nodes import F4, F8, Height, Light, PixelSize
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, TiltResponse
 from tactograph.nodes.calibrate.recheck._led_order import other_order
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_drift import terms
-from tactograph.nodes.optics.near_light import F8
 
-DARKEST = 0.02
-"""Light of the flat frame below which a pixel is not used."""
-FIT_WIDTH = 160
+MAX_FIT_WIDTH_PX = 160
 """Most pixels along the image's width to which the smooth part is fitted."""
-ROUNDS, CAUCHY = 12, 2.0
+REWEIGHTING_ROUNDS, CAUCHY_DEVIATIONS = 12, 2.0
 """Rounds of reweighting, and its scale in standard deviations: dents and dirt count little."""
-DOUBTED = 1e-4
+AMBIENT_RIDGE = 1e-4
 """Ridge that holds ambient light and shift near 0, because uniform light does not show them."""
-MOST_SHIFT = 0.1
+MAX_SHIFT_WIDTHS = 0.1
 """Largest plausible shift of the image, as a share of its width."""
-SURE = 0.3
+MIN_RESPONSE = 0.3
 """Response of the phase correlation above which its peak is a shift, not chance."""
 
 
-MOST_PIXELS = 400_000
+MAX_PIXELS = 400_000
 """Larger images are binned; more pixels say nothing new about a film."""
-
-TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
-"""Relative change of each LED's light on the film at rest, per slope p and q."""
 
 
 class FilmChange(NamedTuple):
@@ -101,14 +96,14 @@ def film_change(
     """
     _check_order(then, now, pixel)
     rows, columns = then.shape[1:]
-    factor = int(np.sqrt(rows * columns / MOST_PIXELS)) + 1
+    factor = int(np.sqrt(rows * columns / MAX_PIXELS)) + 1
     if factor > 1:
         then, now = _reduced(then, factor), _reduced(now, factor)
         tilt = np.stack([_reduced(part, factor) for part in tilt])
         pixel *= columns / then.shape[2]
     moved = np.zeros(2) if new_film else _whole_shift(then, now)
     start = _shifted(then, moved)
-    safe = np.maximum(start, np.float32(DARKEST)).astype(np.float64)
+    safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
     known = _known(start, moved)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
@@ -149,12 +144,12 @@ def _reduced(image: F4, factor: int) -> F4:
 
 def _whole_shift(then: F4, now: F4) -> F8:
     """The shift in whole pixels; 0 unless the film's texture shows it beyond doubt."""
-    fine = [np.log(np.maximum(image.mean(axis=0), np.float32(DARKEST))) for image in (then, now)]
+    fine = [np.log(np.maximum(image.mean(axis=0), MIN_FLAT_LIGHT)) for image in (then, now)]
     fine = [(plane - cv2.GaussianBlur(plane, (0, 0), 4)).astype(np.float32) for plane in fine]
     rows, columns = fine[0].shape
     window = cv2.createHanningWindow((columns, rows), cv2.CV_32F)
     (dx, dy), response = cv2.phaseCorrelate(fine[0], fine[1], window)
-    if response < SURE or np.hypot(dx, dy) > MOST_SHIFT * columns:
+    if response < MIN_RESPONSE or np.hypot(dx, dy) > MAX_SHIFT_WIDTHS * columns:
         return np.zeros(2)
     return np.round(np.array([dx, dy]))
 
@@ -168,8 +163,8 @@ def _shifted(image: F4, by: F8) -> F4:
 
 
 def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
-    """Where every LED lights the film, then and now."""
-    known: NDArray[np.bool_] = np.asarray((flat > DARKEST).all(axis=0))
+    """Flags of pixels that every LED lights, then and now."""
+    known: NDArray[np.bool_] = np.asarray((flat > MIN_FLAT_LIGHT).all(axis=0))
     dx, dy = moved.astype(int)
     rows, columns = known.shape
     known[: max(dy, 0)] = known[rows + min(dy, 0) :] = False
@@ -182,7 +177,7 @@ def _smooth_part(
 ) -> tuple[F8, F8, float, F8]:
     """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
-    step = columns // FIT_WIDTH + 1
+    step = columns // MAX_FIT_WIDTH_PX + 1
     place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
     strength = np.median(ratio[:, known], axis=1) if known.any() else np.ones(count)
     slope_y, slope_x = np.gradient(np.log(flat), axis=(1, 2))
@@ -192,14 +187,19 @@ def _smooth_part(
     some = np.zeros_like(known)
     some[::step, ::step] = known[::step, ::step]
     doubted = np.arange(len(basis)) >= len(basis) - (0 if new_film else 3)
-    found = _robust(
+    coefficients = _robust(
         basis[:, :, some].reshape(len(basis), -1), ratio[:, some].ravel(), doubted.astype(float)
     )
-    fitted = np.tensordot(found, basis, axes=1)
+    fitted = np.tensordot(coefficients, basis, axes=1)
     if new_film:
         levels = fitted[:, known].mean(axis=1) if known.any() else strength
         return np.asarray(levels), fitted, 0.0, np.zeros(2)
-    return found[:count] * strength, fitted, float(found[count + 5]), -found[count + 6 :]
+    return (
+        coefficients[:count] * strength,
+        fitted,
+        float(coefficients[count + 5]),
+        -coefficients[count + 6 :],
+    )
 
 
 def _basis(place: F8, flat: F8, slope_x: F8, slope_y: F8, strength: F8) -> F8:
@@ -224,16 +224,18 @@ def _new_basis(place: F8, count: int) -> F8:
 def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
     """Iteratively reweighted least squares (Cauchy); columns marked `doubted` stay near zero."""
     weight = np.ones_like(ratio)
-    found: F8 = np.zeros(len(basis))
-    for _ in range(ROUNDS):
+    coefficients: F8 = np.zeros(len(basis))
+    for _ in range(REWEIGHTING_ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
-        held = 1e-9 * np.trace(normal) / len(basis) + DOUBTED * np.diag(normal) * doubted
-        found = np.asarray(np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64)
-        left = ratio - found @ basis
+        held = 1e-9 * np.trace(normal) / len(basis) + AMBIENT_RIDGE * np.diag(normal) * doubted
+        coefficients = np.asarray(
+            np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64
+        )
+        left = ratio - coefficients @ basis
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
-        weight = 1 / (1 + (left / (CAUCHY * spread)) ** 2)
-    return np.asarray(found)
+        weight = 1 / (1 + (left / (CAUCHY_DEVIATIONS * spread)) ** 2)
+    return np.asarray(coefficients)
 
 
 def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
@@ -241,5 +243,5 @@ def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
     design = np.concatenate([np.ones_like(left)[:, None], tilt], axis=1).astype(np.float64)
     normal = np.einsum("kaij,kbij->ijab", design, design)
     right = np.einsum("kaij,kij->ija", design, left)
-    found = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
-    return found[..., 0], np.moveaxis(found[..., 1:], -1, 0)
+    solution = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
+    return solution[..., 0], np.moveaxis(solution[..., 1:], -1, 0)

@@ -8,11 +8,11 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Film, Light, PixelSize
-from tactograph.nodes.calibrate.recheck.film_change import TiltResponse
+from tactograph.nodes.calibrate import TiltResponse
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.near_light import places
 
-TILT = 0.02
+SLOPE_STEP = 0.02
 """Step of the slope for the central differences."""
 
 
@@ -41,10 +41,10 @@ def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
     x, y = (part.ravel().astype(np.float64) for part in np.meshgrid(across, down))
     level = np.zeros_like(x)
     by = []
-    for slope in np.eye(2) * TILT:
+    for slope in np.eye(2) * SLOPE_STEP:
         more, less = (_normal(sign * slope, x.size) for sign in (1, -1))
         change = predict(film, more, x, y, level) - predict(film, less, x, y, level)
-        by.append(change.reshape(-1, rows, columns) / (2 * TILT))
+        by.append(change.reshape(-1, rows, columns) / (2 * SLOPE_STEP))
     return cast(F4, np.stack(by, axis=1).astype(np.float32))
 
 

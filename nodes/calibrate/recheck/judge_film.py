@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 
-WEAKER = 0.1
+MAX_LED_CHANGE = 0.1
 """Tolerated relative change of one LED's light against the others, or of all together."""
-AMBIENT = 0.004
+MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
-MOVED = 0.5
+MAX_SHIFT_PX = 0.5
 """Tolerated shift of the image in px."""
-CERTAIN = 6.0
+MIN_DEVIATIONS = 6.0
 """Robust standard deviations of a map above which a departure is not noise."""
-LOWEST, FLATTEST = 0.003, 0.01
+MIN_DENT_MM, MIN_DENT_SLOPE = 0.003, 0.01
 """Smallest height in mm and smallest slope of a dent."""
-TOUCHED = 0.15
+TOUCHED_MM = 0.15
 """Height in mm above which it is more likely that something touches the film."""
-FAINTEST = 0.015
+MIN_MARK_CHANGE = 0.015
 """Smallest change of albedo of a mark."""
-SHARP = 1 / 8
+SHARP_GRADIENT = 1 / 8
 """Gradient per px of a mark, relative to its depth, above which it lies in the film.  Marks on the
 lens are out of focus."""
 
@@ -101,19 +101,19 @@ class _Mark(NamedTuple):
 def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
     """The marks in the film, which are sharp, and those on the lens, which are blurred."""
     spread = 1.4826 * float(np.median(np.abs(albedo)))
-    standing = (np.abs(albedo) > max(CERTAIN * spread, FAINTEST)).astype(np.uint8)
+    standing = (np.abs(albedo) > max(MIN_DEVIATIONS * spread, MIN_MARK_CHANGE)).astype(np.uint8)
     count, labels = cv2.connectedComponents(standing, connectivity=8)
     by_y, by_x = np.gradient(albedo)
     steepness = np.hypot(by_x, by_y)
-    found: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
+    marks: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
     for number in range(1, count):
         inside: NDArray[np.intp] = np.flatnonzero(labels == number)
         deepest = inside[np.abs(albedo.flat[inside]).argmax()]
         depth = float(albedo.flat[deepest])
         y, x = divmod(int(deepest), albedo.shape[1])
-        sharp = bool(steepness.flat[inside].max() > SHARP * abs(depth))
-        found[sharp].append((depth, x, y))
-    return _strongest(found[True]), _strongest(found[False])
+        sharp = bool(steepness.flat[inside].max() > SHARP_GRADIENT * abs(depth))
+        marks[sharp].append((depth, x, y))
+    return _strongest(marks[True]), _strongest(marks[False])
 
 
 def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
@@ -128,7 +128,7 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     by_y, by_x = np.gradient(dent, pixel)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())
-    if abs(highest) < max(CERTAIN * spread, LOWEST) or steepest < FLATTEST:
+    if abs(highest) < max(MIN_DEVIATIONS * spread, MIN_DENT_MM) or steepest < MIN_DENT_SLOPE:
         return 0.0, (0, 0)
     return highest, (int(x), int(y))
 
@@ -137,12 +137,12 @@ def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
     own = 100 * float(strength[k]) / usual
-    if abs(own - 100) > 100 * WEAKER:
+    if abs(own - 100) > 100 * MAX_LED_CHANGE:
         return (
             f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its "
             "wire, then recalibrate"
         )
-    if abs(usual - 1) > WEAKER:
+    if abs(usual - 1) > MAX_LED_CHANGE:
         return (
             f"all LEDs have {100 * usual:.0f} % of their light: check exposure, gain and supply; "
             "heights stay right as long as nothing is dark or saturated"
@@ -152,22 +152,23 @@ def _of_leds(strength: F4) -> str:
 
 
 def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
-    if abs(deepest) > TOUCHED:
+    if abs(deepest) > TOUCHED_MM:
         return (
             f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
             f"{1e3 * deepest:.0f} um: take the capture of the untouched film again"
         )
-    said = []
+    sentences = []
     if deepest:
-        said.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
+        sentences.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
     if scratch.number:
-        said.append(
+        sentences.append(
             f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
             f"at {scratch.x},{scratch.y} px"
         )
-    if said:
+    if sentences:
         return (
-            " and ".join(said) + ": wipe the film; if it stays, recalibrate with a new flat frame"
+            " and ".join(sentences)
+            + ": wipe the film; if it stays, recalibrate with a new flat frame"
         )
     return "right: no dents, no scratches"
 
@@ -182,7 +183,7 @@ def _of_lens(dirt: _Mark) -> str:
 
 
 def _of_ambient(ambient: float) -> str:
-    if abs(ambient) > AMBIENT:
+    if abs(ambient) > MAX_AMBIENT:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
             "take an image with all LEDs off (dark=) and recalibrate"
@@ -191,7 +192,7 @@ def _of_ambient(ambient: float) -> str:
 
 
 def _of_camera(shift: F4, moved: float) -> str:
-    if moved > MOVED:
+    if moved > MAX_SHIFT_PX:
         x, y = shift
         return f"the image has moved by {x:+.1f},{y:+.1f} px: fix the camera and calibrate again"
     return f"right: moved by {moved:.1f} px"

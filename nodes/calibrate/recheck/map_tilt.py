@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Light
-from tactograph.nodes.calibrate.recheck.film_change import TiltResponse
+from tactograph.nodes.calibrate import TiltResponse
 from tactograph.nodes.optics.reflectance_map import terms
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 

@@ -10,13 +10,12 @@ from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Light, Metrics
-from tactograph.nodes.calibrate.ball.find_balls import BallCircles, BallPress
+from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
-from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.drawing.new_picture import ORANGE, BesidePicture, write_picture
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-ORANGE = "#ffb000"
-TOGETHER = 5
+FIGURES_PER_LINE = 5
 """Figures per line of the title."""
 
 
@@ -64,8 +63,8 @@ def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
     axes.imshow(press.mean(axis=0), cmap="gray")
     for x, y, radius in circles[circles[:, 2] > 0]:
         axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
-    found = (circles[:, 2] > 0).any()
-    axes.set_title("check press" if found else "no check press")
+    is_pressed = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if is_pressed else "no check press")
 
 
 def _title(quality: Metrics) -> str:
@@ -74,4 +73,7 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if not name.startswith("light_percent")
     ]
-    return "\n".join("  ".join(figures[i : i + TOGETHER]) for i in range(0, len(figures), TOGETHER))
+    return "\n".join(
+        "  ".join(figures[i : i + FIGURES_PER_LINE])
+        for i in range(0, len(figures), FIGURES_PER_LINE)
+    )

@@ -11,7 +11,7 @@ from tactograph.nodes import Light
 from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
 from tactograph.nodes.files.image_files import Crop, Leds, Lights
 
-ANY_BALL = 1e3
+NO_BALL_MM = 1e3
 """Radius in mm that stands for no ball; so large that it limits nothing."""
 
 
@@ -45,7 +45,7 @@ def read_check(
         As `read_balls`; if presses and flat frame differ in size.
     """
     if folder is None:
-        radius, known = np.full(1, ANY_BALL, np.float32), np.zeros((1, 3), np.float32)
+        radius, known = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
         return BallPresses(flat, flat, radius, known, [])
     taken = read_balls(
         folder=folder,

@@ -10,20 +10,20 @@ from scipy.ndimage import convolve
 
 from tactograph.nodes import F4
 
-TAPS = np.array([1, -2, 1], np.float32)
+MASK_TAPS = np.array([1, -2, 1], np.float32)
 """Taps along x and along y: blind to planes and twists; white noise of 1 gives 6."""
-KEPT, KEPT_MEAN = 0.8, 0.5586
+KEPT_SHARE, KEPT_MEAN = 0.8, 0.5586
 """Share of the responses that are not edges, and their mean magnitude for a normal distribution."""
 
 
 def responses(plane: F4, apart: int = 1) -> F4:
     """Magnitude of the mask's response to an image (H x W), with its taps `apart` pixels apart."""
     taps = np.zeros(2 * apart + 1, np.float32)
-    taps[::apart] = TAPS
+    taps[::apart] = MASK_TAPS
     return np.abs(convolve(plane, np.outer(taps, taps), mode="nearest"))
 
 
 def variances(left: F4) -> NDArray[Any]:
     """The variance of a pixel from the smaller responses along the last axis (... x N)."""
-    calm = np.sort(left)[..., : max(1, int(KEPT * left.shape[-1]))]
+    calm = np.sort(left)[..., : max(1, int(KEPT_SHARE * left.shape[-1]))]
     return np.asarray(np.square(calm.mean(axis=-1, dtype=np.float64) / (KEPT_MEAN * 6)))

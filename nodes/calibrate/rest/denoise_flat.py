@@ -10,20 +10,19 @@ from numpy.polynomial.chebyshev import chebvander
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Light
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.optics.block_sums import block_sums
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians that separate the bands of detail."""
-NARROW = 8
+MIN_SIDE_DEVIATIONS = 8
 """Smallest side of an image, relative to a Gaussian's standard deviation."""
-DEGREE = 6
+TREND_DEGREE = 6
 """Degree of the polynomial trend of the light over the image, which is always kept."""
-DARKEST = np.float32(0.02)
-"""Light below which nothing is changed."""
-BLOCK = 32
+BLOCK_PX = 32
 """Side of a block in px.  Only the calmer, untouched half of a press's blocks counts."""
-MARK, CONFIRMED = 5.0, 0.5
+MARK_DEVIATIONS, CONFIRMED_SHARE = 5.0, 0.5
 """Detail above this many standard deviations stays where presses show this share of it."""
 
 
@@ -50,34 +49,37 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
     ndarray
         K x H x W.
     """
-    made = flat.copy()
-    for plane, sheet, result in zip(flat, image, made, strict=True):
+    denoised = flat.copy()
+    for plane, sheet, result in zip(flat, image, denoised, strict=True):
         if np.ptp(plane) > 0:
             log_flat, *presses = (
-                np.log(np.maximum(part, DARKEST)) for part in (plane, *cut(sheet, len(plane)))
+                np.log(np.maximum(part, MIN_FLAT_LIGHT))
+                for part in (plane, *cut(sheet, len(plane)))
             )
-            np.copyto(result, np.exp(_confirmed(log_flat, presses)), where=plane > DARKEST)
-    return made
+            np.copyto(result, np.exp(_confirmed(log_flat, presses)), where=plane > MIN_FLAT_LIGHT)
+    return denoised
 
 
 def _confirmed(flat: F4, presses: list[F4]) -> F4:
-    bands, found = _bands(flat)
+    bands, smooth = _bands(flat)
     shown = [_bands(press)[0] for press in presses]
     calm = [_calm(of_press[-1]) for of_press in shown] if bands else []
     for i, band in enumerate(bands):
         others = [of_press[i] for of_press in shown]
         shared = sum(
-            (block_sums(band * other, BLOCK) * c).sum()
+            (block_sums(band * other, BLOCK_PX) * c).sum()
             for other, c in zip(others, calm, strict=True)
         )
-        square = block_sums(band * band, BLOCK)
+        square = block_sums(band * band, BLOCK_PX)
         whole = sum((square * c).sum() for c in calm)
         share = np.float32(np.clip(shared / whole, 0, 1)) if whole > 0 else np.float32(1)
         mean = np.mean(others, axis=0)
         spread = 1.4826 * np.median(np.abs(band))
-        mark = (np.abs(band) > MARK * spread) & (band * mean > CONFIRMED * band * band)
-        found = np.asarray(found + np.where(mark, np.float32(1), share) * band, np.float32)
-    return found
+        mark = (np.abs(band) > MARK_DEVIATIONS * spread) & (
+            band * mean > CONFIRMED_SHARE * band * band
+        )
+        smooth = np.asarray(smooth + np.where(mark, np.float32(1), share) * band, np.float32)
+    return smooth
 
 
 def _bands(plane: F4) -> tuple[list[F4], F4]:
@@ -87,15 +89,15 @@ def _bands(plane: F4) -> tuple[list[F4], F4]:
     """
     trend = _trend(plane)
     left = plane - trend
-    scales = [s for s in SCALES_PX if NARROW * s < min(plane.shape)]
+    scales = [s for s in SCALES_PX if MIN_SIDE_DEVIATIONS * s < min(plane.shape)]
     levels = [left, *(cv2.GaussianBlur(left, (0, 0), scale) for scale in scales)]
     return [fine - coarse for fine, coarse in pairwise(levels)], trend + levels[-1]
 
 
 def _trend(plane: F4) -> F4:
-    """The least-squares polynomial, of `DEGREE` along x and along y."""
+    """The least-squares polynomial, of `TREND_DEGREE` along x and along y."""
     down, across = (
-        np.linalg.qr(chebvander(np.linspace(-1, 1, side), DEGREE))[0].astype(np.float32)
+        np.linalg.qr(chebvander(np.linspace(-1, 1, side), TREND_DEGREE))[0].astype(np.float32)
         for side in plane.shape
     )
     return np.asarray(down @ (down.T @ plane @ across) @ across.T, np.float32)
@@ -103,5 +105,5 @@ def _trend(plane: F4) -> F4:
 
 def _calm(band: F4) -> F4:
     """1 for the blocks that vary least, 0 for the others."""
-    rough = block_sums(band * band, BLOCK)
+    rough = block_sums(band * band, BLOCK_PX)
     return np.asarray(rough <= np.median(rough), np.float32)

@@ -9,10 +9,10 @@ from tactograph.graph import node
 from tactograph.nodes import Light, Noise
 from tactograph.nodes.calibrate.rest._immerkaer import responses, variances
 
-LEVELS = np.linspace(0.04, 0.96, 24)
+LIGHT_LEVELS = np.linspace(0.04, 0.96, 24)
 """Levels of light between which noise is measured: neither black nor saturated."""
-FEWEST = 400
-LEAST = 1e-8
+MIN_RESPONSES = 400
+MIN_READ_VARIANCE = 1e-8
 """Smallest read variance, however clean the images are."""
 
 
@@ -35,17 +35,17 @@ def estimate_noise(image: Light) -> Noise:
         Length 2.
     """
     left = np.stack([responses(plane) for plane in image])
-    number = np.digitize(image, LEVELS)
+    number = np.digitize(image, LIGHT_LEVELS)
     rows, squares, weights = [], [], []
-    for level in range(1, len(LEVELS)):
+    for level in range(1, len(LIGHT_LEVELS)):
         chosen = number == level
         count = int(chosen.sum())
-        if count >= FEWEST:
+        if count >= MIN_RESPONSES:
             rows.append([image[chosen].mean(), 1.0])
             squares.append(float(variances(left[chosen])))
-            weights.append(np.sqrt(count) / max(squares[-1], LEAST))
+            weights.append(np.sqrt(count) / max(squares[-1], MIN_READ_VARIANCE))
     if not rows:
-        return np.array([0, max(float(variances(left.ravel())), LEAST)], np.float32)
+        return np.array([0, max(float(variances(left.ravel())), MIN_READ_VARIANCE)], np.float32)
     scale = np.array(weights) / max(weights)
     found, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
-    return np.array([found[0], max(found[1], LEAST)], np.float32)
+    return np.array([found[0], max(found[1], MIN_READ_VARIANCE)], np.float32)

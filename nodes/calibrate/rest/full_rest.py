@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, CoarseLight, Dark, Light
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 
 
 class Rest(NamedTuple):

@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
 from tactograph.nodes.calibrate.rest._immerkaer import responses, variances
-from tactograph.nodes.calibrate.rest.estimate_noise import LEVELS
+from tactograph.nodes.calibrate.rest.estimate_noise import LIGHT_LEVELS
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-TILE = 32
+TILE_PX = 32
 """Pixels along the side of a tile of film."""
-MOST_TILES, FEWEST_TILES = 400, 24
+MAX_TILES, MIN_TILES = 400, 24
 """About how many tiles are used per press and LED, and the fewest in all for a result."""
-CALM, AS_CALM = 0.1, 0.65
+CALM_SHARE, CALM_QUANTILE = 0.1, 0.65
 """Share of the tiles in which at least only noise differs from cell to cell; and the value of this
 quantile for white noise of variance 1."""
-CELL, APART = 4, 2
+CELL_PX, CELL_DISTANCE = 4, 2
 """Side of a cell in px, and distance of the compared cells in cells."""
-MOST = 4.0
+MAX_CORRELATION = 4.0
 """Largest result: that of a mosaic with a colour in every fourth pixel.  Beyond it, the film
 itself differs."""
-LEAST = 1e-12
+MIN_VARIANCE = 1e-12
 """Smallest variance to divide by."""
 
 
@@ -61,22 +61,26 @@ def noise_correlation(
     float
         1 if the pixels' noise is independent.
     """
-    if min(flat.shape[1:]) < TILE:
+    if min(flat.shape[1:]) < TILE_PX:
         return 1.0
     black = np.zeros(flat.shape[1:], np.float32)
     ratios = []
     for press in cut(image, flat.shape[1]):
         light, sigma = flat_field(press, flat, black), light_noise(press, flat, noise)
         for seen, relative, camera in zip(press, light, sigma, strict=True):
-            lit = _in_tiles((seen > LEVELS[0]) & (seen < LEVELS[-1]), TILE).all(axis=1)
-            asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MOST_TILES]
+            lit = _in_tiles((seen > LIGHT_LEVELS[0]) & (seen < LIGHT_LEVELS[-1]), TILE_PX).all(
+                axis=1
+            )
+            asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MAX_TILES]
             alone = camera**2 + (grain * relative) ** 2
-            expected = _in_tiles(alone, TILE)[asked].mean(axis=1)
-            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, LEAST))
-    found = np.concatenate(ratios)
-    if found.size < FEWEST_TILES:
+            expected = _in_tiles(alone, TILE_PX)[asked].mean(axis=1)
+            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, MIN_VARIANCE))
+    ratios_of_tiles = np.concatenate(ratios)
+    if ratios_of_tiles.size < MIN_TILES:
         return 1.0
-    return float(np.clip(np.quantile(found, CALM) / AS_CALM, 1, MOST))
+    return float(
+        np.clip(np.quantile(ratios_of_tiles, CALM_SHARE) / CALM_QUANTILE, 1, MAX_CORRELATION)
+    )
 
 
 def _of_cells(light: F4) -> NDArray[Any]:
@@ -84,9 +88,9 @@ def _of_cells(light: F4) -> NDArray[Any]:
 
     The mask's taps are spaced apart, since neighbouring cells share noise, too.
     """
-    rows, columns = (size // TILE * TILE for size in light.shape)
-    cells = coarsen(light[None, :rows, :columns], factor=CELL)[0]
-    return variances(_in_tiles(responses(cells, APART), TILE // CELL)) * CELL**2
+    rows, columns = (size // TILE_PX * TILE_PX for size in light.shape)
+    cells = coarsen(light[None, :rows, :columns], factor=CELL_PX)[0]
+    return variances(_in_tiles(responses(cells, CELL_DISTANCE), TILE_PX // CELL_PX)) * CELL_PX**2
 
 
 def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, LightPositions, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import is_uniform
+from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.optics.near_light import places
 
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Labels, Light, LutLight, LutLit, LutSlope, Mask, Slope
-
-FEWEST = 100
+from tactograph.nodes.calibrate import MIN_PIXELS
 
 
 class Lut(NamedTuple):
@@ -47,10 +46,10 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
     count = light.shape[0]
     reached = np.bitwise_count(lit & np.uint8((1 << count) - 1))
     chosen = (mask > 0) & (reached >= max(3, count - 1))
-    if chosen.sum() < FEWEST:
+    if chosen.sum() < MIN_PIXELS:
         raise InputError(
             f"only {int(chosen.sum())} calibration pixels are reached by enough LEDs "
-            f"({FEWEST} are needed): is the ball in the frame, and does every LED flash?"
+            f"({MIN_PIXELS} are needed): is the ball in the frame, and does every LED flash?"
         )
     return Lut(
         np.ascontiguousarray(light[:, chosen].T),

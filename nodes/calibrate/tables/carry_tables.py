@@ -11,7 +11,7 @@ from tactograph.nodes import Film, LutLight, LutLit, LutSlope
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
 
-DARKEST = 0.05
+MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
 
 
@@ -51,7 +51,7 @@ def carry_tables(
     none = np.zeros_like(p)
     height = np.full_like(p, old.contact)
     then, now = (predict(film, normal, none, none, height) for film in (old, new))
-    ratio = np.where(then > DARKEST, now / np.maximum(then, DARKEST), 1)
+    ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
     light = (lut_light.T * ratio).astype(np.float32)
     return TablePixels(
         light[:, None],

@@ -8,8 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
-
-FEWEST = 100
+from tactograph.nodes.calibrate import MIN_PIXELS
 
 
 class NullFit(NamedTuple):
@@ -47,15 +46,15 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     if count < 4:
         return NullFit(np.zeros(count, np.float32), 0.0)
     chosen = (mask > 0) & (lit == (1 << count) - 1)
-    if chosen.sum() < FEWEST:
+    if chosen.sum() < MIN_PIXELS:
         raise InputError(
             f"only {int(chosen.sum())} calibration pixels are reached by all {count} LEDs "
-            f"({FEWEST} are needed): press less deep, or check that every LED flashes"
+            f"({MIN_PIXELS} are needed): press less deep, or check that every LED flashes"
         )
-    found = light[:, chosen].astype(np.float64)
-    null = np.linalg.eigh(found @ found.T)[1][:, 0]
+    lit_light = light[:, chosen].astype(np.float64)
+    null = np.linalg.eigh(lit_light @ lit_light.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])
-    residual = null @ found
+    residual = null @ lit_light
     # Median absolute deviation, so that the few remaining shadowed pixels do not widen it.
     spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
     return NullFit(null.astype(np.float32), float(spread))

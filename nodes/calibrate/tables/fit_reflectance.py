@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
-
-FEWEST = 100
+from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.optics.reflectance_map import harmonics
 
 
 class ReflectanceFit(NamedTuple):
@@ -42,35 +42,13 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
     coefficients, residuals = [], []
     for k, plane in enumerate(light):
         chosen = (mask > 0) & ((lit >> k) & 1 > 0)
-        if chosen.sum() < FEWEST:
+        if chosen.sum() < MIN_PIXELS:
             raise InputError(
                 f"LED {k + 1} reaches only {int(chosen.sum())} pixels of the calibration "
-                f"object ({FEWEST} are needed): is it on?"
+                f"object ({MIN_PIXELS} are needed): is it on?"
             )
         basis = harmonics(slope[:, chosen]).T.astype(np.float64)
         found, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
         coefficients.append(found)
         residuals.append(np.sqrt(np.mean((basis @ found - plane[chosen]) ** 2)))
     return ReflectanceFit(np.asarray(coefficients, np.float32), np.asarray(residuals, np.float32))
-
-
-def harmonics(slope: F4) -> F4:
-    """The nine spherical harmonics up to second order, without their constant factors.
-
-    1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
-    normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.
-
-    Parameters
-    ----------
-    slope
-        2 x anything.
-
-    Returns
-    -------
-    ndarray
-        9 x anything.
-    """
-    p, q = slope
-    z = 1 / np.sqrt(1 + p * p + q * q)
-    x, y = -p * z, -q * z
-    return np.stack([np.ones_like(z), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1])

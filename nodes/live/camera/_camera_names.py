@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from tactograph.graph import InputError
 
-SYSFS = Path("/sys/class/video4linux")
-"""Where the kernel lists cameras."""
-SERIAL = "serial:"
-NODE = re.compile(r"/dev/video(\d+)")
+CAMERA_FOLDER = Path("/sys/class/video4linux")
+"""Folder in which the kernel lists cameras."""
+SERIAL_PREFIX = "serial:"
+DEVICE_FILE = re.compile(r"/dev/video(\d+)")
 
 
 class NamedCamera(NamedTuple):
@@ -24,15 +24,17 @@ class NamedCamera(NamedTuple):
 
 def named_cameras(sysfs: Path | None = None) -> list[NamedCamera]:
     """The connected cameras, by number, without devices that deliver no pictures (metadata)."""
-    found = []
-    for entry in sorted((sysfs or SYSFS).glob("video*"), key=lambda each: int(each.name[5:])):
+    cameras = []
+    for entry in sorted(
+        (sysfs or CAMERA_FOLDER).glob("video*"), key=lambda each: int(each.name[5:])
+    ):
         if _read(entry / "index") not in ("", "0"):
             continue
         interface = (entry / "device").resolve()
         # A USB camera is an interface of a device, which has the serial number.
         serial = _read(interface / "serial") or _read(interface.parent / "serial")
-        found.append(NamedCamera(f"/dev/{entry.name}", _read(entry / "name"), serial))
-    return found
+        cameras.append(NamedCamera(f"/dev/{entry.name}", _read(entry / "name"), serial))
+    return cameras
 
 
 def device_of(camera: str) -> str:
@@ -43,12 +45,12 @@ def device_of(camera: str) -> str:
     InputError
         If no camera has the serial number.
     """
-    if camera.startswith(SERIAL):
-        wanted, there = camera.removeprefix(SERIAL), named_cameras()
-        for known in there:
-            if wanted and wanted == known.serial:
-                return known.device
-        others = ", ".join(f"{each.serial} ({each.name})" for each in there if each.serial)
+    if camera.startswith(SERIAL_PREFIX):
+        serial, cameras = camera.removeprefix(SERIAL_PREFIX), named_cameras()
+        for connected in cameras:
+            if serial and serial == connected.serial:
+                return connected.device
+        others = ", ".join(f"{each.serial} ({each.name})" for each in cameras if each.serial)
         raise InputError(
             f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
             "('tactograph cameras' lists them)"

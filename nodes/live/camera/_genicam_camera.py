@@ -26,18 +26,18 @@ from tactograph.graph import InputError
 from tactograph.graph.extras import need
 from tactograph.nodes.live.camera._camera_names import NamedCamera
 
-GENICAM = "genicam:"
-PRODUCERS = "GENICAM_GENTL64_PATH"
+GENICAM_PREFIX = "genicam:"
+PRODUCER_VARIABLE = "GENICAM_GENTL64_PATH"
 WAIT_S = 1.0
 """Time without a frame after which the camera counts as lost."""
-STEADY = 128
+CLOCK_FRAMES = 128
 """Frames over which the camera's clock is compared with the host's; their drift is negligible."""
-PIXELS = re.compile(r"(Mono|Bayer(?:RG|GR|GB|BG)|(?:RGB|BGR)a?)(8|10|12|14|16)")
+PIXEL_FORMAT = re.compile(r"(Mono|Bayer(?:RG|GR|GB|BG)|(?:RGB|BGR)a?)(8|10|12|14|16)")
 """The supported pixel formats: PFNC names, without packed formats."""
-COLOUR = ("BayerRG8", "BayerGR8", "BayerGB8", "BayerBG8", "RGB8", "BGR8", "RGBa8", "BGRa8")
-GREY = ("Mono16", "Mono14", "Mono12", "Mono10", "Mono8")
+COLOUR_FORMATS = ("BayerRG8", "BayerGR8", "BayerGB8", "BayerBG8", "RGB8", "BGR8", "RGBa8", "BGRa8")
+GREY_FORMATS = ("Mono16", "Mono14", "Mono12", "Mono10", "Mono8")
 """Preferred formats, in order, for a camera that is not set to a suitable one."""
-FEATURES = {
+FEATURE_NAMES = {
     cv2.CAP_PROP_FRAME_WIDTH: "Width",
     cv2.CAP_PROP_FRAME_HEIGHT: "Height",
     cv2.CAP_PROP_FPS: "AcquisitionFrameRate",
@@ -45,12 +45,12 @@ FEATURES = {
     cv2.CAP_PROP_GAIN: "Gain",
 }
 """The standard's feature for each of OpenCV's properties; exposure is in microseconds."""
-AUTOMATIC = {
+AUTOMATIC_FEATURES = {
     cv2.CAP_PROP_AUTO_EXPOSURE: ("ExposureAuto", "GainAuto"),
     cv2.CAP_PROP_AUTO_WB: ("BalanceWhiteAuto",),
 }
 # Named by the first row's two pixels, as in GenICam; OpenCV has aliases of all four.
-MOSAICS = {
+BAYER_CODES = {
     "BayerRG": cv2.COLOR_BayerRGGB2BGR,
     "BayerGR": cv2.COLOR_BayerGRBG2BGR,
     "BayerGB": cv2.COLOR_BayerGBRG2BGR,
@@ -73,7 +73,7 @@ def genicam_cameras() -> list[NamedCamera]:
     with _lock:
         return [
             NamedCamera(
-                f"{GENICAM}{each.serial_number}",
+                f"{GENICAM_PREFIX}{each.serial_number}",
                 f"{each.vendor} {each.model}",
                 str(each.serial_number),
             )
@@ -89,9 +89,9 @@ def check_genicam(camera: str) -> None:
     InputError
         If it does not, or harvesters or producers are missing.
     """
-    there = genicam_cameras()
-    if camera not in {each.device for each in there}:
-        others = ", ".join(f"{each.serial} ({each.name})" for each in there)
+    cameras = genicam_cameras()
+    if camera not in {each.device for each in cameras}:
+        others = ", ".join(f"{each.serial} ({each.name})" for each in cameras)
         raise InputError(
             f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
             "('tactograph cameras' lists them)"
@@ -101,7 +101,7 @@ def check_genicam(camera: str) -> None:
         formats = capture.formats
         if not capture.isOpened():
             raise InputError(f"camera={camera}: cannot be opened: {capture.reason}")
-        if not any(PIXELS.fullmatch(each) for each in formats):
+        if not any(PIXEL_FORMAT.fullmatch(each) for each in formats):
             raise InputError(
                 f"camera={camera}: its pixels are {', '.join(formats)}; Mono, Bayer or RGB of 8 "
                 "to 16 bits, not packed, can be read"
@@ -131,7 +131,7 @@ class GenicamCapture:
     def __init__(self, camera: str, *, colour: bool) -> None:
         self.sequence = -1
         self.reason = ""
-        self._preferred = COLOUR if colour else GREY
+        self._preferred = COLOUR_FORMATS if colour else GREY_FORMATS
         self._colour = colour
         self._streaming = False
         self._picture: NDArray[Any] | None = None
@@ -141,7 +141,7 @@ class GenicamCapture:
         self._acquirer: Any = None
         try:
             with _lock:
-                self._acquirer = _created(_updated(), camera.removeprefix(GENICAM))
+                self._acquirer = _created(_updated(), camera.removeprefix(GENICAM_PREFIX))
         except _errors(ValueError) as error:
             self.reason = " ".join(str(error).split())
 
@@ -152,7 +152,7 @@ class GenicamCapture:
         return [] if node is None else [str(each) for each in node.symbolics]
 
     def isOpened(self) -> bool:  # noqa: N802  (OpenCV's names)
-        """Whether frames can be expected."""
+        """Tell if frames can be expected."""
         return self._acquirer is not None
 
     def getBackendName(self) -> str:  # noqa: N802
@@ -172,25 +172,27 @@ class GenicamCapture:
 
     def set(self, prop: int, value: float) -> bool:
         """Set a feature, or turn automatic ones off."""
-        if prop in AUTOMATIC:
+        if prop in AUTOMATIC_FEATURES:
             self._manual[prop] = value
-            for name in AUTOMATIC[prop]:
+            for name in AUTOMATIC_FEATURES[prop]:
                 self._write(name, "Off")
             return self.get(prop) == value
         if prop == cv2.CAP_PROP_FPS:
             self._write("AcquisitionFrameRateEnable", True)
         whole = prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-        return prop in FEATURES and self._write(FEATURES[prop], int(value) if whole else value)
+        return prop in FEATURE_NAMES and self._write(
+            FEATURE_NAMES[prop], int(value) if whole else value
+        )
 
     def get(self, prop: int) -> float:
         """A feature's value, or the last frame's time in ms; -1 if the camera lacks the feature."""
         if prop == cv2.CAP_PROP_POS_MSEC:
             return 1e3 * self._moment
-        if prop in AUTOMATIC:
-            states = [self._feature(name) for name in AUTOMATIC[prop]]
+        if prop in AUTOMATIC_FEATURES:
+            states = [self._feature(name) for name in AUTOMATIC_FEATURES[prop]]
             off = all(node is None or node.value == "Off" for node in states)
             return self._manual.get(prop, -1.0) if off else -1.0
-        node = self._feature(FEATURES[prop]) if prop in FEATURES else None
+        node = self._feature(FEATURE_NAMES[prop]) if prop in FEATURE_NAMES else None
         return -1.0 if node is None else float(node.value)
 
     def grab(self) -> bool:
@@ -213,17 +215,17 @@ class GenicamCapture:
         return self._picture is not None, self._picture
 
     def _start(self) -> None:
-        now = self._feature("PixelFormat")
-        if now is not None and not self._suits(str(now.value)):
-            there = [each for each in self._preferred if each in self.formats]
-            if there:
-                now.value = there[0]
+        feature = self._feature("PixelFormat")
+        if feature is not None and not self._suits(str(feature.value)):
+            suitable = [each for each in self._preferred if each in self.formats]
+            if suitable:
+                feature.value = suitable[0]
         self._acquirer.start()
         self._streaming = True
 
     def _suits(self, name: str) -> bool:
-        """Whether a pixel format is supported, and colour or grey as requested."""
-        return bool(PIXELS.fullmatch(name)) and name.startswith("Mono") != self._colour
+        """Tell if a pixel format is supported, and colour or grey as requested."""
+        return bool(PIXEL_FORMAT.fullmatch(name)) and name.startswith("Mono") != self._colour
 
     def _take(self, buffer: Any) -> bool:
         come = time.monotonic()
@@ -263,7 +265,7 @@ class _Clock:
     """
 
     def __init__(self) -> None:
-        self._apart: deque[float] = deque(maxlen=STEADY)
+        self._apart: deque[float] = deque(maxlen=CLOCK_FRAMES)
 
     def host(self, stamp: float | None, come: float) -> float:
         """The frame's time on the host's clock; its arrival if the camera gives no time."""
@@ -294,7 +296,7 @@ def decode(
     H x W, or H x W x 3 (blue, green, red), 8 or 16 bit; 10 to 14 bits are spread over all 16,
     so that full scale is full scale.
     """
-    kind = PIXELS.fullmatch(name)
+    kind = PIXEL_FORMAT.fullmatch(name)
     if kind is None:
         return None
     layout, bits = kind[1], int(kind[2])
@@ -305,8 +307,8 @@ def decode(
     values = data[: row * height].reshape(height, row)[:, : width * channels].copy()
     if bits in (10, 12, 14):
         values = (values << (16 - bits)) | (values >> (2 * bits - 16))
-    if layout in MOSAICS:
-        return cv2.cvtColor(values, MOSAICS[layout])
+    if layout in BAYER_CODES:
+        return cv2.cvtColor(values, BAYER_CODES[layout])
     if channels == 1:
         return values
     picture = values.reshape(height, width, channels)[..., :3]
@@ -353,14 +355,16 @@ def _harvesters() -> Any:
 
 
 def _producers() -> list[Path]:
-    folders = [Path(each) for each in os.environ.get(PRODUCERS, "").split(os.pathsep) if each]
-    found = [file for folder in folders for file in sorted(folder.glob("*.cti"))]
-    if not found:
+    folders = [
+        Path(each) for each in os.environ.get(PRODUCER_VARIABLE, "").split(os.pathsep) if each
+    ]
+    producers = [file for folder in folders for file in sorted(folder.glob("*.cti"))]
+    if not producers:
         raise InputError(
-            f"GenICam cameras need their maker's GenTL producer: {PRODUCERS} names no folder "
-            "with a .cti file"
+            f"GenICam cameras need their maker's GenTL producer: {PRODUCER_VARIABLE} names no "
+            "folder with a .cti file"
         )
-    return found
+    return producers
 
 
 def _errors(*others: type[Exception]) -> tuple[type[Exception], ...]:

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from tactograph.graph.extras import need
 
-BUFFERS = 4
+BUFFER_COUNT = 4
 WAIT_S = 1.0
 """Time without a frame after which the camera counts as lost."""
-COLOUR = ("MJPG", "YUYV", "BGR3", "RGB3")
-GREY = ("Y16 ", "Y12 ", "Y10 ", "GREY", "YUYV", "MJPG")
+COLOUR_FORMATS = ("MJPG", "YUYV", "BGR3", "RGB3")
+GREY_FORMATS = ("Y16 ", "Y12 ", "Y10 ", "GREY", "YUYV", "MJPG")
 """Preferred pixel formats, in order, if none is requested."""
-BITS = {"Y10 ": 10, "Y12 ": 12, "Y16 ": 16}
-CONTROLS = {
+FORMAT_BITS = {"Y10 ": 10, "Y12 ": 12, "Y16 ": 16}
+CONTROL_NAMES = {
     cv2.CAP_PROP_AUTO_EXPOSURE: 0x009A0901,
     cv2.CAP_PROP_EXPOSURE: 0x009A0902,
     cv2.CAP_PROP_AUTOFOCUS: 0x009A090C,
@@ -66,14 +66,14 @@ class LinuxCapture:
     def __init__(self, device: str, *, colour: bool) -> None:
         video = linuxpy()
         self._error: type[Exception] = video.V4L2Error
-        self._preferred = COLOUR if colour else GREY
+        self._preferred = COLOUR_FORMATS if colour else GREY_FORMATS
         self._asked: dict[int, float] = {}
         self._streaming = False
         self._picture: NDArray[Any] | None = None
         self._moment = 0.0
         self.sequence = -1
         self._device = video.Device(device)
-        self._source = video.VideoCapture(self._device, size=BUFFERS)
+        self._source = video.VideoCapture(self._device, size=BUFFER_COUNT)
         try:
             self._device.open()
             self._formats = [_name(each.pixel_format) for each in self._source.formats()]
@@ -81,7 +81,7 @@ class LinuxCapture:
             self._device.close()
 
     def isOpened(self) -> bool:  # noqa: N802  (OpenCV's names)
-        """Whether frames can be expected."""
+        """Tell if frames can be expected."""
         return not self._device.closed
 
     def getBackendName(self) -> str:  # noqa: N802
@@ -97,7 +97,7 @@ class LinuxCapture:
 
     def set(self, prop: int, value: float) -> bool:
         """Request a size, a rate, a pixel format, or a control's value."""
-        if prop in CONTROLS:
+        if prop in CONTROL_NAMES:
             return self._control(prop, value)
         self._asked[prop] = value
         return True
@@ -106,9 +106,9 @@ class LinuxCapture:
         """A requested value, a control's value, or the last frame's time in ms."""
         if prop == cv2.CAP_PROP_POS_MSEC:
             return 1e3 * self._moment
-        if prop in CONTROLS:
+        if prop in CONTROL_NAMES:
             try:
-                return float(self._device.controls[CONTROLS[prop]].value)
+                return float(self._device.controls[CONTROL_NAMES[prop]].value)
             except (KeyError, OSError, TypeError):
                 return -1.0
         return self._asked.get(prop, 0.0)
@@ -135,15 +135,15 @@ class LinuxCapture:
 
     def _control(self, prop: int, value: float) -> bool:
         try:
-            self._device.controls[CONTROLS[prop]].value = round(value)
+            self._device.controls[CONTROL_NAMES[prop]].value = round(value)
         except (KeyError, OSError, AttributeError, ValueError):
             return False
         return True
 
     def _start(self) -> None:
-        now = self._source.get_format()
-        width = int(self._asked.get(cv2.CAP_PROP_FRAME_WIDTH, now.width))
-        height = int(self._asked.get(cv2.CAP_PROP_FRAME_HEIGHT, now.height))
+        current = self._source.get_format()
+        width = int(self._asked.get(cv2.CAP_PROP_FRAME_WIDTH, current.width))
+        height = int(self._asked.get(cv2.CAP_PROP_FRAME_HEIGHT, current.height))
         self._source.set_format(width, height, self._format())
         rate = self._asked.get(cv2.CAP_PROP_FPS)
         if rate:
@@ -155,13 +155,13 @@ class LinuxCapture:
 
     def _format(self) -> str:
         """The requested pixel format, else the camera's best one."""
-        asked = self._asked.get(cv2.CAP_PROP_FOURCC)
-        if asked:
-            return struct.pack("<I", int(asked)).decode("ascii")
-        there = [each for each in self._preferred if each in self._formats]
-        if not there:
+        code = self._asked.get(cv2.CAP_PROP_FOURCC)
+        if code:
+            return struct.pack("<I", int(code)).decode("ascii")
+        formats = [each for each in self._preferred if each in self._formats]
+        if not formats:
             raise ValueError("no format that can be read")
-        return there[0]
+        return formats[0]
 
     def _decoded(self, data: bytes) -> NDArray[Any] | None:
         """The picture of a frame's bytes; None if it is damaged."""
@@ -196,10 +196,10 @@ def decode(data: bytes, name: str, width: int, height: int, stride: int) -> NDAr
     if raw.size < height * stride:
         return None
     rows = np.ascontiguousarray(raw[: height * stride].reshape(height, stride)[:, : width * size])
-    if name in BITS:
+    if name in FORMAT_BITS:
         values = rows.view("<u2").astype(np.uint16)
-        spare = 16 - BITS[name]
-        return (values << spare) | (values >> (BITS[name] - spare)) if spare else values
+        spare = 16 - FORMAT_BITS[name]
+        return (values << spare) | (values >> (FORMAT_BITS[name] - spare)) if spare else values
     planes = rows.reshape(height, width, size)
     if name == "GREY":
         return planes[..., 0]

@@ -14,7 +14,7 @@ import numpy as np
 from tactograph.graph import InputError
 from tactograph.nodes.live.camera.open_camera import CameraSettings, Capture, Plane, settle
 
-PAUSE = 0.1
+REOPEN_PAUSE_S = 0.1
 """Seconds between two attempts to open a camera."""
 
 
@@ -89,7 +89,7 @@ class Camera:
             shots = list(self._shots)
             self._shots.clear()
         # A driver may block for much longer than a frame, and for even longer while opening.
-        if not shots and time.monotonic() - self._alive > self._timeout + PAUSE:
+        if not shots and time.monotonic() - self._alive > self._timeout + REOPEN_PAUSE_S:
             self._lost()
             self._start()
         return shots
@@ -155,7 +155,7 @@ class Camera:
         while not stop.is_set():
             capture = self._opened()
             if capture is None:
-                stop.wait(PAUSE)
+                stop.wait(REOPEN_PAUSE_S)
                 continue
             self._fetch(capture, stop)
             capture.release()
@@ -165,7 +165,7 @@ class Camera:
                 self._end()
                 return
             self._lost()
-            stop.wait(PAUSE)
+            stop.wait(REOPEN_PAUSE_S)
 
     def _opened(self) -> Capture | None:
         try:
@@ -244,10 +244,10 @@ class _FilePace:
         self._next += self._step
 
 
-def _moment(capture: Capture, come: float) -> float:
+def _moment(capture: Capture, arrival_s: float) -> float:
     """The driver's time of the frame if it is on the host's clock, else the time of arrival."""
-    told = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
-    return told if 0 <= come - told < 1 else come
+    driver_s = 1e-3 * capture.get(cv2.CAP_PROP_POS_MSEC)
+    return driver_s if 0 <= arrival_s - driver_s < 1 else arrival_s
 
 
 def _grey(frame: Any) -> Plane:

@@ -11,7 +11,11 @@ from rich.table import Table
 
 from tactograph.graph import InputError, node
 from tactograph.nodes.live.camera._camera_names import named_cameras
-from tactograph.nodes.live.camera._genicam_camera import PRODUCERS, GenicamCapture, genicam_cameras
+from tactograph.nodes.live.camera._genicam_camera import (
+    PRODUCER_VARIABLE,
+    GenicamCapture,
+    genicam_cameras,
+)
 from tactograph.nodes.live.camera._linux_camera import linuxpy
 
 
@@ -30,7 +34,7 @@ def list_cameras() -> None:
         If the system is not Linux, the only one that lists cameras this way, and no industrial
         camera is found.
     """
-    industrial = genicam_cameras() if os.environ.get(PRODUCERS) else []
+    industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try camera=0, camera=1, ...")
     cameras = named_cameras()

@@ -16,16 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes.live.camera._camera_names import NODE, device_of
-from tactograph.nodes.live.camera._genicam_camera import GENICAM, GenicamCapture, check_genicam
+from tactograph.nodes.live.camera._camera_names import DEVICE_FILE, device_of
+from tactograph.nodes.live.camera._genicam_camera import (
+    GENICAM_PREFIX,
+    GenicamCapture,
+    check_genicam,
+)
 from tactograph.nodes.live.camera._linux_camera import LinuxCapture, linuxpy
 
 Library = Literal["opencv", "linuxpy"]
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 
-NET_TIMEOUTS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
+NETWORK_TIMEOUTS_MS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
 """OpenCV's defaults are half a minute."""
-FILES = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
+FILE_BACKENDS = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
 """Back ends for files or network streams, which have no exposure to set."""
 
 
@@ -97,7 +101,7 @@ def open_capture(
     camera: int | str, library: Library = "opencv", *, colour: bool = False
 ) -> Capture:
     """Open a camera by index, serial number, path or URL; check `isOpened` of the result."""
-    if str(camera).startswith(GENICAM):
+    if str(camera).startswith(GENICAM_PREFIX):
         return GenicamCapture(str(camera), colour=colour)
     try:
         text = device_of(str(camera))
@@ -107,13 +111,13 @@ def open_capture(
         return LinuxCapture(f"/dev/video{text}" if text.isdecimal() else text, colour=colour)
     # A camera that cannot be opened is reported once, by us.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    node = NODE.fullmatch(text)
+    node = DEVICE_FILE.fullmatch(text)
     if node:
         return cv2.VideoCapture(int(node[1]), cv2.CAP_V4L2)
     if text.isdecimal():
         return cv2.VideoCapture(int(text))
     if "://" in text:
-        return cv2.VideoCapture(text, cv2.CAP_FFMPEG, list(NET_TIMEOUTS))
+        return cv2.VideoCapture(text, cv2.CAP_FFMPEG, list(NETWORK_TIMEOUTS_MS))
     return cv2.VideoCapture(text)
 
 
@@ -123,7 +127,7 @@ def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
     With automatic exposure or gain, the light of one LED would depend on that of the others, and
     nothing could be measured.
     """
-    if capture.getBackendName() in FILES:
+    if capture.getBackendName() in FILE_BACKENDS:
         return []
     automatic = [
         (cv2.CAP_PROP_AUTO_EXPOSURE, _manual(capture), "automatic exposure off", True),
@@ -147,9 +151,9 @@ def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
         if value is None:
             continue
         capture.set(prop, float(value))
-        found = capture.get(prop)
-        if matters and abs(found - value) > 0.02 * max(abs(value), 1):
-            refused.append(f"the camera keeps {name} at {found:g} instead of {value:g}")
+        kept = capture.get(prop)
+        if matters and abs(kept - value) > 0.02 * max(abs(value), 1):
+            refused.append(f"the camera keeps {name} at {kept:g} instead of {value:g}")
     return refused
 
 
@@ -159,7 +163,7 @@ def _manual(capture: Capture) -> float:
 
 
 def check_camera(camera: int | str, library: Library = "opencv") -> bool:
-    """Whether `camera` is a file; a path to nothing is refused.
+    """Tell if `camera` is a file; refuse a path to nothing.
 
     Raises
     ------
@@ -167,7 +171,7 @@ def check_camera(camera: int | str, library: Library = "opencv") -> bool:
         If it looks like a path but nothing is there, no camera has its serial number, or the
         library is not installed.
     """
-    if str(camera).startswith(GENICAM):
+    if str(camera).startswith(GENICAM_PREFIX):
         check_genicam(str(camera))
         return False
     if library == "linuxpy":

@@ -7,11 +7,11 @@ import statistics
 from collections import deque
 from dataclasses import dataclass, replace
 
-WINDOW = 10.0
+WINDOW_S = 10.0
 """Seconds for which bounds on the controller's clock are used."""
-DRIFT = 1e-4
+MAX_DRIFT = 1e-4
 """Two quartz clocks drift apart by less than this (100 ppm)."""
-CONTRADICTION = 0.01
+MAX_CONTRADICTION_S = 0.01
 """Seconds by which two bounds may contradict each other; clocks of poor boards drift more."""
 
 
@@ -37,12 +37,12 @@ class Clock:
         next does so too, as after the host slept, they are forgotten instead.
         """
         bounds = self._bounds
-        while bounds and received - bounds[0][0] > WINDOW:
+        while bounds and received - bounds[0][0] > WINDOW_S:
             bounds.popleft()
         bounds.append((received, sent - controller, received - controller))
-        low = max(b[1] - DRIFT * (received - b[0]) for b in bounds)
-        high = min(b[2] + DRIFT * (received - b[0]) for b in bounds)
-        if low - high > CONTRADICTION:
+        low = max(b[1] - MAX_DRIFT * (received - b[0]) for b in bounds)
+        high = min(b[2] + MAX_DRIFT * (received - b[0]) for b in bounds)
+        if low - high > MAX_CONTRADICTION_S:
             newest = bounds.pop()
             if not self._doubted:
                 self._doubted = True

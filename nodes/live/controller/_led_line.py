@@ -9,9 +9,9 @@ import binascii
 import re
 from dataclasses import dataclass, field
 
-PROTOCOL = 1
+PROTOCOL_VERSION = 1
 """The version of the protocol."""
-LONGEST = 400
+MAX_LINE_BYTES = 400
 """Most bytes of a line."""
 _LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
 MAX_NUMBER = 10**15
@@ -98,15 +98,15 @@ class Lines:
     def feed(self, data: bytes) -> list[Answer | Event]:
         """Take in bytes; return the messages that they complete."""
         *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > LONGEST:
+        if len(self._rest) > MAX_LINE_BYTES:
             # The tail of an overlong line must not pass as a line: keep a byte that spoils it.
             self._rest = b"?"
-        said = []
+        messages = []
         for line in lines:
             body = unframe(line)
             message = parse(body) if body is not None else None
             if message is not None:
-                said.append(message)
+                messages.append(message)
             elif line:
                 self.bad += 1
-        return said
+        return messages

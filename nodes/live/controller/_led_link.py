@@ -13,8 +13,8 @@ import serial
 from tactograph.graph import InputError, TactographError
 from tactograph.nodes.live.controller._led_line import Answer, Event, Lines, frame
 
-ATTEMPTS = 4
-"""How often a request is sent before it counts as unanswered; repetition does no harm."""
+MAX_ATTEMPTS = 4
+"""Attempts after which a request counts as unanswered; repetition does no harm."""
 
 
 class ControllerLostError(TactographError):
@@ -92,9 +92,9 @@ class Link:
             self._number += 1
             line = frame(f"{self._number} {body}")
             sent = time.monotonic()
-            for _ in range(ATTEMPTS):
+            for _ in range(MAX_ATTEMPTS):
                 self._write(line)
-                answer = self._wait(self._timeout / ATTEMPTS)
+                answer = self._wait(self._timeout / MAX_ATTEMPTS)
                 if answer is not None:
                     return _granted(*answer, sent, body)
             raise ControllerLostError(

@@ -17,8 +17,8 @@ USB_IDS = {
     (0x2E8A, 0x000A): "Raspberry Pi Pico",
 }
 """USB vendor and product of boards that may be an LED controller."""
-BAUD = 115200
-"""Only matters for a USB-UART converter, not for a Pico on USB."""
+BAUD_RATE = 115200
+"""Rate of a USB-UART converter; a Pico on USB ignores it."""
 
 
 def find_ports() -> list[str]:
@@ -38,7 +38,7 @@ def open_port(port: str, timeout_s: float) -> serial.SerialBase:
     if "://" in port:
         raise InputError(f"port={port}: is no device; give its name, such as /dev/ttyACM0")
     try:
-        return serial.Serial(port, BAUD, timeout=0.1, write_timeout=timeout_s, exclusive=True)
+        return serial.Serial(port, BAUD_RATE, timeout=0.1, write_timeout=timeout_s, exclusive=True)
     except (OSError, ValueError) as error:
         # serial.SerialException is an OSError, and most have an errno.
         raise InputError(_why_not(port, error)) from None
@@ -76,14 +76,14 @@ def _why_not(port: str, error: Exception) -> str:
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"{port}: taken by {holder(port) or 'another program'}; close that first"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        found = ", ".join(find_ports())
-        hint = f"there is a controller at {found}" if found else "is the controller plugged in?"
+        ports = ", ".join(find_ports())
+        hint = f"there is a controller at {ports}" if ports else "is the controller plugged in?"
         return f"{port}: there is no such port; {hint}"
     return f"{port}: cannot be opened: {error}"
 
 
 def _remedy(port: str) -> str:
-    """How to join the group that may open the port."""
+    """Say how to join the group that may open the port."""
     try:
         import grp
 

@@ -12,7 +12,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.live.controller.led_controller import LedController, open_controller
 
-QUESTIONS = 20
+MEASURED_REQUESTS = 20
 """Requests over which the round trip is measured."""
 
 
@@ -75,12 +75,14 @@ def check_leds(
         if figures["bad_lines"]:
             warn(f"{figures['bad_lines']:.0f} lines came damaged; check the cable and its shield")
         figures |= {f"conducts/led{led}": float(flows) for led, flows in conducts.items()}
-        who = controller.identity
-        return LedCheck(f"firmware {who.firmware}, id {who.uid}, at {controller.port}", figures)
+        identity = controller.identity
+        return LedCheck(
+            f"firmware {identity.firmware}, id {identity.uid}, at {controller.port}", figures
+        )
 
 
 def _light_each(controller: LedController, leds: int, seconds: float) -> dict[int, bool]:
-    """Whether each LED draws current; empty if the board does not measure it."""
+    """Tell for each LED if it draws current; empty if the board does not measure it."""
     conducts = {}
     for led in range(1, leds + 1):
         controller.set(led)
@@ -99,7 +101,7 @@ def _flash(controller: LedController, leds: int, step_s: float, cycles: int) -> 
     last = controller.status()
     if controller.recoveries or last.cycle <= first.cycle:
         raise InputError(f"{controller.port}: the controller was lost, or does not keep its cycle")
-    round_trips = [controller.status().round_trip_s for _ in range(QUESTIONS)]
+    round_trips = [controller.status().round_trip_s for _ in range(MEASURED_REQUESTS)]
     # Counted in steps, because both times are those of a step.
     steps = [status.cycle * (leds + 1) + status.step for status in (first, last)]
     step_us = (last.last_step_us - first.last_step_us) / (steps[1] - steps[0])

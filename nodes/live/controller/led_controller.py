@@ -18,7 +18,7 @@ from typing import Self
 
 from tactograph.graph import InputError, TactographError
 from tactograph.nodes.live.controller._led_clock import Clock, Course
-from tactograph.nodes.live.controller._led_line import PROTOCOL, Event, whole_number
+from tactograph.nodes.live.controller._led_line import PROTOCOL_VERSION, Event, whole_number
 from tactograph.nodes.live.controller._led_link import (
     ControllerLostError,
     ControllerRefusedError,
@@ -36,13 +36,14 @@ __all__ = [
     "open_controller",
 ]
 
-NAME = "tactograph-led"
-BEAT = 0.2
+FIRMWARE_NAME = "tactograph-led"
+BEAT_S = 0.2
 """Seconds between two checks that the controller is present and in the requested state."""
-RETRY = 0.1
+RETRY_S = 0.1
 """Seconds between two attempts to find it again."""
-FULL = 1000
-MOST_LEDS = 255
+FULL_LEVEL = 1000
+"""Full brightness, as the firmware counts it."""
+MAX_CONTROLLER_LEDS = 255
 """Most LEDs that a controller may say it has."""
 
 
@@ -121,14 +122,14 @@ def open_controller(
     """
     if port is not None:
         return LedController(port, timeout_s, leds, watchdog_s)
-    found = find_ports()
-    if not found:
+    ports = find_ports()
+    if not ports:
         raise no_controller()
-    for i, candidate in enumerate(found):
+    for i, candidate in enumerate(ports):
         try:
             return LedController(candidate, timeout_s, leds, watchdog_s)
         except InputError:
-            if i == len(found) - 1:
+            if i == len(ports) - 1:
                 raise
     raise AssertionError
 
@@ -200,7 +201,7 @@ class LedController:
 
     @property
     def connected(self) -> bool:
-        """Whether it is present and in the requested state."""
+        """Tell if the controller is present and in the requested state."""
         return self._failed_at is None and not self._link.lost
 
     @property
@@ -223,7 +224,7 @@ class LedController:
             return self._clock.jitter()
 
     def news(self) -> list[str]:
-        """What has happened since the last call, one line each."""
+        """Events since the last call, one line each."""
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def set(self, led: int) -> None:
@@ -240,7 +241,7 @@ class LedController:
 
     def brightness(self, led: int, share: float) -> None:
         """Set an LED's brightness when lit, 0 to 1, in thousandths."""
-        level = round(FULL * share)
+        level = round(FULL_LEVEL * share)
         with self._commands:
             self._ask(f"level {led} {level}")
             self._levels[led] = level
@@ -422,7 +423,7 @@ class LedController:
 
     def _keep(self) -> None:
         while not self._closed.is_set():
-            self._woken.wait(BEAT if self._failed_at is None else RETRY)
+            self._woken.wait(BEAT_S if self._failed_at is None else RETRY_S)
             self._woken.clear()
             if self._closed.is_set():
                 return
@@ -499,17 +500,17 @@ def _identified(link: Link, port: str, timeout_s: float) -> Identity:
     except ControllerLostError:
         raise InputError(_no_answer(link, port, timeout_s)) from None
     protocol = values.get("protocol", "?")
-    if values.get("name") != NAME:
+    if values.get("name") != FIRMWARE_NAME:
         raise InputError(f"{port}: is {values.get('name', 'something')!r}, not an LED controller")
-    if protocol != str(PROTOCOL):
+    if protocol != str(PROTOCOL_VERSION):
         raise InputError(
             f"{port}: the controller's firmware {values.get('firmware', '?')} speaks protocol "
-            f"{protocol}, but {PROTOCOL} is needed; put the one in firmware/ on it "
+            f"{protocol}, but {PROTOCOL_VERSION} is needed; put the one in firmware/ on it "
             "(docs/hardware.md)"
         )
     try:
-        leds = whole_number(values["leds"], 1, MOST_LEDS)
-        return Identity(PROTOCOL, values["firmware"], leds, values["uid"])
+        leds = whole_number(values["leds"], 1, MAX_CONTROLLER_LEDS)
+        return Identity(PROTOCOL_VERSION, values["firmware"], leds, values["uid"])
     except (KeyError, ValueError):
         raise InputError(f"{port}: the controller does not say who it is") from None
 
@@ -533,7 +534,7 @@ def _status(heard: Heard) -> Status:
     burnt = value["open"]
     return Status(
         state=value["state"],
-        led=whole_number(value["led"], 0, MOST_LEDS),
+        led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
         step=whole_number(value["step"], -1),
         cycle=whole_number(value["cycle"], -1),
         last_step_us=whole_number(value["last"]),
@@ -548,4 +549,4 @@ def _status(heard: Heard) -> Status:
 def _leds(words: str) -> tuple[int, ...]:
     if words == "none":
         return ()
-    return tuple(whole_number(word, 1, MOST_LEDS) for word in words.split(","))
+    return tuple(whole_number(word, 1, MAX_CONTROLLER_LEDS) for word in words.split(","))

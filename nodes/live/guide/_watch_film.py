@@ -16,32 +16,32 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.live.camera.camera import Camera
 from tactograph.nodes.live.touches.colour_stream import ColourStream
-from tactograph.nodes.live.touches.fault_log import SAYS
+from tactograph.nodes.live.touches.fault_log import FAULT_LINES
 from tactograph.nodes.live.touches.sensor import Rig
 from tactograph.nodes.live.touches.touch_stream import Stream
-from tactograph.nodes.stream.frames import Touch
-from tactograph.nodes.stream.led_in_frame import FAINTEST, RestFilm, cells
+from tactograph.nodes.stream.frames import LiveFrames
+from tactograph.nodes.stream.led_in_frame import MIN_REST_LIGHT, RestFilm, cells
 
 SETTLE_S = 0.25
 """Time for which a camera may deliver frames from before an LED was switched."""
-AVERAGED = 10
+MEAN_FRAMES = 10
 """Frames of the untouched film per LED."""
-DARKEST = 0.02
+MIN_LED_LIGHT = 0.02
 """Mean light of an LED, as a share of full scale, below which it cannot be used."""
-MOST_CELLS = 0.998
+CHANGE_QUANTILE = 0.998
 """Quantile of the cells by which changes are judged, to ignore the noisiest."""
-MOVES = 0.05
+MIN_MOTION = 0.05
 """Change of the light, 1 on the film at rest, above which something moves."""
-RESTS, TOUCHES = 0.08, 0.2
+MAX_REST_CHANGE, MIN_PRESS_CHANGE = 0.08, 0.2
 """Departure from the untouched film below which it is at rest, and above which it is pressed."""
-REMIND_S = 15.0
+REMINDER_S = 15.0
 """Time after which a request is repeated."""
 POLL_S = 0.25
-HARMLESS = ("lost", "dropped", "moved")
+HARMLESS_FAULTS = ("lost", "dropped", "moved")
 """Faults that do not matter, because presses are held still and frames may be missed meanwhile."""
 
 State = Literal["untouched", "pressed", "between"]
-Found = TypeVar("Found")
+Ball = TypeVar("Ball")
 
 
 def tell(line: str) -> None:
@@ -87,12 +87,15 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
             continue
         dark, image, again = taken[0], np.stack(taken[1:-1]), taken[-1]
         for led, plane in zip(leds, image, strict=True):
-            if float((plane - dark).mean()) < DARKEST:
+            if float((plane - dark).mean()) < MIN_LED_LIGHT:
                 raise InputError(
                     f"LED {led} gives no light on the film; look at its wires and at the "
                     "exposure ('tactograph run check_leds' lights each in turn)"
                 )
-        if _change(_cells(image[0], dark), _cells(again, dark), _cells(image[0], dark)) < MOVES:
+        if (
+            _change(_cells(image[0], dark), _cells(again, dark), _cells(image[0], dark))
+            < MIN_MOTION
+        ):
             return image, dark
     raise InputError(_restless(patience_s))
 
@@ -108,10 +111,14 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
     end = time.monotonic() + patience_s
     while time.monotonic() < end:
         one, again = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
-        if one is None or again is None or _change(cells(one), cells(again), cells(one)) > MOVES:
+        if (
+            one is None
+            or again is None
+            or _change(cells(one), cells(again), cells(one)) > MIN_MOTION
+        ):
             continue
         for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
-            if float(plane.mean()) < DARKEST:
+            if float(plane.mean()) < MIN_LED_LIGHT:
                 raise InputError(
                     f"{colour} gives no light on the film; look at the sensor's LEDs and at the "
                     "exposure"
@@ -138,9 +145,9 @@ def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | No
     total: F4 | None = None
     first: F4 | None = None
     count = 0
-    while count < AVERAGED:
+    while count < MEAN_FRAMES:
         shots = camera.shots(POLL_S)
-        if not shots and time.monotonic() - settled > AVERAGED * POLL_S:
+        if not shots and time.monotonic() - settled > MEAN_FRAMES * POLL_S:
             raise InputError("the camera delivers no frames any more; look at its cable")
         for shot in shots:
             if shot.time < settled:
@@ -150,7 +157,7 @@ def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | No
             seen = cells(plane)
             if first is None or total is None:
                 first, total = seen, np.zeros_like(plane)
-            if _change(seen, first, first) > MOVES:
+            if _change(seen, first, first) > MIN_MOTION:
                 return None
             total += plane
             count += 1
@@ -164,11 +171,11 @@ def _cells(plane: F4, dark: F4) -> F4:
 
 def _change(one: F4, other: F4, rest: F4) -> float:
     """Difference of light, 1 on the film at rest, without the noisiest cells."""
-    share = np.abs(one - other) / np.maximum(rest, np.float32(FAINTEST))
-    return float(np.quantile(share, MOST_CELLS))
+    share = np.abs(one - other) / np.maximum(rest, np.float32(MIN_REST_LIGHT))
+    return float(np.quantile(share, CHANGE_QUANTILE))
 
 
-class Guide:
+class Watch:
     """Watches touches until the person at the sensor has done what was requested.
 
     Parameters
@@ -189,10 +196,10 @@ class Guide:
         self._film, self._stream = film, stream
         self._still, self._patience = still_s, patience_s
         self._seen: deque[tuple[float, F4]] = deque()
-        self._told = {SAYS[fault] for fault in HARMLESS}
+        self._told = {FAULT_LINES[fault] for fault in HARMLESS_FAULTS}
         self._ready = False
 
-    def presses(self, ball_in: Callable[[Touch], Found]) -> Iterator[tuple[Touch, Found]]:
+    def presses(self, ball_in: Callable[[LiveFrames], Ball]) -> Iterator[tuple[LiveFrames, Ball]]:
         """Ask for presses until none comes any more; yield each with its ball.
 
         Each press is held still, and before it the film was at rest.
@@ -205,20 +212,20 @@ class Guide:
         """
         while (press := self._next_press()) is not None:
             try:
-                found = ball_in(press)
+                ball = ball_in(press)
             except InputError as error:
                 tell(f"{error}: let go, and press again.")
                 continue
-            yield press, found
+            yield press, ball
 
-    def _next_press(self) -> Touch | None:
+    def _next_press(self) -> LiveFrames | None:
         if self._await("untouched", "Let go: the film has to come to rest.") is None:
             return None
         line = "Press the ball into the film, and hold it still."
         tell(line)
         return self._await("pressed", line)
 
-    def _await(self, state: State, line: str) -> Touch | None:
+    def _await(self, state: State, line: str) -> LiveFrames | None:
         """Wait for a lasting state; repeat the request from time to time."""
         self._seen.clear()
         reminded = time.monotonic()
@@ -233,7 +240,7 @@ class Guide:
             if self._state(touch) == state:
                 self._ready = True
                 return touch
-            if time.monotonic() - reminded > REMIND_S:
+            if time.monotonic() - reminded > REMINDER_S:
                 reminded = time.monotonic()
                 tell(line)
 
@@ -245,7 +252,7 @@ class Guide:
                 tell(f"warning: {fault}")
         faults.clear()
 
-    def _state(self, touch: Touch) -> State:
+    def _state(self, touch: LiveFrames) -> State:
         """The state in which the film has been for long enough."""
         film = self._film
         now = np.stack([cells(plane) for plane in touch.image]) - film.dark
@@ -254,7 +261,13 @@ class Guide:
             return "between"
         while len(self._seen) > 1 and touch.time - self._seen[1][0] >= self._still:
             self._seen.popleft()
-        if any(_change(now, before, film.patterns) > MOVES for _, before in self._seen):
+        if any(_change(now, before, film.patterns) > MIN_MOTION for _, before in self._seen):
             return "between"
         departure = _change(now, film.patterns, film.patterns)
-        return "untouched" if departure < RESTS else "pressed" if departure > TOUCHES else "between"
+        return (
+            "untouched"
+            if departure < MAX_REST_CHANGE
+            else "pressed"
+            if departure > MIN_PRESS_CHANGE
+            else "between"
+        )

@@ -4,37 +4,41 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Gt
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import F4, Light
+from tactograph.nodes.calibrate import Circles
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tactograph.nodes.calibrate.colour.find_presses import FEWEST, Circles
+from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
+from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.sensor_preset import read_preset
-from tactograph.nodes.live.camera.open_camera import CameraSettings, Library, Plane
-from tactograph.nodes.live.guide._watch_film import Guide, colours_at_rest, new_folder, tell
+from tactograph.nodes.live.camera.camera_params import CameraParams
+from tactograph.nodes.live.camera.open_camera import Plane
+from tactograph.nodes.live.guide._guide_params import GuideParams
+from tactograph.nodes.live.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.nodes.live.touches.colour_stream import ColourStream, open_colour_sensor
-from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.colour_planes import Order, planes_of
+from tactograph.nodes.stream.frames import LiveFrames
 from tactograph.nodes.stream.led_in_frame import make_film
 
-SMOOTH_PX = 2.0
+SMOOTHING_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
-FINEST = 10
+REFIT_PRESSES = 10
 """The map is fitted again after at most this many further presses."""
 
 
@@ -50,25 +54,13 @@ class GuidedColourPresses(NamedTuple):
 @node(endless=True)
 def guide_colour_presses(
     *,
-    camera: int | str = 0,
-    library: Library = "opencv",
+    driver: CameraParams,
+    guide: GuideParams,
     sensor: str | None = None,
-    ball_radius_mm: Annotated[float, Gt(0)],
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
-    file: Path,
-    lights: Literal["bgr", "rgb"] = "bgr",
-    width_px: Annotated[int, Ge(1)] | None = None,
-    height_px: Annotated[int, Ge(1)] | None = None,
-    rate: Annotated[float, Gt(0)] = 30.0,
-    exposure: float | None = None,
-    gain: float | None = None,
-    white_balance: float | None = None,
-    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
+    lights: Order = "bgr",
     warm_up_s: Annotated[float, Ge(0)] | None = None,
-    presses_at_most: Annotated[int, Ge(FEWEST)] = 40,
-    still_s: Annotated[float, Gt(0)] = 0.4,
-    patience_s: Annotated[float, Gt(0)] = 120.0,
-    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+    presses_at_most: Annotated[int, Ge(MIN_PRESSES)] = 40,
 ) -> Iterator[GuidedColourPresses]:
     """Ask for one press after another; yield all so far whenever they allow a finer map.
 
@@ -81,27 +73,17 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    camera, library, sensor, rate, exposure, gain, white_balance, bits, timeout_s
-        As for `read_camera`.
-    ball_radius_mm
-        The ball's radius.
+    sensor
+        As for `read_colour_camera`.
     pixel_size_mm
         mm per px on the film.  None: the sensor's.
-    file
-        The calibration to write.
     lights
         The colours in the calibration's order.
-    width_px, height_px
-        Image size to request from the camera; None keeps the driver's.
     warm_up_s
         How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
         none for simulated LEDs.
     presses_at_most
         Number of presses after which no more are asked for.
-    still_s
-        How long a press must be held still.
-    patience_s
-        How long to wait for the next press.
 
     Returns
     -------
@@ -116,52 +98,64 @@ def guide_colour_presses(
         if the film does not come to rest, or is not pressed 4 times; if the folder already holds
         presses.
     """
-    folder = new_folder(file)
+    folder = new_folder(guide.file)
     preset = None if sensor is None else read_preset(sensor)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
-    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance, colour=True)
-    source = open_colour_sensor(camera, wanted, preset=preset, library=library, timeout=timeout_s)
-    try:
+    wanted = driver.wanted(guide.width_px, guide.height_px, colour=True)
+    source = open_colour_sensor(
+        driver.camera, wanted, preset=preset, library=driver.library, timeout=driver.timeout_s
+    )
+    with closing(source):
         if warm_up_s is None:
             warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0
         if warm_up_s:
             tell(f"The LEDs warm up for {warm_up_s:g} s.")
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
-        film = colours_at_rest(source.camera, bits, patience_s)
-        _save(folder / "untouched" / "film.png", np.rint(film * 65535).astype(np.uint16))
+        picture = colours_at_rest(source.camera, driver.bits, guide.patience_s)
+        _save(folder / "untouched" / "film.png", np.rint(picture * 65535).astype(np.uint16))
         flat = np.stack(
-            [gaussian_filter(p, SMOOTH_PX, mode="nearest") for p in planes_of(film, lights)]
+            [gaussian_filter(p, SMOOTHING_PX, mode="nearest") for p in planes_of(picture, lights)]
         )
-        full = float(2**bits - 1) if bits else 0.0
-        seen = make_film(flat)
-        guide = Guide(seen, ColourStream(source, seen, lights, full), still_s, patience_s)
-        images: list[F4] = []
-        circles: list[F4] = []
-        fitted = 0
-        ball_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=ball_radius_mm)
-        for press, circle in islice(guide.presses(ball_in), presses_at_most):
-            images.append(press.image)
-            circles.append(circle)
-            _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
-            advice = _advice(np.array(circles), flat.shape[1:], ball_radius_mm / pixel)
-            tell(f"Press {len(images)} is taken: let go. {advice}")
-            if _is_finer(len(images), fitted):
-                fitted = len(images)
-                yield _all(images, flat, circles)
-        if len(images) < FEWEST:
-            raise InputError(
-                f"the film was pressed {len(images)} times within {patience_s:g} s, and {FEWEST} "
-                "presses are needed; hold the ball still in it, or wait longer with "
-                "--set presses.patience_s=600"
-            )
-        if fitted < len(images):
+        film = make_film(flat)
+        stream = ColourStream(source, film, lights, driver.full_scale)
+        watch = Watch(film, stream, guide.still_s, guide.patience_s)
+        circle_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=guide.ball_radius_mm)
+        presses = islice(watch.presses(circle_in), presses_at_most)
+        yield from _finer_and_finer(presses, folder, flat, guide, pixel)
+
+
+def _finer_and_finer(
+    presses: Iterator[tuple[LiveFrames, F4]],
+    folder: Path,
+    flat: Light,
+    guide: GuideParams,
+    pixel: float,
+) -> Iterator[GuidedColourPresses]:
+    """Save every press, say where to press next, and yield all whenever a finer map is due."""
+    images: list[F4] = []
+    circles: list[F4] = []
+    fitted = 0
+    for press, circle in presses:
+        images.append(press.image)
+        circles.append(circle)
+        _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
+        advice = _advice(np.array(circles), flat.shape[1:], guide.ball_radius_mm / pixel)
+        tell(f"Press {len(images)} is taken: let go. {advice}")
+        if _is_finer(len(images), fitted):
+            fitted = len(images)
             yield _all(images, flat, circles)
-    finally:
-        source.close()
+    if len(images) < MIN_PRESSES:
+        raise InputError(
+            f"the film was pressed {len(images)} times within {guide.patience_s:g} s, and "
+            f"{MIN_PRESSES} presses are needed; hold the ball still in it, or wait longer with "
+            "--set presses.patience_s=600"
+        )
+    if fitted < len(images):
+        yield _all(images, flat, circles)
 
 
-def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
+def _circle(press: LiveFrames, flat: Light, pixel: float, radius_mm: float) -> F4:
     """x, y and contact radius in px; raises an error if there is no ball."""
     (level,) = level_presses(press.image[None], flat)
     share = level / np.maximum(flat, np.float32(0.02))
@@ -173,10 +167,12 @@ def _circle(press: Touch, flat: Light, pixel: float, radius_mm: float) -> F4:
 
 
 def _is_finer(presses: int, before: int) -> bool:
-    """Whether `presses` allow a finer map than `before`, or are at least `FINEST` more."""
-    if presses < FEWEST:
+    """Tell if `presses` allow a finer map than `before`, or are at least `REFIT_PRESSES` more."""
+    if presses < MIN_PRESSES:
         return False
-    return degree_for(presses) > degree_for(before) or presses >= before + FINEST or not before
+    return (
+        degree_for(presses) > degree_for(before) or presses >= before + REFIT_PRESSES or not before
+    )
 
 
 def _advice(circles: F4, shape: tuple[int, ...], radius: float) -> str:

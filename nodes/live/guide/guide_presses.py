@@ -3,33 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
-from tactograph.graph.files.atomic_files import atomic_file, atomic_files
+from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
-from tactograph.nodes.capture.read_capture import MOST_LEDS, CaptureFile
+from tactograph.nodes.capture.read_capture import MAX_LEDS, CaptureFile
 from tactograph.nodes.capture.read_flat import Flat, read_flat
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.live.camera.open_camera import CameraSettings, Library, Plane
-from tactograph.nodes.live.guide._watch_film import Guide, film_at_rest, new_folder, tell
+from tactograph.nodes.live.camera.camera_params import CameraParams
+from tactograph.nodes.live.camera.open_camera import Plane
+from tactograph.nodes.live.guide._guide_params import GuideParams
+from tactograph.nodes.live.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.nodes.live.touches.sensor import open_rig
 from tactograph.nodes.live.touches.touch_stream import Stream
 from tactograph.nodes.optics.sheet import SheetLight
-from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.frames import LiveFrames
 
-FULL, MOST_FULL = 0.998, 0.01
+SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""
-SMALLEST_PX = 10.0
+MIN_CONTACT_PX = 10.0
 """Smallest radius of a contact with enough pixels to fit an LED's light."""
 
 
@@ -48,23 +51,11 @@ class GuidedPresses(NamedTuple):
 @node(endless=True)
 def guide_presses(
     *,
-    camera: int | str = 0,
-    library: Library = "opencv",
+    driver: CameraParams,
+    guide: GuideParams,
     port: str | None = None,
-    ball_radius_mm: Annotated[float, Gt(0)],
     pixel_size_mm: Annotated[float, Gt(0)],
-    file: Path,
-    leds: Annotated[int, Interval(ge=3, le=MOST_LEDS)] = 4,
-    width_px: Annotated[int, Ge(1)] | None = None,
-    height_px: Annotated[int, Ge(1)] | None = None,
-    rate: Annotated[float, Gt(0)] = 30.0,
-    exposure: float | None = None,
-    gain: float | None = None,
-    white_balance: float | None = None,
-    bits: Annotated[int, Interval(ge=8, le=16)] | None = None,
-    still_s: Annotated[float, Gt(0)] = 0.4,
-    patience_s: Annotated[float, Gt(0)] = 120.0,
-    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5,
+    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] = 4,
 ) -> Iterator[GuidedPresses]:
     """Ask for one press after another, and yield all presses so far after each.
 
@@ -78,22 +69,12 @@ def guide_presses(
 
     Parameters
     ----------
-    camera, library, port, rate, exposure, gain, white_balance, bits, timeout_s
+    port
         As for `read_camera`; here the LEDs need their controller.
-    ball_radius_mm
-        The ball's radius.
     pixel_size_mm
         mm per px on the film.
-    file
-        The calibration to write.
     leds
         Number of LEDs.
-    width_px, height_px
-        Image size to request from the camera; None keeps the driver's.
-    still_s
-        How long a press must be held still.
-    patience_s
-        How long to wait for the next press.
 
     Returns
     -------
@@ -106,46 +87,47 @@ def guide_presses(
         If the camera or the controller cannot be opened; if an LED stays dark; if the film
         does not come to rest, or is never pressed; if the folder already holds presses.
     """
-    folder = new_folder(file)
-    wanted = CameraSettings(width_px, height_px, rate, exposure, gain, white_balance)
-    rig = open_rig(camera, port, wanted, leds=leds, library=library, timeout=timeout_s)
-    try:
+    folder = new_folder(guide.file)
+    pressed = folder / "pressed"
+    wanted = driver.wanted(guide.width_px, guide.height_px)
+    rig = open_rig(
+        driver.camera, port, wanted, leds=leds, library=driver.library, timeout=driver.timeout_s
+    )
+    with closing(rig):
         tell("Take everything off the film, and leave it alone.")
-        image, black = film_at_rest(rig, bits, patience_s)
+        image, black = film_at_rest(rig, driver.bits, guide.patience_s)
         _save_film(folder, image, black)
         film = read_flat(image, black=black, folder=folder / "untouched")
         rig.lamps.resume()
-        full = float(2**bits - 1) if bits else 0.0
         sensor = rig.with_film(*film)
-        guide = Guide(sensor.film, Stream(sensor, "cycle", full), still_s, patience_s)
-        taken = 0
-        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=ball_radius_mm)
-        for taken, (press, ball) in enumerate(guide.presses(ball_in), start=1):
+        stream = Stream(sensor, "cycle", driver.full_scale)
+        watch = Watch(sensor.film, stream, guide.still_s, guide.patience_s)
+        radius_mm = guide.ball_radius_mm
+        count = 0
+        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=radius_mm)
+        for count, (press, ball) in enumerate(watch.presses(ball_in), start=1):
             frames = {frame.led: frame.data for frame in press.new}
-            about = _about(ball_radius_mm, ball, bits)
-            _save_press(folder / "pressed" / f"{taken:02}", frames, about)
-            tell(f"Press {taken} is taken: let go.")
-            yield GuidedPresses(*read_balls(folder=folder / "pressed"), *film)
-        if not taken:
+            _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
+            tell(f"Press {count} is taken: let go.")
+            yield GuidedPresses(*read_balls(folder=pressed), *film)
+        if not count:
             raise InputError(
-                f"the film was not pressed within {patience_s:g} s; press the ball into it and "
-                "hold it still, or wait longer with --set frames.patience_s=600"
+                f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
+                "and hold it still, or wait longer with --set frames.patience_s=600"
             )
-        tell(f"No press for {patience_s:g} s: that was all.")
-    finally:
-        rig.close()
+        tell(f"No press for {guide.patience_s:g} s: that was all.")
 
 
-def _ball(press: Touch, film: Flat, pixel: float, radius_mm: float) -> Ball:
+def _ball(press: LiveFrames, film: Flat, pixel: float, radius_mm: float) -> Ball:
     """The ball's contact; raises an error if the press cannot be used."""
-    full = float((press.image >= FULL).mean())
-    if full > MOST_FULL:
+    full = float((press.image >= SATURATED_LIGHT).mean())
+    if full > MAX_PRESS_SATURATED:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:
         ball = find_ball(flat_field(press.image, film.flat, film.dark), pixel, radius_mm=radius_mm)
     except InputError:
         raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
-    if ball.contact < SMALLEST_PX:
+    if ball.contact < MIN_CONTACT_PX:
         raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
     return ball
 

@@ -15,7 +15,11 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4
 from tactograph.nodes.live.simulated.simulated_colour_sensor import SimulatedColourSensor
-from tactograph.nodes.live.simulated.simulated_sensor import EXPOSED, EXPOSURE_S, SimulatedSensor
+from tactograph.nodes.live.simulated.simulated_sensor import (
+    EXPOSURE_S,
+    EXPOSURE_SHARE,
+    SimulatedSensor,
+)
 
 LitBetween = Callable[[float, float], Sequence[tuple[int, float]]]
 """The LEDs that are lit between two times of time.monotonic(), and for what share of it."""
@@ -53,7 +57,7 @@ class SimulatedCamera:
     _current: NDArray[np.uint8] | None = None
 
     def isOpened(self) -> bool:  # noqa: N802  (OpenCV's names)
-        """Whether frames can be expected."""
+        """Tell if frames can be expected."""
         return self._open and self.sensor.plugged
 
     def getBackendName(self) -> str:  # noqa: N802
@@ -70,7 +74,7 @@ class SimulatedCamera:
         if prop == cv2.CAP_PROP_FPS and value > 0:
             sensor = self.sensor
             if sensor.scene.exposure_s is None:
-                sensor.exposure_s = min(EXPOSURE_S, EXPOSED / value)
+                sensor.exposure_s = min(EXPOSURE_S, EXPOSURE_SHARE / value)
             self.rate = min(value, 1 / sensor.exposure_s)
         return prop == cv2.CAP_PROP_FPS
 

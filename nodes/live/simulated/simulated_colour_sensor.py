@@ -10,16 +10,21 @@ from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.live.simulated.simulated_sensor import FULL, NOISES, Scene, SimulatedSensor
+from tactograph.nodes.live.simulated.simulated_sensor import (
+    MAX_BYTE,
+    NOISE_IMAGES,
+    Scene,
+    SimulatedSensor,
+)
 from tactograph.nodes.simulate.light_ring import light_ring
 
-COLOURS = 3
+COLOUR_COUNT = 3
 """Blue, green, red: the order of a camera's driver."""
 FIRST_AZIMUTH_DEG = -90.0
 """The blue LED is above the picture."""
-BRIGHTEST = 0.55
+FILM_LIGHT = 0.55
 """Largest light of the film at rest; film that faces an LED is half as bright again."""
-PACES = np.array([1.0, 2.0, 0.5])
+FADING_PACES = np.array([1.0, 2.0, 0.5])
 """Relative speeds of the LEDs' warm-up."""
 
 
@@ -48,7 +53,7 @@ class ColourScene(Scene):
     def lights(self) -> LightPositions:
         """LED positions: around the film, a third of a turn apart."""
         return light_ring(
-            count=COLOURS,
+            count=COLOUR_COUNT,
             slant_deg=self.slant_deg,
             distance_mm=self.distance_mm,
             first_azimuth_deg=FIRST_AZIMUTH_DEG,
@@ -63,9 +68,9 @@ class SimulatedColourSensor(SimulatedSensor):
     def __init__(self, scene: ColourScene, start: float | None = None) -> None:
         super().__init__(scene, start)
         # Share of each LED in each of the camera's channels.
-        mix = np.full((COLOURS, COLOURS), scene.crosstalk, np.float32)
-        np.fill_diagonal(mix, 1 - (COLOURS - 1) * scene.crosstalk)
-        scale = np.float32(BRIGHTEST / float(self._bare.max()))
+        mix = np.full((COLOUR_COUNT, COLOUR_COUNT), scene.crosstalk, np.float32)
+        np.fill_diagonal(mix, 1 - (COLOUR_COUNT - 1) * scene.crosstalk)
+        scale = np.float32(FILM_LIGHT / float(self._bare.max()))
         self._bare *= scale
         self._flat *= scale
         self._mix = mix
@@ -76,10 +81,10 @@ class SimulatedColourSensor(SimulatedSensor):
         if self.covered:
             return self._developed(np.zeros_like(self._flat), number, ())
         if self.flooded:
-            return np.full((*self._lens.shape, COLOURS), FULL, np.uint8)
+            return np.full((*self._lens.shape, COLOUR_COUNT), MAX_BYTE, np.uint8)
         warmth = self._warmth(moment)
         recorded = self._at_rest_all(warmth, number).copy()
-        under = [self._pressed_light(k, moment) for k in range(COLOURS)]
+        under = [self._pressed_light(k, moment) for k in range(COLOUR_COUNT)]
         part, bright = under[0][1], self._press(moment).bright
         diffuse = np.float32(self.scene.diffuse)
         strength = self.strength[:, None, None]
@@ -93,7 +98,7 @@ class SimulatedColourSensor(SimulatedSensor):
         strength = (warmth * self.strength)[:, None, None]
         if (strength != 1).any():
             return self._developed(self._flat * strength, number, ())
-        key = number % NOISES
+        key = number % NOISE_IMAGES
         if key not in self._pictures:
             self._pictures[key] = self._developed(self._flat, number, ())
         return self._pictures[key]
@@ -106,5 +111,5 @@ class SimulatedColourSensor(SimulatedSensor):
 
     def _warmth(self, moment: float) -> F4:
         """The LEDs' brightness, 1 when warm."""
-        pace = PACES * max(moment - self.start, 0.0) / self.scene.warm_s
+        pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
         return np.asarray(1 + self.scene.warm_up * np.exp(-pace), np.float32)

@@ -18,12 +18,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Self
 
-from tactograph.firmware.controller import WRAP, Controller
+from tactograph.firmware.controller import FULL, WRAP, Controller
 
-FULL = 1000
-REMEMBERED = 8192
+MAX_REMEMBERED_STEPS = 8192
 """Number of LED changes that are kept for `SimulatedController.lit_between`."""
-IDLE = 0.02
+IDLE_S = 0.02
 """Longest period of the main loop in seconds."""
 
 
@@ -75,7 +74,7 @@ class SimulatedController:
         self._protocol = protocol
         self._link = link
         self._lock = threading.RLock()
-        self._changes: deque[tuple[float, tuple[int, ...]]] = deque(maxlen=REMEMBERED)
+        self._changes: deque[tuple[float, tuple[int, ...]]] = deque(maxlen=MAX_REMEMBERED_STEPS)
         self._closed = False
         self._main: int | None = None
         self._far: int | None = None
@@ -113,7 +112,7 @@ class SimulatedController:
 
     @property
     def asked_to_quit(self) -> bool:
-        """Whether the host has asked the firmware to end."""
+        """Tell if the host has asked the firmware to end."""
         with self._lock:
             return self._controller.asked_to_quit
 
@@ -193,7 +192,7 @@ class SimulatedController:
         self._next_step = self._next_dark = None
 
     def sense(self) -> bool | None:
-        """Whether the lit LED conducts; None if the board does not measure it."""
+        """Tell if the lit LED conducts; None if the board does not measure it."""
         return any(self._changes[-1][1]) if self._senses else None
 
     def send(self, data: bytes) -> None:
@@ -264,11 +263,11 @@ class SimulatedController:
         while not self._closed:
             with self._lock:
                 self._advance()
-                main, wait = self._main, min(IDLE, max(self._due() - self._now, 0))
+                main, wait = self._main, min(IDLE_S, max(self._due() - self._now, 0))
                 if main is not None:
                     self._controller.poll()
             if main is None:
-                time.sleep(IDLE)
+                time.sleep(IDLE_S)
                 continue
             # The cable may be unplugged at any time.
             with contextlib.suppress(OSError):

@@ -27,23 +27,23 @@ from tactograph.nodes.simulate.print_markers import print_markers
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 
-FULL = 255
-EXPOSURE_S, EXPOSED = 0.02, 0.6
+MAX_BYTE = 255
+EXPOSURE_S, EXPOSURE_SHARE = 0.02, 0.6
 """Default exposure, and the largest share of the frame time that it takes."""
-DEPTHS = 9
+DEPTH_COUNT = 9
 """Number of depths at which the film's shape is computed; it is interpolated between them."""
-RADII = 4096
+RADIUS_SAMPLES = 4096
 """Number of distances from the ball's axis at which the shape is tabulated."""
 REACH_MM = 3.0
 """Distance from the contact at which the film is at rest: six times `press`'s own reach."""
-NOISES = 8
+NOISE_IMAGES = 8
 """Number of noise fields, used in turn."""
 DRAG_REACH_MM = 4.0
-"""Standard deviation of a drag's fall-off around the ball; it ends at `DRAGGED` times that."""
-DRAGGED = 4
-LEAST_MM = np.float32(1e-6)
+"""Standard deviation of a drag's fall-off around the ball, cut off at `DRAG_DEVIATIONS` of them."""
+DRAG_DEVIATIONS = 4
+MIN_AXIS_MM = np.float32(1e-6)
 """Smallest distance from the ball's axis; prevents division by 0."""
-RECENT = 8
+RECENT_FRAMES = 8
 """Number of latest films that are kept for the true height."""
 
 
@@ -59,7 +59,7 @@ class Scene:
     With a `marker_pitch_mm`, dots of radius `marker_mm` are printed on the film.  The ball drags
     the film to the right, by `drag_mm` at full depth (`print_markers`).
 
-    Without an `exposure_s`, the exposure is the shorter of `EXPOSURE_S` and `EXPOSED` of the
+    Without an `exposure_s`, the exposure is the shorter of `EXPOSURE_S` and `EXPOSURE_SHARE` of the
     frame time.
     """
 
@@ -173,7 +173,7 @@ class SimulatedSensor:
         self._flat: F4 = self._bare * self._brightness(0.0, 0.0, 0.0)
         self._film = _PressedFilm(scene)
         rng = np.random.Generator(np.random.SFC64(scene.seed))
-        self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISES)]
+        self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISE_IMAGES)]
         self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
         self._pressed: dict[float, _Pressed] = {}
 
@@ -223,7 +223,7 @@ class SimulatedSensor:
         if self.covered:
             return self._recorded(np.zeros_like(self._lens), number, ...)
         if self.flooded:
-            return np.full(self._lens.shape, FULL, np.uint8)
+            return np.full(self._lens.shape, MAX_BYTE, np.uint8)
         lit = [k for k, share in enumerate(shares) if share.any() and self.strength[k]]
         full = [k for k in lit if (share := shares[k]).min() == share.max() == 1]
         if lit == full and len(lit) < 2:
@@ -251,7 +251,7 @@ class SimulatedSensor:
             shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
             pressed = _Pressed(rows, columns, *at, *shape, bright)
             # Keep only the last few, because a frame's truth is needed soon after the frame.
-            self._pressed = dict([*self._pressed.items()][-RECENT:]) | {moment: pressed}
+            self._pressed = dict([*self._pressed.items()][-RECENT_FRAMES:]) | {moment: pressed}
         return pressed
 
     def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
@@ -282,7 +282,7 @@ class SimulatedSensor:
 
     def _at_rest(self, led: int, number: int) -> NDArray[np.uint8]:
         """The untouched film under an LED; computed once per field of noise."""
-        key = led, number % NOISES
+        key = led, number % NOISE_IMAGES
         if key not in self._resting or (led and self.strength[led - 1] != 1):
             light = self._flat[led - 1] * self.strength[led - 1] if led else 0 * self._lens
             self._resting[key] = self._recorded(light, number, ...)
@@ -294,14 +294,16 @@ class SimulatedSensor:
         seen = light + np.float32(scene.ambient) * self._lens[part]
         electrons = seen * np.float32(scene.full_well)
         spread = np.sqrt(electrons + np.float32(scene.read_noise**2))
-        electrons += spread * self._noises[number % NOISES][part]
-        levels = electrons * np.float32(FULL / scene.full_well) + np.float32(0.5)
-        return np.clip(levels, 0, FULL).astype(np.uint8)
+        electrons += spread * self._noises[number % NOISE_IMAGES][part]
+        levels = electrons * np.float32(MAX_BYTE / scene.full_well) + np.float32(0.5)
+        return np.clip(levels, 0, MAX_BYTE).astype(np.uint8)
 
     def _window(self, x: float, y: float) -> tuple[slice, slice]:
         """The rows and columns around the ball's axis that are not at rest."""
         scene = self.scene
-        dragged = DRAGGED * DRAG_REACH_MM if scene.marker_pitch_mm and scene.drag_mm else 0.0
+        dragged = (
+            DRAG_DEVIATIONS * DRAG_REACH_MM if scene.marker_pitch_mm and scene.drag_mm else 0.0
+        )
         half = max(self._film.radius_mm, dragged) / scene.pixel_size_mm
 
         def span(middle: float, size: int) -> slice:
@@ -320,13 +322,13 @@ class _PressedFilm:
         contact = math.sqrt(max(radius**2 - max(radius - deepest, 0) ** 2, 0))
         self.radius_mm = contact + REACH_MM
         self._deepest = max(deepest, 1e-9)
-        self._step = self.radius_mm / (RADII - 1)
+        self._step = self.radius_mm / (RADIUS_SAMPLES - 1)
         half = math.ceil(self.radius_mm / PAPER_PIXEL_MM) + 1
-        at = np.linspace(0, self.radius_mm, RADII)
-        self._height = np.zeros((DEPTHS, RADII), np.float32)
-        self._steepness = np.zeros((DEPTHS, RADII), np.float32)
-        for i in range(1, DEPTHS):
-            rise = deepest * i / (DEPTHS - 1)
+        at = np.linspace(0, self.radius_mm, RADIUS_SAMPLES)
+        self._height = np.zeros((DEPTH_COUNT, RADIUS_SAMPLES), np.float32)
+        self._steepness = np.zeros((DEPTH_COUNT, RADIUS_SAMPLES), np.float32)
+        for i in range(1, DEPTH_COUNT):
+            rise = deepest * i / (DEPTH_COUNT - 1)
             if not rise:
                 continue
             ball = shape_ball(
@@ -344,19 +346,19 @@ class _PressedFilm:
         """Height in mm and slope, H x W and 2 x H x W, at offsets from the ball's axis."""
         across, down = np.meshgrid(across, down)
         distance = np.sqrt(across * across + down * down)
-        cell = np.minimum(distance * np.float32(1 / self._step), RADII - 1)
-        index = np.minimum(cell.astype(np.intp), RADII - 2)
+        cell = np.minimum(distance * np.float32(1 / self._step), RADIUS_SAMPLES - 1)
+        index = np.minimum(cell.astype(np.intp), RADIUS_SAMPLES - 2)
         share = cell - index.astype(np.float32)
         height, rise = (
             table[index] + share * np.diff(table)[index]
             for table in (self._at_depth(each, depth) for each in (self._height, self._steepness))
         )
-        rise /= np.maximum(distance, LEAST_MM)
+        rise /= np.maximum(distance, MIN_AXIS_MM)
         return np.asarray(height, np.float32), np.stack([rise * across, rise * down])
 
     def _at_depth(self, table: F4, depth: float) -> F4:
         """The table interpolated at a depth."""
-        level = min(depth / self._deepest, 1.0) * (DEPTHS - 1)
-        i = min(int(level), DEPTHS - 2)
+        level = min(depth / self._deepest, 1.0) * (DEPTH_COUNT - 1)
+        i = min(int(level), DEPTH_COUNT - 2)
         share = np.float32(level - i)
         return table[i] + share * (table[i + 1] - table[i])

@@ -1,1 +1,1 @@
-"""From a camera's frames to touches: match frames to LEDs, count faults."""
+"""Touches from a camera's frames: match frames to LEDs, count faults."""

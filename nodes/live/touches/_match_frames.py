@@ -16,19 +16,19 @@ from tactograph.nodes.stream.led_in_frame import Plane, RestFilm, Sight, light_o
 
 Clock = Callable[[float], int | None]
 """The LED that was lit at a time of time.monotonic(), 0 for none; None if unknown."""
-LEAST_REACH = 0.012
+MIN_REACH = 0.012
 """Share of a neighbour in the cycle above which a frame is mixed."""
 REACH_SHARE = 0.1
 """Weight of a new frame in the running mean of that share, which is more accurate."""
 STRANGE_CYCLES = 2
 """Number of cycles without a usable frame after which the ambient light is measured again."""
-SLIPPED = 3
+SLIPPED_FRAMES = 3
 """Number of consecutive frames out of turn after which the cycle counts as slipped."""
 DARK_CYCLES = 3
-"""How often an LED must stay dark, while others are lit, to count as burnt out."""
-PHASES = 8
+"""Cycles that an LED must stay dark, while others are lit, to count as burnt out."""
+PHASE_BINS = 8
 """Number of camera delays that are distinguished per step of the cycle."""
-FORGET = 0.9
+MEMORY_SHARE = 0.9
 """Factor by which the delays' scores decay with every frame."""
 
 
@@ -142,7 +142,7 @@ class Matcher:
         led = sight.led if sight.kind == "one" else due
         assert led is not None
         overlap = self._overlap(light, led) if sight.kind == "one" else 0.0
-        if abs(overlap) > LEAST_REACH:
+        if abs(overlap) > MIN_REACH:
             other = self._neighbours(led)[overlap > 0]
             return Verdict(None, "mixed", led, other, abs(overlap))
         self.mean_reach += REACH_SHARE * (overlap - self.mean_reach)
@@ -152,8 +152,8 @@ class Matcher:
     def _overlap(self, light: F4, led: int) -> float:
         """Excess of a frame's `reach` over the usual one."""
         film = self.film
-        found = reach(light - film.dark, film.scale, led, *self._neighbours(led))
-        return found - self.usual_reach
+        mixed_share = reach(light - film.dark, film.scale, led, *self._neighbours(led))
+        return mixed_share - self.usual_reach
 
     def _neighbours(self, led: int) -> tuple[int, int]:
         place = self.cycle.index(led)
@@ -174,7 +174,7 @@ class Matcher:
             self._delay.learn(led, time, self.clock)
         if due is not None and led != due and self.clock is not None:
             self._disagreed += 1
-            if self._disagreed >= SLIPPED:
+            if self._disagreed >= SLIPPED_FRAMES:
                 self.restart()
                 return Verdict(None, "slipped", led)
             before = self.cycle[self.cycle.index(due) - 1]
@@ -215,7 +215,7 @@ class Matcher:
         return self.cycle[(self.cycle.index(self._last[1]) + steps) % len(self.cycle)]
 
     def _is_doubled(self, data: NDArray[np.generic]) -> bool:
-        """Whether it repeats the previous frame, because noise never repeats."""
+        """Tell if a frame repeats the previous one: noise never repeats."""
         sample = data[::5, ::3]
         same = self._before is not None and np.array_equal(sample, self._before)
         self._before = sample.copy()
@@ -230,15 +230,15 @@ class _Delay:
     """
 
     def __init__(self, cycle: tuple[int, ...], rate: float) -> None:
-        self._step = 1 / (PHASES * rate)
-        self._scores = np.zeros(PHASES * len(cycle))
+        self._step = 1 / (PHASE_BINS * rate)
+        self._scores = np.zeros(PHASE_BINS * len(cycle))
         self._votes = 0
         self._needed = len(cycle)
 
     def learn(self, led: int, time: float, clock: Clock) -> None:
         lit = [clock(time - i * self._step) for i in range(len(self._scores))]
         if any(each is not None for each in lit):
-            self._scores *= FORGET
+            self._scores *= MEMORY_SHARE
             self._scores += [each == led for each in lit]
             self._votes += 1
 

@@ -30,14 +30,20 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.live.touches.fault_log import FaultLog
-from tactograph.nodes.live.touches.sensor import SIMULATED, START_S
-from tactograph.nodes.live.touches.touch_stream import MOST_DIMMED, REOPEN_S, each_touch
+from tactograph.nodes.live.touches.sensor import SIMULATED_NAME, START_S
+from tactograph.nodes.live.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, REOPEN_S, each_touch
 from tactograph.nodes.stream.colour_planes import Order, planes_of
-from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame, Touch
-from tactograph.nodes.stream.led_in_frame import MOST_SATURATED, OFF, RestFilm, cells, top_of
+from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
+from tactograph.nodes.stream.led_in_frame import (
+    MAX_DARK_LIGHT,
+    MAX_SATURATED_SHARE,
+    RestFilm,
+    cells,
+    top_of,
+)
 
-NAMES = {"b": "blue", "g": "green", "r": "red"}
-SAYS = {
+COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
+COLOUR_FAULTS = {
     "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
     "covered": "a frame is dark: discarded; is the lens covered, or are the LEDs off?",
     "doubled": "the camera delivered a frame twice: discarded",
@@ -89,7 +95,7 @@ def open_colour_sensor(
     """
     table: SimulatedColourSensor | None = None
     once = False
-    if str(camera).partition("?")[0] == SIMULATED:
+    if str(camera).partition("?")[0] == SIMULATED_NAME:
         table = SimulatedColourSensor(read_scene(str(camera), ColourScene, _film_of(preset)))
         wanted = replace(wanted, format=None, view=None)
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
@@ -167,19 +173,19 @@ class ColourStream:
     state: LiveState = field(default_factory=LiveState)
 
     def __post_init__(self) -> None:
-        self._log = FaultLog(self.state, None, SAYS)
+        self._log = FaultLog(self.state, None, COLOUR_FAULTS)
         self._connected = self.sensor.camera.connections
         self._before: Plane | None = None
         self._reopened = 0.0
 
     def touches(
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
-    ) -> Iterator[Touch]:
+    ) -> Iterator[LiveFrames]:
         """Yield touches until the time, their number or a video file ends."""
         camera = self.sensor.camera
         return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
-    def _touch_with(self, shots: list[Shot]) -> Touch | None:
+    def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
         self._supervise(len(shots) - 1)
         usable = [shot for shot in shots if self._is_usable(shot)]
         return self._touch(usable) if usable else None
@@ -198,7 +204,7 @@ class ColourStream:
             self._log.restart()
 
     def _is_usable(self, shot: Shot) -> bool:
-        """Whether a frame shows the film; otherwise count its fault."""
+        """Tell if a frame shows the film; otherwise count its fault."""
         self._log.count(shot)
         fault = self._fault(shot.data)
         if fault:
@@ -215,7 +221,7 @@ class ColourStream:
         sample = data[::5].copy()
         if (
             np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
-            > MOST_SATURATED * sample.size
+            > MAX_SATURATED_SHARE * sample.size
         ):
             return "saturated"
         before, self._before = self._before, sample
@@ -228,18 +234,18 @@ class ColourStream:
         light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(top_of(data, self.full))
         share = light / self.film.scale
         gains = np.median(share.reshape(len(share), -1), axis=1)
-        if gains.max() < OFF:
+        if gains.max() < MAX_DARK_LIGHT:
             return "covered"
         for letter, gain in zip(self.order, gains, strict=True):
-            if abs(gain - 1) > MOST_DIMMED:
-                self._log.note("brightness", NAMES[letter])
+            if abs(gain - 1) > MAX_BRIGHTNESS_CHANGE:
+                self._log.note("brightness", COLOUR_NAMES[letter])
         return ""
 
-    def _touch(self, shots: list[Shot]) -> Touch:
+    def _touch(self, shots: list[Shot]) -> LiveFrames:
         """The touch of the newest frame; it carries all frames, for a recording."""
         newest = shots[-1]
         self.state.touches += 1
-        return Touch(
+        return LiveFrames(
             planes_of(newest.data, self.order, top_of(newest.data, self.full)),
             f"{self.state.touches:06}",
             newest.time,

@@ -12,15 +12,15 @@ from tactograph.graph import warn
 from tactograph.nodes.live.camera.camera import Shot
 from tactograph.nodes.stream.frames import LiveState
 
-LOG = logging.getLogger("tactograph")
-AGAIN_S = 2.0
+LOGGER = logging.getLogger("tactograph")
+REPEAT_S = 2.0
 """Seconds after which a continuing fault is reported again."""
 SILENCE_S = 0.7
 """Seconds without a touch after which faults are reported at once, not with the next touch."""
-PACE_S, MOST_OFF_PACE = 2.0, 0.05
+PACE_WINDOW_S, MAX_PACE_ERROR = 2.0, 0.05
 """Seconds over which the camera's rate is measured, and its largest relative error."""
 
-SAYS = {
+FAULT_LINES = {
     "mixed": "a frame shows LED {led} and another one, or LED {led} in some rows only: discarded",
     "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
     "covered": "a frame does not show the film: discarded; is the lens covered?",
@@ -59,7 +59,7 @@ class FaultLog:
     """
 
     def __init__(
-        self, state: LiveState, rate: float | None, says: Mapping[str, str] = SAYS
+        self, state: LiveState, rate: float | None, says: Mapping[str, str] = FAULT_LINES
     ) -> None:
         self.state, self._rate, self._says = state, rate, says
         self._counted: Counter[str] = Counter()
@@ -77,7 +77,7 @@ class FaultLog:
         """Count a fault, and report it with the next touch; with `once`, that line only once."""
         self.state.faults[fault] += times
         says = self._says.get(fault, f"the LED controller: {fault}")
-        self._teller.add(once or says.format(led=about), again_s=math.inf if once else AGAIN_S)
+        self._teller.add(once or says.format(led=about), again_s=math.inf if once else REPEAT_S)
 
     def add(self, line: str) -> None:
         """Report a line that is not a fault of the stream."""
@@ -110,11 +110,11 @@ class FaultLog:
         if self._pace is None:
             self._pace = shot
         since = shot.time - self._pace.time
-        if since < PACE_S:
+        if since < PACE_WINDOW_S:
             return
         rate = (shot.number - self._pace.number) / since
         self._pace = shot
-        if abs(rate / wanted - 1) > MOST_OFF_PACE:
+        if abs(rate / wanted - 1) > MAX_PACE_ERROR:
             self.state.faults["wrong rate"] += 1
             self._teller.add(
                 f"the camera delivers {rate:.1f} frames per second, "
@@ -130,7 +130,7 @@ class _Teller:
         self._said: dict[str, float] = {}
         self._item = time.monotonic()
 
-    def add(self, line: str, *, again_s: float = AGAIN_S) -> None:
+    def add(self, line: str, *, again_s: float = REPEAT_S) -> None:
         now = time.monotonic()
         if now - self._said.get(line, -math.inf) >= again_s:
             self._waiting.setdefault(line, now)
@@ -146,5 +146,5 @@ class _Teller:
             if with_item:
                 warn(line)
             else:
-                LOG.warning("warning: %s", line)
+                LOGGER.warning("warning: %s", line)
         self._waiting.clear()

@@ -37,12 +37,12 @@ from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSen
 from tactograph.nodes.live.touches._match_frames import Clock
 from tactograph.nodes.stream.led_in_frame import RestFilm, make_film
 
-FREE = "none"
+NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
-SIMULATED = "simulated"
+SIMULATED_NAME = "simulated"
 START_S = 3.0
 """Longest time until a camera's first frame."""
-CHANGE_GRID = 64
+CLOCK_SAMPLES = 64
 """Times per step at which the clock is searched for the next change."""
 
 
@@ -59,7 +59,7 @@ class Lamps(Protocol):
 
     @property
     def starts(self) -> int:
-        """How often the cycle was started."""
+        """Count of the cycle's starts."""
 
     def shift(self, steps: float) -> None:
         """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
@@ -71,7 +71,7 @@ class Lamps(Protocol):
         """Start the cycle again."""
 
     def news(self) -> list[str]:
-        """What has happened since the last call, one line each."""
+        """Events since the last call, one line each."""
 
     def close(self) -> None:
         """Switch all LEDs off and release the controller."""
@@ -86,24 +86,24 @@ class FreeLamps:
     faults: Counter[str] = field(default_factory=Counter)
 
     def shift(self, steps: float) -> None:
-        """Not possible."""
+        """Do nothing: these LEDs obey nobody."""
 
     def hold(self, led: int) -> None:
-        """Not possible; refused, because callers need it."""
+        """Refuse: callers need what these LEDs cannot do."""
         raise InputError(
             "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
             "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
         )
 
     def resume(self) -> None:
-        """They never stopped."""
+        """Do nothing: the LEDs never stopped."""
 
     def news(self) -> list[str]:
-        """Nothing."""
+        """Return no events."""
         return []
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: there is nothing to close."""
 
 
 class ControlledLamps:
@@ -132,7 +132,7 @@ class ControlledLamps:
 
     @property
     def starts(self) -> int:
-        """How often the cycle was started, by us or after a fault."""
+        """Count of the cycle's starts, by us or after a fault."""
         return 1 + self._shifts + len(self._controller.recoveries)
 
     def shift(self, steps: float) -> None:
@@ -157,7 +157,7 @@ class ControlledLamps:
         self._start()
 
     def news(self) -> list[str]:
-        """What has happened to the controller, one line each."""
+        """Events of the controller, one line each."""
         return self._controller.news()
 
     def close(self) -> None:
@@ -171,7 +171,7 @@ class ControlledLamps:
 
     def _next_change(self, after: float) -> float | None:
         """The time of the controller's next step; None if unknown."""
-        grid = [after + self._step * i / CHANGE_GRID for i in range(2 * CHANGE_GRID)]
+        grid = [after + self._step * i / CLOCK_SAMPLES for i in range(2 * CLOCK_SAMPLES)]
         lit = [self.clock(moment) for moment in grid]
         pairs = pairwise(zip(grid, lit, strict=True))
         return next((moment for (_, one), (moment, two) in pairs if one != two), None)
@@ -318,10 +318,10 @@ def open_rig(
     once = False
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
-        if str(camera).partition("?")[0] == SIMULATED:
+        if str(camera).partition("?")[0] == SIMULATED_NAME:
             table = SimulatedSensor(read_scene(str(camera), Scene))
             lit_between = steady(cycle, wanted.rate, table.start)
-            if port == SIMULATED:
+            if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.
                 link = Path(mkdtemp()) / "controller"
                 undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
@@ -329,7 +329,7 @@ def open_rig(
                 undo.callback(board.close)
                 port, lit_between = str(link), board.lit_between
             connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
-        elif port == SIMULATED:
+        elif port == SIMULATED_NAME:
             raise InputError("port=simulated goes with camera=simulated")
         else:
             once = check_camera(camera, library)
@@ -351,7 +351,7 @@ def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:
     InputError
         If the controller cannot be opened.
     """
-    if port == FREE:
+    if port == NO_PORT:
         return FreeLamps()
     controller = open_controller(port, leds=max(cycle))
     try:

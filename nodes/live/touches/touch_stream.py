@@ -12,31 +12,33 @@ from tactograph.nodes.live.touches._match_frames import Matcher, Verdict
 from tactograph.nodes.live.touches.fault_log import FaultLog
 from tactograph.nodes.live.touches.sensor import Sensor
 from tactograph.nodes.stream.assemble import Assembler, Refresh
-from tactograph.nodes.stream.frames import LiveState, RawFrame, Touch
+from tactograph.nodes.stream.frames import LiveFrames, LiveState, RawFrame
 from tactograph.nodes.stream.led_in_frame import light_of
 
-KEPT = 64
+MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""
-MOST_DIMMED = 0.1
+MAX_BRIGHTNESS_CHANGE = 0.1
 """Change of an LED's brightness since the calibration above which heights are not trusted."""
 REOPEN_S = 0.3
 """Time between two attempts to get the right image size from a camera."""
 MIXED_CYCLES = 1.5
 """Number of cycles without a frame of a single LED after which the LEDs' cycle is shifted."""
-EXPOSED = 0.6
+EXPOSURE_SHARE = 0.6
 """Approximate exposure, as a share of the frame time."""
-CREEP = 0.004
+MAX_NEIGHBOUR_SHARE = 0.004
 """Mean share of a neighbouring LED in the frames above which the cycle is also shifted."""
-ATTEMPTS = 4
+MAX_SHIFTS = 4
 """Number of shifts after which an unchanged share is not a neighbour's light."""
-MARGIN, LEAST_MARGIN = 0.2, 0.03
+START_MARGIN_STEPS, MIN_MARGIN_STEPS = 0.2, 0.03
 """Initial and smallest margin between an exposure and the next change of LED, in steps."""
-FOUND_CYCLES, SEARCHED_CYCLES = 2, 12
+CLEAN_CYCLES, MAX_SEARCH_CYCLES = 2, 12
 """Number of cycles on end without a fault after which the phase of camera and LEDs is found, and
 the most that are waited for."""
-OUT_OF_PHASE = {"mixed", "late", "swapped", "slipped", "shifted", "brightness"}
+PHASE_FAULTS = {"mixed", "late", "swapped", "slipped", "shifted", "brightness"}
 """Faults that are to be expected until it is found."""
-FINDING = "finding the phase of camera and LEDs: frames that show two LEDs are discarded meanwhile"
+SEARCH_MESSAGE = (
+    "finding the phase of camera and LEDs: frames that show two LEDs are discarded meanwhile"
+)
 
 
 @dataclass
@@ -81,22 +83,22 @@ class Stream:
         self._log = FaultLog(self.state, sensor.rate)
         self._connected = sensor.camera.connections, sensor.lamps.starts
         self._overlaps: list[float] = []
-        self._tried: deque[float] = deque(maxlen=ATTEMPTS)
+        self._tried: deque[float] = deque(maxlen=MAX_SHIFTS)
         self._later: bool | None = None
-        self._margin = MARGIN
+        self._margin = START_MARGIN_STEPS
         self._reopened = 0.0
         self._search()
         # While no touch is due, as when all frames of an LED fail, the oldest are dropped.
-        self._new: deque[RawFrame] = deque(maxlen=max(KEPT, 4 * len(sensor.cycle)))
+        self._new: deque[RawFrame] = deque(maxlen=max(MAX_WAITING_FRAMES, 4 * len(sensor.cycle)))
 
     def touches(
         self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
-    ) -> Iterator[Touch]:
+    ) -> Iterator[LiveFrames]:
         """Yield touches until the time, their number or a video file ends."""
         camera = self.sensor.camera
         return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
-    def _touch_with(self, shots: list[Shot]) -> Touch | None:
+    def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
         self._supervise()
         for shot in shots:
             self._take(shot)
@@ -126,18 +128,18 @@ class Stream:
 
     def _search(self) -> None:
         """Begin to find the phase of camera and LEDs."""
-        self._clean, self._searched = 0, SEARCHED_CYCLES * len(self.sensor.cycle)
+        self._clean, self._searched = 0, MAX_SEARCH_CYCLES * len(self.sensor.cycle)
 
     def _look_for_phase(self, *, is_clean: bool) -> None:
         """Note a frame; the search ends after enough clean ones, or in vain."""
         self._clean = self._clean + 1 if is_clean else 0
-        is_found = self._clean >= FOUND_CYCLES * len(self.sensor.cycle)
+        is_found = self._clean >= CLEAN_CYCLES * len(self.sensor.cycle)
         self._searched = 0 if is_found else max(self._searched - 1, 0)
 
     def _note(self, fault: str, about: int = 0) -> None:
         """Count and report a fault; in one line those to be expected while the phase is found."""
-        is_expected = fault in OUT_OF_PHASE and self._searched
-        self._log.note(fault, about, once=FINDING if is_expected else None)
+        is_expected = fault in PHASE_FAULTS and self._searched
+        self._log.note(fault, about, once=SEARCH_MESSAGE if is_expected else None)
 
     def _take(self, shot: Shot) -> None:
         """Match one frame; keep it, or count its fault."""
@@ -147,7 +149,7 @@ class Stream:
         if verdict.fault:
             self._note(verdict.fault, verdict.about)
         self._react(verdict)
-        led, is_dimmed = verdict.led, abs(verdict.gain - 1) > MOST_DIMMED
+        led, is_dimmed = verdict.led, abs(verdict.gain - 1) > MAX_BRIGHTNESS_CHANGE
         if led is not None and is_dimmed:
             self._note("brightness", led)
         is_lit_in_part = is_dimmed and self._searched
@@ -163,7 +165,7 @@ class Stream:
             self._overlaps.append(self._reach(verdict))
         elif verdict.led:
             self._overlaps.clear()
-            if abs(self._matcher.mean_reach) > CREEP:
+            if abs(self._matcher.mean_reach) > MAX_NEIGHBOUR_SHARE:
                 self._separate(self._matcher.mean_reach)
         if len(self._overlaps) > MIXED_CYCLES * len(self.sensor.cycle):
             self._separate(sum(self._overlaps) / len(self._overlaps))
@@ -187,7 +189,10 @@ class Stream:
         if self.sensor.lamps.clock is None:
             return
         self._tried.append(reach)
-        if len(self._tried) == ATTEMPTS and max(self._tried) - min(self._tried) < CREEP:
+        if (
+            len(self._tried) == MAX_SHIFTS
+            and max(self._tried) - min(self._tried) < MAX_NEIGHBOUR_SHARE
+        ):
             # Shifts change nothing, so the film itself differs from the calibration.
             self._note("changed")
             self._matcher.usual_reach += reach
@@ -198,12 +203,12 @@ class Stream:
         later = reach >= 0
         if self._later not in (None, later):
             # The last shift went too far, so there is little time between two exposures.
-            self._margin = max(self._margin / 2, LEAST_MARGIN)
+            self._margin = max(self._margin / 2, MIN_MARGIN_STEPS)
         self._later = later
-        steps = EXPOSED * abs(reach) + self._margin
+        steps = EXPOSURE_SHARE * abs(reach) + self._margin
         self.sensor.lamps.shift(steps if later else -steps)
 
-    def _touch(self) -> Touch | None:
+    def _touch(self) -> LiveFrames | None:
         """The touch that is due; None if there is none, or it moves too fast."""
         if not self._assembler.due:
             return None
@@ -219,17 +224,17 @@ class Stream:
         self.state.motion = motion
         state = replace(self.state, faults=Counter(self.state.faults))
         truth = self.sensor.truth(newest.time)
-        return Touch(image, f"{self.state.touches:06}", newest.time, new, state, truth)
+        return LiveFrames(image, f"{self.state.touches:06}", newest.time, new, state, truth)
 
 
 def each_touch(
     camera: Camera,
     log: FaultLog,
-    touch_with: Callable[[list[Shot]], Touch | None],
+    touch_with: Callable[[list[Shot]], LiveFrames | None],
     timeout: float,
     seconds: float | None,
     items: int | None,
-) -> Iterator[Touch]:
+) -> Iterator[LiveFrames]:
     """Yield touches until the time, their number or a video file ends.
 
     Parameters

@@ -11,31 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.nodes import F4, U1, Height, Labels, Light
+from tactograph.nodes import F4, Height, Labels, Light
 from tactograph.nodes.drawing.arrows import draw_arrows
-from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL
+from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes.files.image_files import Lights
+from tactograph.nodes.stream.touch import Touch
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
 HEIGHT_PX = 480
 """Rows of the height's panel; the two beside it share them."""
-GAP = 12
+GAP_PX = 12
 BAR_PX = 20
 BAR_TEXT_PX = 52
 TITLE_PX = 26
 TEXT_PX = 14
-GROUND = (24, 24, 28)
-INK = (225, 225, 225)
-UNKNOWN = (70, 70, 70)
-ALPHA = 0.75
-DIM = 0.6
+BACKGROUND_RGB = (24, 24, 28)
+TEXT_RGB = (225, 225, 225)
+UNKNOWN_RGB = (70, 70, 70)
+LABEL_OPACITY = 0.75
+DIMMED_SHARE = 0.6
 """Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
 """Share of the pixels that are shown below white."""
-LABELS = 256
+LABEL_COUNT = 256
 BLUE, GREEN, RED = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
-NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
+LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
     "leds": tuple((str(k), colour) for k, colour in enumerate(LED_COLOURS, start=1)),
     "bgr": (BLUE, GREEN, RED),
     "rgb": (RED, GREEN, BLUE),
@@ -43,66 +44,53 @@ NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
 """Names of the lights, and colours of their labels."""
 
 
-def draw_touch(
-    height: Height,
-    shadow: Labels,
-    image: Light,
-    pixel: float,
-    top: float,
-    footer: str,
-    lights: Lights = "leds",
-    moved: tuple[F4, F4, U1] | None = None,
-) -> Picture:
+def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -> Picture:
     """Draw height, camera image and shadow labels side by side.
 
     Parameters
     ----------
-    height
-        H x W, mm.
-    shadow
-        H x W, one bit per LED that does not reach the pixel.
-    image
-        K x H x W; shown are LED 1, or the colours, and under the labels the mean.
-    pixel
-        mm per px.
+    touch
+        Shown are its height; LED 1, or the colours, with the markers' shifts as arrows; and the
+        labels over the mean image.
     top
         Upper end of the colour scale in mm.
     footer
         One line of text.
-    moved
-        Markers M x 3 in px, their shifts M x 2 and whether they are seen, M; drawn as arrows
-        over the camera image.
     lights
         "bgr" or "rgb" if the lights are the colours of one picture.
     """
+    height, image = touch.height, touch.image
+    shadow = np.zeros(height.shape, np.uint8) if touch.shadow is None else touch.shadow
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
-    half = (HEIGHT_PX - TITLE_PX - GAP) // 2
+    half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2
     small = round(half * columns / rows)
-    right = GAP + width + GAP + BAR_PX + BAR_TEXT_PX
-    canvas = np.empty((GAP + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP, right + small + GAP, 3), "u1")
-    canvas[:] = GROUND
+    right = GAP_PX + width + GAP_PX + BAR_PX + BAR_TEXT_PX
+    canvas = np.empty(
+        (GAP_PX + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP_PX, right + small + GAP_PX, 3), "u1"
+    )
+    canvas[:] = BACKGROUND_RGB
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
-    if moved is not None:
-        markers, shift, seen = moved
+    if touch.tracks is not None:
+        markers, shift, seen = touch.tracks
         first = np.ascontiguousarray(first)
         draw_arrows(first, markers[:, :2], shift, seen, small / columns)
-    upper, lower = GAP + TITLE_PX, GAP + 2 * TITLE_PX + half + GAP
-    _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP, upper)
-    _place(canvas, _ramp(HEIGHT_PX), GAP + width + GAP, upper)
+    upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
+    _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
+    _place(canvas, _ramp(HEIGHT_PX), GAP_PX + width + GAP_PX, upper)
     _place(canvas, first, right, upper)
     _place(canvas, _labelled(shadow, mean, lights), right, lower)
 
     page = Image.fromarray(canvas)
     pen = ImageDraw.Draw(page)
-    _write(pen, GAP, GAP, "height above the film at rest")
-    _write(pen, right, GAP, "camera, LED 1" if lights == "leds" else "camera")
+    _write(pen, GAP_PX, GAP_PX, "height above the film at rest")
+    _write(pen, right, GAP_PX, "camera, LED 1" if lights == "leds" else "camera")
     _write(pen, right, lower - TITLE_PX, "in shadow")
-    _legend(pen, right + small, lower - TITLE_PX, NAMES[lights][: image.shape[0]])
-    _ticks(pen, GAP + width + GAP, upper, top)
-    _scale_bar(pen, GAP, upper + HEIGHT_PX, width, columns * pixel)
-    _write(pen, GAP, upper + HEIGHT_PX + 8, footer)
+    _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
+    _ticks(pen, GAP_PX + width + GAP_PX, upper, top)
+    _scale_bar(pen, GAP_PX, upper + HEIGHT_PX, width, columns * touch.pixel)
+    _write(pen, GAP_PX, upper + HEIGHT_PX + 8, footer)
     return np.asarray(page)
 
 
@@ -113,7 +101,7 @@ def colour_height(height: Height, top: float) -> Picture:
     finite = height if known is None else np.where(known, height, 0)
     coloured = _colours()[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
     if known is not None:
-        coloured[~known] = UNKNOWN
+        coloured[~known] = UNKNOWN_RGB
     return coloured
 
 
@@ -142,18 +130,20 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
 def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(shadow, (columns, rows), interpolation=cv2.INTER_NEAREST)
-    dim = cv2.convertScaleAbs(grey, alpha=DIM)
-    mixed = cv2.addWeighted(dim, 1 - ALPHA, _label_colours(lights)[labels], ALPHA, 0)
+    dim = cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE)
+    mixed = cv2.addWeighted(
+        dim, 1 - LABEL_OPACITY, _label_colours(lights)[labels], LABEL_OPACITY, 0
+    )
     return np.where(labels[..., None] > 0, mixed, dim)
 
 
 @lru_cache
 def _label_colours(lights: Lights) -> Picture:
     """A colour for each of the 256 labels: the LED's own, or a dark one for several."""
-    found = [SEVERAL] * LABELS
-    for k, (_, colour) in enumerate(NAMES[lights]):
-        found[1 << k] = colour
-    return np.array([_rgb(colour) for colour in found], np.uint8)
+    colours = [SEVERAL_COLOUR] * LABEL_COUNT
+    for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
+        colours[1 << k] = colour
+    return np.array([_rgb(colour) for colour in colours], np.uint8)
 
 
 @lru_cache
@@ -184,13 +174,13 @@ def _font() -> Any:
 
 
 def _write(pen: ImageDraw.ImageDraw, x: float, y: float, text: str, anchor: str = "la") -> None:
-    pen.text((x, y), text, fill=INK, font=_font(), anchor=anchor)
+    pen.text((x, y), text, fill=TEXT_RGB, font=_font(), anchor=anchor)
 
 
 def _ticks(pen: ImageDraw.ImageDraw, x: int, y: int, top: float) -> None:
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         at = y + (1 - share) * (HEIGHT_PX - 1)
-        pen.line((x + BAR_PX, at, x + BAR_PX + 4, at), fill=INK)
+        pen.line((x + BAR_PX, at, x + BAR_PX + 4, at), fill=TEXT_RGB)
         inside = min(max(at, y + 8), y + HEIGHT_PX - 8)
         _write(pen, x + BAR_PX + 8, inside, f"{share * top:.3g}", "lm")
     _write(pen, x, y - 8, "mm", "lb")
@@ -208,12 +198,12 @@ def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: fl
 def _legend(
     pen: ImageDraw.ImageDraw, right: int, y: int, names: tuple[tuple[str, str], ...]
 ) -> None:
-    entries = [*names, ("several", SEVERAL)]
+    entries = [*names, ("several", SEVERAL_COLOUR)]
     for text, colour in reversed(entries):
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)
         right -= 16
-        pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour, outline=INK)
+        pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour, outline=TEXT_RGB)
         right -= 10
 
 

@@ -14,17 +14,17 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Port, Provenance, Session, node
-from tactograph.graph.files.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import Height, Metrics
 from tactograph.nodes.stream.frames import LiveState
 
 BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""
-LONGEST_S = 5.0
+MAX_LATENCY_S = 5.0
 """Upper end of the last bin, which also counts longer latencies."""
 MIN_TRUST = 0.5
 """Heights with less trust count as doubtful."""
-WARM_S = 2.0
+WARM_UP_S = 2.0
 """Time left out at the start, in which kernels are compiled and caches filled."""
 
 
@@ -73,7 +73,7 @@ class Statistics:
         self._begun = self._told = time.monotonic()
         self._heights = self._heights_told = 0
         self._first = self._last = self._processor = 0.0
-        self._latencies = np.zeros(round(LONGEST_S / BIN_S), np.int64)
+        self._latencies = np.zeros(round(MAX_LATENCY_S / BIN_S), np.int64)
         self._errors = 0
         self._square_error = self._worst = 0.0
         self._contact: Metrics = {}
@@ -95,7 +95,7 @@ class Statistics:
         """Count one height that has just been computed."""
         now = time.monotonic()
         self._state, self._provenance = state, provenance
-        if now - self._begun < WARM_S:
+        if now - self._begun < WARM_UP_S:
             return
         if not self._heights:
             self._first = self._told = now
@@ -118,7 +118,7 @@ class Statistics:
             self._tell(now)
 
     def figures(self) -> Metrics:
-        """The figures so far, from `WARM_S` after the start."""
+        """The figures so far, from `WARM_UP_S` after the start."""
         figures: Metrics = {"heights": float(self._heights)}
         if self._heights > 1:
             figures["heights_per_s"] = (self._heights - 1) / (self._last - self._first)

@@ -12,34 +12,27 @@ from typing import Annotated, Literal
 import cv2
 from annotated_types import Gt, Interval
 
-from tactograph.graph import InputError, Port, Session, node, warn
-from tactograph.graph.files.atomic_files import atomic_file
-from tactograph.nodes import Height, Labels, Light, PixelSize
+from tactograph.graph import InputError, Session, node, warn
+from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.nodes import Height
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live.view._live_picture import Picture, draw_touch, round_up
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Seen, Shifts
 from tactograph.nodes.stream.frames import LiveState
+from tactograph.nodes.stream.touch import Touch, now_in_touch
 
-RATES_OVER_S = 2.0
-OLDEST_LATENCY_S = 10.0
-"""An older touch comes from a recording, which has a different clock."""
+RATE_WINDOW_S = 2.0
 CLOSING_KEYS = (27, ord("q"))
 Where = Literal["auto", "window", "files"]
 
 
-@node
+@node(
+    former=now_in_touch(
+        *("height", "shadow", "image", "pixel", "name", "time", "state"),
+        *("markers", "shift", "seen"),
+    )
+)
 def preview(
-    height: Height,
-    shadow: Labels,
-    image: Light,
-    pixel: PixelSize,
-    name: str,
-    time: Annotated[float, Port(unit="s")] | None = None,
-    state: LiveState | None = None,
-    markers: Markers | None = None,
-    shift: Shifts | None = None,
-    seen: Seen | None = None,
+    touch: Touch,
     *,
     lights: Lights = "leds",
     where: Where = "auto",
@@ -57,23 +50,9 @@ def preview(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    shadow
-        H x W, the LEDs that do not reach each pixel.
-    image
-        K x H x W; shown are LED 1, or the colours, and under the labels the mean.
-    pixel
-        mm per px.
-    name
-        The touch's name.
-    time
-        When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
-    state
-        The camera's counters.
-    markers, shift, seen
-        Markers M x 3 from `find_markers`, their shifts M x 2 and whether each is seen from
-        `track_markers`; drawn as arrows over the camera's image.
+    touch
+        As `join_touch` makes it.  Shown are LED 1, or the colours, markers as arrows over them,
+        and the labels over the mean image.
     lights
         "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`.
     where
@@ -94,14 +73,10 @@ def preview(
         preview begins.
     """
     shown = session.keep(lambda: _Preview(_open_screen(where, folder, keep), 1 / rate_hz))
-    shown.count(time, state)
+    shown.count(touch)
     if shown.is_due():
-        top = top_mm or shown.top_of(height)
-        moved = None
-        if markers is not None and shift is not None and seen is not None:
-            moved = markers, shift, seen
-        footer = shown.footer(state)
-        shown.show(draw_touch(height, shadow, image, pixel, top, footer, lights, moved), name)
+        top = top_mm or shown.top_of(touch.height)
+        shown.show(draw_touch(touch, top, shown.footer(touch.state), lights), touch.name)
 
 
 class _Window:
@@ -114,7 +89,7 @@ class _Window:
         self._began = False
 
     def show(self, picture: Picture, name: str) -> bool:
-        """Draw it; False once the user has closed the window."""
+        """Draw a picture; return False once the user has closed the window."""
         if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
             return self._gone()
         if not self._began:
@@ -143,7 +118,7 @@ class _Files:
         self._wrote = False
 
     def show(self, picture: Picture, name: str) -> bool:
-        """Write it; False once writing has become impossible."""
+        """Write a picture; return False once that has become impossible."""
         encoded = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
         names = ["latest", name] if self._keep and name else ["latest"]
         try:
@@ -162,7 +137,7 @@ class _Files:
         return True
 
     def close(self) -> None:
-        """Nothing is open between two pictures."""
+        """Do nothing: no file is open between two pictures."""
 
 
 class _Preview:
@@ -174,16 +149,15 @@ class _Preview:
         self._due = 0.0
         self._top = 0.0
         self._came: deque[tuple[float, int]] = deque()
-        self._latency: float | None = None
+        self._latency_s: float | None = None
 
-    def count(self, time: float | None, state: LiveState | None) -> None:
-        """Count a touch whose exposure ended at `time`."""
+    def count(self, touch: Touch) -> None:
+        """Count a touch, and note its latency."""
         now = clock.monotonic()
-        self._came.append((now, state.frames if state else 0))
-        while now - self._came[0][0] > RATES_OVER_S:
+        self._came.append((now, touch.state.frames if touch.state else 0))
+        while now - self._came[0][0] > RATE_WINDOW_S:
             self._came.popleft()
-        age = OLDEST_LATENCY_S if time is None else now - time
-        self._latency = age if 0 <= age < OLDEST_LATENCY_S else None
+        self._latency_s = touch.latency_s(now)
 
     def is_due(self) -> bool:
         return self._screen is not None and clock.monotonic() >= self._due
@@ -201,8 +175,8 @@ class _Preview:
             parts.append(f"{(len(self._came) - 1) / (end - start):.1f} touches/s")
             if state is not None:
                 parts.append(f"{(last - frames) / (end - start):.1f} frames/s")
-        if self._latency is not None:
-            parts.append(f"latency {1e3 * self._latency:.0f} ms")
+        if self._latency_s is not None:
+            parts.append(f"latency {1e3 * self._latency_s:.0f} ms")
         if state is not None:
             parts.append(f"dropped {state.dropped}")
             others = [each for each in state.faults.most_common(4) if each[0] != "dropped"]

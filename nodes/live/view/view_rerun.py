@@ -18,40 +18,32 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, Provenance, Session, node, warn
+from tactograph.graph import InputError, Provenance, Session, node, warn
 from tactograph.graph.extras import need
-from tactograph.nodes import F4, Height, HeightError, Labels, Light, Metrics, PixelSize
+from tactograph.nodes import BAND_DEVIATIONS, F4, Height, HeightError, Labels, Light, Metrics
 from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.live.view._live_picture import NAMES, colour_height, round_up
-from tactograph.nodes.marker.find_markers import Markers
-from tactograph.nodes.marker.track_markers import Shifts
+from tactograph.nodes.live.view._live_picture import LIGHT_NAMES, colour_height, round_up
+from tactograph.nodes.stream.touch import MarkerTracks, Touch, now_in_touch
 
-BAND = 1.645
-"""Half of the 90 % band, in standard deviations."""
-OLDEST_LATENCY_S = 10.0
-PORT = 9876
-OPENING_S = 5.0
-"""How long a viewer may take to open."""
-LOOK_EVERY_S = 1.0
+VIEWER_PORT = 9876
+OPEN_TIMEOUT_S = 5.0
+"""Longest time that a viewer may take to open."""
+CHECK_EVERY_S = 1.0
 """Time between two checks that the viewer is still open."""
-LOOK_S = 0.05
-FLUSH_S = 2.0
-"""How long the end of the stream waits for a viewer that does not answer."""
+CHECK_TIMEOUT_S = 0.05
+FLUSH_TIMEOUT_S = 2.0
+"""Longest wait at the end of the stream for a viewer that does not answer."""
 Viewer = Literal["spawn", "connect", "none"]
 
 
-@node
+@node(
+    former=now_in_touch(
+        *("height", "image", "pixel", "name", "shadow", "error", "metrics", "time"),
+        *("markers", "shift"),
+    )
+)
 def view_rerun(
-    height: Height,
-    image: Light,
-    pixel: PixelSize,
-    name: str,
-    shadow: Labels | None = None,
-    error: HeightError | None = None,
-    metrics: Metrics | None = None,
-    time: Annotated[float, Port(unit="s")] | None = None,
-    markers: Markers | None = None,
-    shift: Shifts | None = None,
+    touch: Touch,
     *,
     lights: Lights = "leds",
     viewer: Viewer = "spawn",
@@ -73,24 +65,9 @@ def view_rerun(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    image
-        K x H x W, 0 to 1.
-    pixel
-        mm per px.
-    name
-        The touch's name.
-    shadow
-        H x W, the LEDs that do not reach each pixel.
-    error
-        H x W, the height's standard deviation in mm.
-    metrics
-        Figures to plot over time.
-    time
-        When the newest frame's exposure ended, in seconds of ``time.monotonic()``.
-    markers, shift
-        M x 3 and M x 2 in px, as from `track_markers`; drawn as arrows over the image of LED 1.
+    touch
+        As `join_touch` makes it.  Its figures are plotted over time; markers are arrows over the
+        image of LED 1.
     lights
         "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one.
     viewer
@@ -126,20 +103,21 @@ def view_rerun(
     now = clock.monotonic()
     if not stream.is_due(now):
         return
-    age = now - time if time is not None else None
+    age = now - touch.time if touch.time is not None else None
     stream.begin(age)
-    stream.images(image[:, ::image_step, ::image_step], shadow, image_step, lights)
-    stream.arrows(markers, shift, image_step)
-    stream.surface(height, pixel, surface_step)
-    stream.section(height, error, pixel)
-    if error is not None:
-        stream.error(error)
+    stream.images(touch.image[:, ::image_step, ::image_step], touch.shadow, image_step, lights)
+    stream.arrows(touch.tracks, image_step)
+    stream.surface(touch.height, touch.pixel, surface_step)
+    stream.section(touch.height, touch.error, touch.pixel)
+    if touch.error is not None:
+        stream.error(touch.error)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
-    if age is not None and 0 <= age < OLDEST_LATENCY_S:
-        times["latency"] = 1e3 * age
+    latency_s = touch.latency_s(now)
+    if latency_s is not None:
+        times["latency"] = 1e3 * latency_s
     stream.figures("times", times)
-    stream.figures("metrics", metrics or {})
-    stream.log("touch", rerun().TextLog(name))
+    stream.figures("metrics", touch.metrics or {})
+    stream.log("touch", rerun().TextLog(touch.name))
     stream.note(provenance.warnings)
 
 
@@ -189,7 +167,7 @@ def _spawn(rr: Any) -> None:
 def _viewer_sink(rr: Any, url: str) -> Any:
     """The connection to the viewer; a missing viewer raises an error at once, not seconds later."""
     try:
-        _reach(url, OPENING_S)
+        _reach(url, OPEN_TIMEOUT_S)
         return rr.GrpcSink(url)
     except OSError as error:
         reason = error.strerror or error
@@ -203,7 +181,7 @@ def _reach(url: str, patience_s: float) -> None:
     place = urlsplit(url)
     if place.hostname is None:
         raise ValueError("no address of a viewer, such as rerun+http://127.0.0.1:9876/proxy")
-    socket.create_connection((place.hostname, place.port or PORT), patience_s).close()
+    socket.create_connection((place.hostname, place.port or VIEWER_PORT), patience_s).close()
 
 
 def _file_sink(rr: Any, file: Path) -> Any:
@@ -262,7 +240,7 @@ class _Stream:
         self._recording, self._url, self._file = recording, url, file
         self._most_bytes, self._pause = most_bytes, pause
         self._due = 0.0
-        self._look_at = clock.monotonic() + LOOK_EVERY_S
+        self._look_at = clock.monotonic() + CHECK_EVERY_S
         self._touches = 0
         self._shape: tuple[int, ...] = ()
         self._colours_sent = False
@@ -273,7 +251,7 @@ class _Stream:
             return False
         self._due = now + self._pause
         if self._url is not None and now >= self._look_at:
-            self._look_at = now + LOOK_EVERY_S
+            self._look_at = now + CHECK_EVERY_S
             self._look(self._url)
         if self._file is not None and self._file.stat().st_size > self._most_bytes:
             warn(f"{self._file}: is as large as it may be; view_rerun has ended")
@@ -284,7 +262,7 @@ class _Stream:
     def _look(self, url: str) -> None:
         """Warn if the viewer was closed, because Rerun itself does not report it."""
         try:
-            _reach(url, LOOK_S)
+            _reach(url, CHECK_TIMEOUT_S)
         except OSError:
             self._url = None
             warn(f"view_rerun: the viewer at {url} is gone; the stream goes on without it")
@@ -313,10 +291,10 @@ class _Stream:
             self._colours_sent = True
         self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
 
-    def arrows(self, markers: Markers | None, shift: Shifts | None, step: int) -> None:
-        if markers is not None and shift is not None:
-            moved = {"origins": (markers[:, :2] + 0.5) / step, "vectors": shift / step}
-            self.log("camera/led1/markers", rerun().Arrows2D(**moved))
+    def arrows(self, tracks: MarkerTracks | None, step: int) -> None:
+        if tracks is not None:
+            origins, vectors = (tracks.markers[:, :2] + 0.5) / step, tracks.shift / step
+            self.log("camera/led1/markers", rerun().Arrows2D(origins=origins, vectors=vectors))
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
@@ -356,7 +334,7 @@ class _Stream:
 
         strips, colours = [strip(height[row])], [(31, 95, 168)]
         if error is not None:
-            half = np.float32(BAND) * error[row]
+            half = np.float32(BAND_DEVIATIONS) * error[row]
             strips += [strip(height[row] - half), strip(height[row] + half)]
             colours += [(150, 180, 215)] * 2
         self.log("section", rr.LineStrips2D(strips, colors=colours))
@@ -378,7 +356,7 @@ class _Stream:
         if recording is None:
             return
         try:
-            recording.flush(timeout_sec=FLUSH_S)
+            recording.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except RuntimeError as error:
             warn(f"view_rerun: the viewer did not get all touches: {error}")
         recording.disconnect()
@@ -387,14 +365,14 @@ class _Stream:
 def _classes(count: int, lights: Lights) -> list[Any]:
     """Name and colour of every label, for single LEDs or colours and for combinations."""
     rr = rerun()
-    found = [rr.AnnotationInfo(0, "lit", (40, 40, 40))]
+    classes = [rr.AnnotationInfo(0, "lit", (40, 40, 40))]
     for label in range(1, 1 << count):
         leds = [k for k in range(count) if label >> k & 1]
-        names, colours = zip(*NAMES[lights], strict=True)
+        names, colours = zip(*LIGHT_NAMES[lights], strict=True)
         name = " and ".join(f"LED {names[k]}" if lights == "leds" else names[k] for k in leds)
         colour = colours[leds[0]] if len(leds) == 1 else "#ffffff"
-        found.append(rr.AnnotationInfo(label, name, tuple(bytes.fromhex(colour[1:]))))
-    return found
+        classes.append(rr.AnnotationInfo(label, name, tuple(bytes.fromhex(colour[1:]))))
+    return classes
 
 
 def _triangles(rows: int, columns: int) -> NDArray[np.uint32]:

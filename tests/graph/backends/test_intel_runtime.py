@@ -36,7 +36,7 @@ def package(tmp_path: Path) -> Path:
 
 
 def devices(**environment: object) -> str:
-    """What a fresh process finds, and what it leaves in the environment."""
+    """The drivers that a fresh process finds, and the environment that it leaves."""
     done = subprocess.run(
         [sys.executable, "-c", PLATFORMS],
         env={**os.environ, **{name: str(value) for name, value in environment.items()}},

@@ -39,7 +39,7 @@ class Runs:
         assert self._run(DIES.format(number=number)).returncode == -number
 
     def begin(self, **more: str) -> tuple[str, str]:
-        """Where PoCL keeps its programs, and what is told."""
+        """PoCL's folder of programs, and the warnings."""
         done = self._run(BEGINS, **more)
         return done.stdout.strip(), done.stderr
 

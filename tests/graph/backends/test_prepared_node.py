@@ -11,7 +11,7 @@ import pytest
 
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.parity import cases, make_inputs
+from tactograph.graph.backends.parity import cases, make_inputs
 from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.rest_at_border import rest_at_border
 
@@ -52,7 +52,7 @@ def test_a_launch_with_the_same_buffers_is_enqueued_again(device: OpenCL, counte
 
 
 def test_other_buffers_are_taken_in_turns(device: OpenCL, counted: Counted) -> None:
-    """As those of what an item recalls of the item before."""
+    """Buffers that alternate, as those of recalled values do."""
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     heights = [device.upload(HEIGHT + n) for n in range(2)]
     for _ in range(5):

@@ -1,4 +1,4 @@
-"""What one pipeline has built, the next one takes."""
+"""Programs that one pipeline has built serve the next."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import POCL, build, context_of
+from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files import disk_cache
+from tactograph.graph.disk import disk_cache
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
@@ -40,19 +40,19 @@ __kernel void seven(__global int *out) { out[get_global_id(0)] = NUMBER; }
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """What is built is kept here, and nothing that was built before is known."""
+    """An empty folder for programs, and no memory of earlier ones."""
     found, _ = choose_device()
     assert found is not None
-    if found.handle.platform.name != POCL:
+    if found.handle.platform.name != POCL_PLATFORM:
         pytest.skip("what this driver builds is not kept here")
-    monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
     return tmp_path / "cache"
 
 
 def seven(device: OpenCL, number: int = 7) -> int:
-    """What a kernel writes that is built as if in a process of its own."""
+    """The output of a kernel that is built as if in a process of its own."""
     build.cache_clear()
     (handle,) = device.context.devices
     program = build(context_of(handle), SEVEN, (f"-DNUMBER={number}",))
@@ -92,7 +92,7 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [(disk_cache.FOLDER, "off"), ("PYOPENCL_NO_CACHE", "1")]
+    ("name", "value"), [(disk_cache.FOLDER_VARIABLE, "off"), ("PYOPENCL_NO_CACHE", "1")]
 )
 def test_nothing_is_kept_where_that_is_not_wanted(
     folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str

@@ -1,4 +1,4 @@
-"""The same on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
+"""A batch on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_a_client_that_comes_back_goes_on_where_it_was(
 
 
 def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "ANSWER", 0.5)
+    monkeypatch.setattr(cluster, "ANSWER_TIMEOUT_S", 0.5)
     with pytest.raises(InputError, match="no scheduler answers"):
         Cluster("tcp://127.0.0.1:9")
 
@@ -136,7 +136,7 @@ def test_another_program_at_the_address_is_no_scheduler(
         callers.append(caller)
         caller.sendall(says)
 
-    monkeypatch.setattr(cluster, "ANSWER", 1.0)
+    monkeypatch.setattr(cluster, "ANSWER_TIMEOUT_S", 1.0)
     callers: list[socket.socket] = []
     with socket.create_server(("127.0.0.1", 0)) as server:
         threading.Thread(target=answer, args=(server,), daemon=True).start()

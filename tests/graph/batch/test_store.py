@@ -1,4 +1,4 @@
-"""How maps lie in a store: large ones by themselves, small ones some together."""
+"""The layout of maps in a store: large ones alone, small ones several together."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_small_maps_are_compressed_together(
 
 
 def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
-    """As those that were begun before small maps were put together."""
+    """A store from before small maps were put together."""
     place = str(tmp_path / "out.zarr")
     store = create_store(place, JOB, ORIGIN, 4)
     store.append(["a", "b", "c", "d", "e"])

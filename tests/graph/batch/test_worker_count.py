@@ -1,4 +1,4 @@
-"""As many processes are started as make up for it."""
+"""A batch starts as many processes as are worth their start."""
 
 from __future__ import annotations
 

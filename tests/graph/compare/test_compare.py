@@ -94,7 +94,7 @@ def test_a_terminal_gets_no_escape_codes_as_text(
     tactograph: Command,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # What makes rich take any output for a terminal's.
+    # With this, rich takes any output for a terminal.
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
     done = tactograph("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")

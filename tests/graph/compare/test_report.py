@@ -16,9 +16,10 @@ import pytest
 
 from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
-from tactograph.graph.compare.drawable_arrays import View, load_views, save_views
 from tactograph.graph.compare.report import _pictures
+from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.show.views import View
 from tests.conftest import MadeOnce
 from tests.graph.conftest import Command, Write
 
@@ -36,7 +37,7 @@ nodes:
   height: {op: integrate_dct, in: {slope: slope.slope, pixel: shape.pixel_size}}
   found:  {op: evaluate_shadow, in: {shadow: shadow, truth: scene.labels}}
   error:  {op: evaluate_height, in: {height: height, pixel: shape.pixel_size, truth: shape.height}}
-  score:  {op: join_metrics, in: {first: error, second: found}}
+  score:  {op: join_metrics, in: {height: error, shadow: found}}
 outputs:
   image: camera.image
   truth: shape.height
@@ -200,6 +201,7 @@ def test_the_page_says_what_was_ablated_and_how_it_was_made(
         assert text in page
 
 
+@pytest.mark.slow
 def test_repeats_by_seed_give_intervals(swept: Path) -> None:
     rows = rows_of(swept)
     assert len(rows) == 2 * 2 * 2
@@ -236,7 +238,7 @@ def test_one_failing_run_does_not_end_the_rest(
 
 
 def test_again_repeats_what_was_recorded(tactograph: Command, swept: Path, tmp_path: Path) -> None:
-    """Of a report alone: the graph files are elsewhere."""
+    """The names in a folder that holds a report alone."""
     again = tactograph("compare", "--again", swept)
     assert again.code == 0
     assert re.search(r"all \d+ figures are the same as before", again.out)

@@ -12,7 +12,6 @@ import pytest
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.tables import (
     columns,
-    estimate,
     higher_is_better,
     is_best,
     make_lines,
@@ -20,6 +19,7 @@ from tactograph.graph.compare.tables import (
     print_table,
     write_tables,
 )
+from tactograph.graph.show.figures import estimate
 
 
 def row(variant: str, capture: str = "a", seed: int | None = None, **figures: float) -> Row:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
-from tactograph.graph.files.strict_yaml import Place
 from tests.graph.toys import choosy
 
 ENTRY = Entry("choosy", places={"": Place("g.yaml", 3, 5, "nodes.c")})

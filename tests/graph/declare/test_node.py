@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Unpack
 
 import numpy as np
 import pytest
 
 from tactograph.graph import Close, Exact, Port, Provenance, SizeLimit, node
 from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.node_page import describe
 from tactograph.nodes import F4, Height, Light, PixelSize
 
 
@@ -22,6 +23,24 @@ class Two(NamedTuple):
 class Inner(NamedTuple):
     low: float
     high: float
+
+
+class Settings(NamedTuple):
+    """Two settings.
+
+    Parameters
+    ----------
+    gain
+        Its gain.
+    """
+
+    gain: float
+    floor: float = 0.1
+
+
+class Named(NamedTuple):
+    name: str
+    time: float | None = None
 
 
 class Outer(NamedTuple):
@@ -73,6 +92,59 @@ def test_a_record_in_a_record_is_flat_outside_and_whole_inside() -> None:
     assert list(each.outputs) == ["low", "high", "gain"]
     arguments = each.in_order({"outer.low": 1.0, "outer.high": 2.0, "outer.gain": 3.0})
     assert each.results(each(*arguments)) == (1.0, 2.0, 2.0)
+
+
+def test_an_unpacked_record_is_an_input_for_each_field_by_its_own_name() -> None:
+    @node
+    def each(*values: Unpack[Outer], gain_at_most: float) -> Outer:
+        return Outer(*values)
+
+    assert list(each.inputs) == ["inner.low", "inner.high", "gain"]
+    assert list(each.parameters) == ["gain_at_most"]
+    assert each.input_names == ["inner", "gain"]
+    arguments = each.in_order({"inner.low": 1.0, "inner.high": 2.0, "gain": 3.0})
+    assert each(*arguments, gain_at_most=4.0) == Outer(Inner(1.0, 2.0), 3.0)
+
+
+def test_a_record_that_may_be_left_out_is_none_then() -> None:
+    @node
+    def each(light: Light, named: Named | None = None) -> Height: ...
+
+    assert list(each.inputs) == ["light", "named.name", "named.time"]
+    assert each.optional_inputs == {"named"}
+    assert each.in_order({"light": 1}) == [1, None]
+    assert each.in_order({"light": 1, "named.name": "a"}) == [1, Named("a")]
+
+
+def test_a_record_of_parameters_stands_for_its_fields() -> None:
+    @node
+    def each(light: Light, *, settings: Settings, scale: float = 2.0) -> Light:
+        """Scale light."""
+        return light * (scale * settings.gain + settings.floor)
+
+    assert list(each.parameters) == ["gain", "floor", "scale"]
+    assert each.parameters["gain"].required
+    assert each.parameters["floor"].default == 0.1
+    assert each(1.0, gain=3.0, floor=0.0) == 6
+    assert describe(each).arguments["gain"] == "Its gain."
+
+
+def test_a_record_of_parameters_and_a_parameter_cannot_share_a_name() -> None:
+    with pytest.raises(TypeError, match="two parameters are called 'gain'"):
+
+        @node
+        def each(light: Light, *, settings: Settings, gain: float = 2.0) -> Light: ...
+
+
+def test_any_number_of_inputs_take_the_names_that_a_graph_gives_them() -> None:
+    @node
+    def each(*lights: Light) -> Light: ...
+
+    two = each.with_inputs(["a", "b"])
+    assert list(two.inputs) == ["a", "b"]
+    assert two.inputs["b"].dims == ("K", "H", "W")
+    assert two is each.with_inputs(["a", "b"])
+    assert not each.source
 
 
 def test_an_argument_with_a_default_is_an_optional_input() -> None:

@@ -30,6 +30,7 @@ def test_every_input_and_parameter_is_described(name: str) -> None:
         (Annotated[int, Ge(1), Lt(9)], "at least 1 and below 9"),
         (Literal["a", "b"], "one of a, b"),
         (Literal["a", "b"] | None, "one of a, b"),
+        (Annotated[float, Gt(0)] | None, "above 0"),
         (float, ""),
     ],
 )
@@ -41,6 +42,12 @@ def test_a_page_tells_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): K x H x W, the untouched film" in page
     assert "`floor` (default 0.02, above 0): Smallest value" in page
+
+
+def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
+    meaning = "- `rim` (number [mm]): mm of film beyond the frame"
+    assert meaning in node_page(find_node("read_calibration"))
+    assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -152,7 +152,7 @@ def test_a_value_that_may_be_absent_or_is_no_array_is_refused(
 
 
 def test_an_array_may_be_written_as_an_alias() -> None:
-    """As NumPy 2.5 does it from Python 3.12 on."""
+    """An alias as NumPy 2.5 makes it from Python 3.12 on."""
     scalar = TypeVar("scalar", bound=np.generic)
     array = np.ndarray[Any, np.dtype[scalar]]  # type: ignore[valid-type]
     alias = TypeAliasType("alias", array, type_params=(scalar,))

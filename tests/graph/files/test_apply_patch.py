@@ -38,6 +38,11 @@ def test_set_can_set_nothing(write: Write) -> None:
     assert graph.nodes["height"].settings == {"file": "$file", "crop": None}
 
 
+def test_set_changes_an_input_and_keeps_the_others(write: Write) -> None:
+    graph = patched(write, "{set: slope, in: {height: again}}")
+    assert graph.nodes["slope"].inputs == {"height": "again", "pixel": "pixel"}
+
+
 def test_replace_keeps_the_inputs_unless_it_states_them(write: Write) -> None:
     graph = patched(write, "{replace: again, op: integrate_frankot_chellappa}")
     assert graph.nodes["again"].op == "integrate_frankot_chellappa"
@@ -120,7 +125,7 @@ def test_insert_after_says_what_can_be_named(write: Write, after: str, message: 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("{set: slope}", "set needs 'with'"),
+        ("{set: slope}", "set needs 'with' or 'in'"),
         ("{set: slope, with: {a: 1}, op: x}", "set takes no 'op'"),
         ("{replace: slope}", "replace needs 'op'"),
         ("{replace: slope, op: x, after: height}", "replace takes no 'after'"),

@@ -59,7 +59,7 @@ def refusal(write: Write, *changes: str, more: str = "") -> str:
 
 
 def settings(graph: Graph, node: str = "slope") -> dict[str, dict[str, Any]]:
-    """What each use gives to a node of the group `pass`."""
+    """The settings of a node of the group `pass` in each use."""
     return {
         name.removesuffix(f".{node}"): dict(entry.settings)
         for name, entry in graph.nodes.items()

@@ -12,9 +12,9 @@ import jsonschema
 import pytest
 
 from tactograph.graph.declare.find_node import builtin_names
+from tactograph.graph.disk.strict_yaml import parse_yaml, read_yaml
 from tactograph.graph.files.read_graph import graph_file
 from tactograph.graph.files.schema import make_schema
-from tactograph.graph.files.strict_yaml import parse_yaml, read_yaml
 from tests.graph.conftest import SLOPES
 
 

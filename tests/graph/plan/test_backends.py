@@ -46,9 +46,11 @@ def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
     assert plan.fallbacks == []
 
 
+@pytest.mark.slow
 def test_what_the_host_does_faster_than_a_cpu_device_stays_there_and_that_is_no_fallback(
     write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Needs VkFFT, which 'make test-all' installs."""
     slopes = SLOPES.replace("integrate_dct", "integrate_frankot_chellappa")
     for is_cpu, backend in ((True, "numpy"), (False, "opencl")):
         monkeypatch.setattr(device, "is_cpu", is_cpu)

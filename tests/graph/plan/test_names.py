@@ -81,6 +81,11 @@ def test_a_name_that_means_nothing_is_an_error_with_its_place(
     assert message in said
 
 
+def test_any_number_of_inputs_is_at_least_one(write: Write) -> None:
+    text = "format: 1\nnodes: {all: {op: join_metrics}}\noutputs: {all: all}"
+    assert "nodes.all.in: node 'join_metrics' needs at least one input" in refusal(write(text))
+
+
 def test_a_wrong_value_that_the_user_gave_is_told_by_the_param(write: Write) -> None:
     """Not by the place in a file that the user has never seen."""
     file = write(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph.run.cache import MOST_RUNS, Cache, Kept, Run
+from tactograph.graph.run.cache import MAX_RUNS, Cache, Kept, Run
 
 
 def kept(name: str) -> Kept:
@@ -46,7 +46,7 @@ def test_an_object_of_unknown_size_counts_as_a_large_one() -> None:
 
 def test_what_is_known_of_runs_is_bounded_too() -> None:
     cache = Cache()
-    for number in range(MOST_RUNS + 5):
+    for number in range(MAX_RUNS + 5):
         cache.note(str(number), Run({}, 0.0, ()))
     assert cache.run("0") is None
-    assert cache.run(str(MOST_RUNS)) is not None
+    assert cache.run(str(MAX_RUNS)) is not None

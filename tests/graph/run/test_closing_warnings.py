@@ -1,4 +1,4 @@
-"""What a stream tells at its end is heard, whoever goes through it."""
+"""Warnings at a stream's end reach whoever goes through it."""
 
 from __future__ import annotations
 

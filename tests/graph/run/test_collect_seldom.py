@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tactograph.graph.run.collect_seldom import MIDDLE, YOUNG, collect_seldom
+from tactograph.graph.run.collect_seldom import MIDDLE_THRESHOLD, YOUNG_THRESHOLD, collect_seldom
 
 
 @pytest.fixture
@@ -30,18 +30,18 @@ class Knot:
 def test_garbage_is_still_found(thresholds: None) -> None:
     collect_seldom()
     first = weakref.ref(Knot())
-    # What lives on is counted, what is garbage at once is not.
-    kept = [[] for _ in range(2 * YOUNG)]
+    # Objects that live on are counted, immediate garbage is not.
+    kept = [[] for _ in range(2 * YOUNG_THRESHOLD)]
     assert first() is None, len(kept)
 
 
 def test_what_was_used_for_long_is_found_once_it_is_garbage(thresholds: None) -> None:
     collect_seldom()
     knot = Knot()
-    kept: list[list[int]] = [[] for _ in range(2 * YOUNG)]
+    kept: list[list[int]] = [[] for _ in range(2 * YOUNG_THRESHOLD)]
     old = weakref.ref(knot)
     del knot
-    kept += [[] for _ in range(YOUNG * (MIDDLE + 2))]
+    kept += [[] for _ in range(YOUNG_THRESHOLD * (MIDDLE_THRESHOLD + 2))]
     assert old() is None
 
 

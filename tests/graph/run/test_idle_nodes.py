@@ -98,7 +98,7 @@ def test_a_lens_that_changes_is_noticed(toys: list[str], write: Write) -> None:
     np.testing.assert_array_equal(again, first[:, ::-1])
 
 
-@pytest.mark.one_case
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_film_that_throws_no_light_on_film_makes_none(
     raytraced: Raytraced, calibration: Calibration, write: Write, tmp_path: Path, backend: str

@@ -364,3 +364,21 @@ def test_a_source_of_files_is_read_for_every_item(toys: list[str], write: Write)
         list(pipeline.items())
     assert [word for word in toys if word.startswith("touch")] == ["touch 1", "touch 2"] * 2
     assert toys.count("doubled") == 2
+
+
+@pytest.mark.parametrize("cached", [False, True], ids=["every step", "only what changed"])
+@BACKENDS
+def test_an_item_that_failed_is_not_the_item_before(
+    toys: list[str], write: Write, backend: str, cached: bool
+) -> None:
+    text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: sum}}")
+    text = text.replace("{op: summed, in: {image: seen,", "{op: summed, in: {image: light,")
+    cache = Cache() if cached else None
+    pipeline = load(write(text), backend=backend, cache=cache, changes={"seen.at": 4.0})
+    one, three = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
+    for stack, total in ((one, 1), (three, None), (one, 2)):
+        if total is None:
+            with pytest.raises(NodeError):
+                pipeline(frames=stack)
+        else:
+            np.testing.assert_array_equal(pipeline(frames=stack)["sum"], total * one)

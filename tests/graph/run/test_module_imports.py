@@ -1,4 +1,4 @@
-"""What a file imports is found once, by whichever process looks first."""
+"""The imports of a file are found once, by the first process that looks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.files.disk_cache import write_cached
+from tactograph.graph.disk.disk_cache import write_cached
 from tactograph.graph.run import module_imports as module
 from tactograph.graph.run.module_imports import keep_imports, module_imports
 

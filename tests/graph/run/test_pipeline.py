@@ -166,7 +166,7 @@ def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> No
 
 
 class OnAnotherDevice:
-    """As the tensors of libraries that leave a copy to the caller."""
+    """A tensor of a library that leaves a copy to the caller."""
 
     def __array__(self, dtype: object = None, copy: bool | None = None) -> np.ndarray:
         raise TypeError("copy it to the host first")

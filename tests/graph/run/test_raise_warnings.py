@@ -1,4 +1,4 @@
-"""What nodes warn of is a warning of Python too, once per pipeline."""
+"""Warnings of nodes are Python warnings too, once per pipeline."""
 
 from __future__ import annotations
 

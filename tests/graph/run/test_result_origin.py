@@ -81,7 +81,7 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("\n".join(line.removeprefix(" " * 8) for line in text.split("\n")))
     monkeypatch.syspath_prepend(root)
-    points = {"halved": [EntryPoint("halved", "felt.halved:halved", find.GROUP)]}
+    points = {"halved": [EntryPoint("halved", "felt.halved:halved", find.ENTRY_POINT_GROUP)]}
     monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
     monkeypatch.chdir(tmp_path)
     Path("made.txt").write_text("made")

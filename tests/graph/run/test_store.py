@@ -1,4 +1,4 @@
-"""What is slow and runs once is kept on disk: whole, checked, bounded, and only if it is plain."""
+"""Slow results that depend on no stream are kept on disk: whole, checked, bounded, and plain."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Port, node
+from tactograph.graph.disk import disk_cache
 from tactograph.graph.errors import InputError, collect_warnings, warn
-from tactograph.graph.files import disk_cache
 from tactograph.graph.run import store
 from tactograph.graph.run.store import recall_or_make
 from tactograph.nodes import F4
@@ -44,8 +44,8 @@ IMAGE = np.arange(12, dtype=np.float32).reshape(6, 2)
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(disk_cache.FOLDER, str(tmp_path / "cache"))
-    monkeypatch.setattr(store, "SLOW_MS", -1.0)
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "MIN_STORED_MS", -1.0)
     return tmp_path / "cache"
 
 
@@ -128,7 +128,7 @@ def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> N
 
 
 def test_what_is_fast_leaves_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "SLOW_MS", 1e6)
+    monkeypatch.setattr(store, "MIN_STORED_MS", 1e6)
     made(made_now=True)
     assert not folder.exists()
 
@@ -146,7 +146,7 @@ def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(
 
 
 def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(disk_cache.FOLDER, "off")
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, "off")
     made(made_now=True)
     made(made_now=True)
     assert not folder.exists()
@@ -155,7 +155,7 @@ def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_files_go_that_were_read_longest_ago(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(made_now=True)
     (first,) = files(folder)
-    monkeypatch.setattr(disk_cache, "MOST_BYTES", 4 * first.stat().st_size + 8)
+    monkeypatch.setattr(disk_cache, "MAX_FOLDER_BYTES", 4 * first.stat().st_size + 8)
     for number in range(1, 4):
         made(IMAGE + number, made_now=True)
     for age, file in enumerate([first, *(f for f in files(folder) if f != first)]):
@@ -180,10 +180,10 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 WRITER = """
 import sys
 from tests.graph.run.test_store import tabled
-from tactograph.graph.files import disk_cache
+from tactograph.graph.disk import disk_cache
 from tactograph.graph.run import store
 import numpy as np
-store.SLOW_MS = -1.0
+store.MIN_STORED_MS = -1.0
 image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
 print("begun", flush=True)
 for _ in range(int(sys.argv[1])):

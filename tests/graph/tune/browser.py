@@ -12,8 +12,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import connect
-
 
 class Browser:
     """Debian's chromium; `look` runs a script in the page, `wait` until one is true."""
@@ -32,6 +30,9 @@ class Browser:
         told = folder / "DevToolsActivePort"
         self._until(lambda: told.exists() and len(told.read_text().splitlines()) == 2, "chromium")
         port, path = told.read_text().splitlines()
+        # 'make test-all' installs it.
+        from websockets.sync.client import connect
+
         self._connected = ExitStack()
         self._socket = self._connected.enter_context(
             connect(f"ws://127.0.0.1:{port}{path}", max_size=None)
@@ -46,7 +47,7 @@ class Browser:
         self._do("Page.navigate", url=address)
 
     def look(self, script: str) -> Any:
-        """What an expression in the page gives."""
+        """The value of an expression in the page."""
         done = self._do(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
@@ -139,7 +140,7 @@ class Browser:
             f" return e.getBoundingClientRect().toJSON() }})(document.querySelector(`{selector}`))"
         )
         box: dict[str, float] = self.wait(script)
-        while True:  # what still moves cannot be hit
+        while True:  # a moving element cannot be hit
             time.sleep(0.06)
             before, box = box, self.wait(script)
             if before == box:

@@ -19,7 +19,7 @@ from tactograph.graph.files.read_graph import read_graph
 from tests.conftest import Calibration, Raytraced
 from tests.graph.tune.browser import Browser
 
-# Beside other tests a browser is late: what it shows, and what takes a click.
+# Beside other tests a browser is late: its pictures, and its answers to clicks.
 pytestmark = pytest.mark.realtime
 
 VARIANT = """\
@@ -162,7 +162,7 @@ def test_a_half_typed_value_outlasts_what_the_page_shows_meanwhile(page: Page) -
     assert page.browser.look(f"{field}.value") == "4."
     (page.folder / "mine.yaml").write_text(VARIANT)
     page.browser.wait(f"document.querySelector('{element('error')}').innerText === ''")
-    # Another graph draws its fields anew: what is typed before would be lost.
+    # Another graph draws its fields anew: text typed before would be lost.
     page.browser.wait(f"{field}.value === '3.5'")
 
 

@@ -15,7 +15,8 @@ pytest.importorskip("nicegui", reason="'make test-all' installs it")
 from nicegui import Client, ui
 from nicegui.page import page
 
-from tactograph.graph.tune.page import REPLACE, _Page
+from tactograph.graph.tune.page import Page
+from tactograph.graph.tune.save_dialog import REPLACE_LABEL
 
 pytestmark = pytest.mark.slow
 HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'
@@ -28,17 +29,17 @@ class Seen:
     def __init__(self, tuning: Tuning) -> None:
         self.client = Client(page("/"))
         with self.client:
-            self.page = _Page(tuning)
+            self.page = Page(tuning)
 
     def choose(self, node: str) -> None:
         with self.client:
-            self.page._choose(node)
+            self.page.choose(node)
 
     def look(self) -> None:
-        """What the page's timers do."""
+        """Act as the page's timers do."""
         with self.client:
-            self.page._take_up(self.page.tuning.settled())
-            self.page._seldom()
+            self.page.take_up(self.page.tuning.settled())
+            self.page.take_up_late()
 
     def click(self, name: str) -> None:
         with self.client:
@@ -117,7 +118,7 @@ def test_a_file_of_others_is_asked_for_before_it_is_replaced(
     field.set_value(str(theirs))
     seen.click("write")
     assert theirs.read_text() == "theirs: 1\n"
-    assert seen.element("write").text == REPLACE
+    assert seen.element("write").text == REPLACE_LABEL
     field.set_value(str(mine))
     assert seen.element("write").text == "Save", "it was asked about another file"
     field.set_value(str(theirs))

@@ -16,11 +16,13 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION, NO_MISFIT
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.file.write_calibration import CALIBRATION, write_calibration
-from tactograph.nodes.calibrate.file.write_camera import CAMERA
-from tactograph.nodes.calibrate.file.write_press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.stored import Value, stored_values
 
 RNG = np.random.default_rng(0)
 MADE = Provenance({}, None, [], {}, {}, [], [])
@@ -42,25 +44,19 @@ ARRAYS = (
     random(4),
     0.004,
 )
-FILM = Film(
-    lights=random(4, 3),
-    others=random(8, 4, 3),
-    diffuse=random(4) / 2,
-    harmonics=random(4, 8, 6),
-    flattest=0.6,
-    reach=11.0,
-    gain=1.06,
-    contact=0.04,
-    base=0.7,
-    roughness=0.3,
-    refraction=1.4,
-    albedo=0.6,
-    rim=1.3,
-    camera=0.015,
-    grain=0.012,
-    uneven=0.02,
-)
-NOISE, LENS = random(2), random(8) / 100
+
+
+def drawn(value: Value) -> np.ndarray | float:
+    """A value that a sensor of four LEDs may have."""
+    low, high = value.port.port.low, value.port.port.high
+    shape = [4 if dim == "K" else dim for dim in value.port.dims]
+    found = RNG.uniform(low, high, shape).astype(np.float32)
+    return found if shape else float(found)
+
+
+FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
+FILM = FILM._replace(lights=random(4, 3))
+NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
 
 
 @pytest.fixture
@@ -75,7 +71,7 @@ def write(
 ) -> None:
     quality = {"entries": 50.0}
     write_calibration(
-        *ARRAYS, film, NOISE, LENS, quality, doubts=doubts,
+        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [],
         file=target, provenance=replace(MADE, given={"lights": lights}),
     )  # fmt: skip
 
@@ -97,14 +93,17 @@ def change(file: Path, **arrays) -> None:
 
 def test_what_was_written_is_read(file: Path) -> None:
     found = read_calibration(file=file)
-    for written, read in zip((*ARRAYS, NOISE), found, strict=False):
+    for written, read in zip(ARRAYS, found, strict=False):
         assert np.allclose(written, read)
     for name, written in FILM._asdict().items():
         assert np.allclose(written, getattr(found.film, name)), name
+    assert np.allclose(NOISE, found.noise)
+    assert found.correlation == 1.5
     assert np.allclose(LENS, found.lens)
+    assert np.allclose(MISFIT, found.misfit)
 
 
-NEW = (*(name for name in Film._fields if name not in {"lights", "others"}), "lens")
+NEW = {*Film._fields, "lens", "misfit", "correlation"} - {"lights", "others"}
 """What files from before films were described lack."""
 
 
@@ -117,6 +116,8 @@ def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> Non
             assert np.array_equal(getattr(found.film, name), getattr(matt, name)), name
     assert np.array_equal(found.film.others, FILM.others)
     assert not found.lens.any()
+    assert found.correlation == 1
+    assert np.array_equal(found.misfit, NO_MISFIT)
 
 
 ABSURD = {
@@ -165,9 +166,9 @@ def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
 
 def test_every_array_of_a_calibration_has_a_range() -> None:
     for kind in (CALIBRATION, PRESS_CALIBRATION, CAMERA):
-        for name, stored in kind.arrays.items():
-            limits = np.isfinite([stored.low, stored.high]).all()
-            assert limits or np.dtype(stored.dtype).kind != "f", name
+        for name, value in kind.values.items():
+            limits = np.isfinite([value.stored.low, value.stored.high]).all()
+            assert limits or value.dtype.kind != "f", name
 
 
 def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:

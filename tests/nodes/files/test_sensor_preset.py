@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.capture.pixel_size import pixel_size
+from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.files.sensor_preset import FOLDER, read_preset
 from tactograph.nodes.live.camera.open_camera import CameraSettings, View
 from tactograph.nodes.live.touches.colour_stream import open_colour_sensor

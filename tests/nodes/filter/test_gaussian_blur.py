@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.parity import Case, compare
+from tactograph.graph.backends.parity import Case, compare
 from tactograph.nodes.filter._border import Border
 from tactograph.nodes.filter.gaussian_blur import gaussian_blur
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.parity import Case, compare
 from tactograph.graph.declare.check_settings import model_of
-from tactograph.graph.declare.parity import Case, compare
 from tactograph.nodes.filter.rectify import Corners, rectify
 
 SEEN: Corners = ((14.0, 9.0), (47.0, 12.0), (52.0, 40.0), (10.0, 36.0))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.parity import Case, compare
+from tactograph.graph.backends.parity import Case, compare
 from tactograph.nodes.filter.resize_image import Method, resize_image
 
 LIGHT = np.random.default_rng(1).random((2, 24, 32), np.float32)

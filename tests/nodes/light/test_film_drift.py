@@ -11,6 +11,7 @@ import pytest
 from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
+from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
@@ -179,8 +180,11 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         0.004,
         matt_film(LIGHTS),
         np.array([0, SIGMA**2 / 4], np.float32),
+        1.0,
         np.zeros(8, np.float32),
+        np.array(NO_MISFIT, np.float32),
         {},
+        [],
         file=file,
         provenance=Provenance({}, None, [], {}, {}, [], []),
     )
@@ -217,6 +221,7 @@ def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
     assert touch < 0.006
 
 
+@pytest.mark.slow
 def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
     scene, calibration: Path
 ) -> None:
@@ -225,6 +230,7 @@ def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
     assert touch < 0.01
 
 
+@pytest.mark.slow
 def test_without_levelling_a_fade_is_taken_for_height(scene, calibration: Path) -> None:
     rest, touch = errors("reconstruct_no_levelling", scene, calibration)
     assert rest > 0.03

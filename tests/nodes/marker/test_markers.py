@@ -79,8 +79,8 @@ def test_markers_are_followed_through_a_press_and_a_shear(
     markers = find_markers(darkness(seen(LEVEL, **print_)))
     moved = {"drag_x_mm": drag[0], "drag_y_mm": drag[1], "reach_mm": REACH_MM}
     found = tracked(seen(PRESSED, seed=2, **print_, **moved), markers)
-    error = np.abs(found.shift - true_shifts(markers, drag)).max(axis=1)
-    followed = (found.seen > 0) & (error < 0.5)
+    error = np.abs(found.tracks.shift - true_shifts(markers, drag)).max(axis=1)
+    followed = (found.tracks.seen > 0) & (error < 0.5)
     assert followed.mean() >= 0.95
     assert np.sqrt(np.square(error[followed]).mean()) < 0.2
     assert found.quality["marker_shift_mm"] == pytest.approx(0.99, abs=0.1)
@@ -92,7 +92,7 @@ def test_in_a_stream_the_shifts_before_carry_on() -> None:
     before = None
     for step in (0.3, 0.6, 0.9, 1.2):
         light = seen(LEVEL, seed=3, drag_x_mm=step, reach_mm=1e3)
-        before = tracked(light, markers, before).shift
+        before = tracked(light, markers, before).tracks.shift
     assert np.median(before[:, 0]) == pytest.approx(1.2 / PIXEL_MM, abs=0.2)
 
 

@@ -95,19 +95,26 @@ def publish(given: str) -> dict[str, Any]:
     """Publish the touch of a file of arrays by the node, until every topic was heard."""
     from tactograph.graph import Provenance, Session
     from tactograph.nodes.recording.publish_ros2 import publish_ros2
+    from tactograph.nodes.stream.touch import MarkerTracks, Touch
 
     kinds = {"height": "Image", "contact": "Image", "points": "PointCloud2", "touch": "String"}
     kinds |= {"contacts": "PointCloud2", "markers": "PointCloud2", "shadow": "Image"}
     peer = Peer({f"/pad/{name}": kind for name, kind in kinds.items()} | DIAGNOSTICS)
     parts = dict(np.load(given))
     figures = json.loads(str(parts.pop("metrics")))
+    tracks = MarkerTracks(*(parts.pop(name) for name in MarkerTracks._fields))
     made = Provenance({"name": "toy"}, None, [], {}, {}, ["too bright"], [])
     session = Session()
     while peer.waits:
-        publish_ros2(
-            **parts, pixel=0.05, name="000007", metrics=figures, time=time.monotonic(),
-            namespace="pad", provenance=made, session=session,
-        )  # fmt: skip
+        touch = Touch(
+            **parts,
+            pixel=0.05,
+            name="000007",
+            time=time.monotonic(),
+            metrics=figures,
+            tracks=tracks,
+        )
+        publish_ros2(touch, namespace="pad", provenance=made, session=session)
         time.sleep(0.05)
     session.close()
     return peer.close()

@@ -289,6 +289,7 @@ def test_the_disk_is_asked_to_keep_every_touch(
     session.close()
 
 
+@pytest.mark.slow
 def test_every_touch_is_there_after_a_kill(tmp_path: Path) -> None:
     script = ROOT / "benchmarks" / "kill_recording.py"
     sizes = ["--kills", "10", "--longest", "0.2", "--size", "60", "80"]
@@ -345,6 +346,6 @@ def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> N
 def test_without_the_libraries_the_error_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setitem(sys.modules, "mcap", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[mcap\]'"):
         record_touch(Session(), make_cycle(0), "0", folder=tmp_path)

@@ -20,6 +20,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.ros_messages import image_message
 from tactograph.nodes.live.simulated.simulated_colour_sensor import (
@@ -29,7 +30,6 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.recording._ros_node import RosNode
 from tactograph.nodes.recording.read_ros2 import RosTouches
-from tactograph.nodes.stream.calibrated_film import CalibratedFilm
 from tests.conftest import MadeOnce
 from tests.nodes.live import oneshot
 

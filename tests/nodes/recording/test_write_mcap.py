@@ -15,6 +15,7 @@ from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.recording.write_mcap import write_mcap
+from tactograph.nodes.stream.touch import MarkerTracks, Touch
 
 SIZE = (6, 8)
 PIXEL = 0.05
@@ -38,23 +39,19 @@ def provenance(warnings: list[str]) -> Provenance:
 def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
     """By topic, what a reader finds of two touches: schema, message, decoded."""
     session, now = Session(), time.monotonic()
-    for touch, warnings in enumerate(([], ["too bright"])):
-        write_mcap(
+    for number, warnings in enumerate(([], ["too bright"])):
+        touch = Touch(
             HEIGHT,
             IMAGE,
             PIXEL,
-            f"{touch:06}",
-            SHADOW,
-            {"rmse": 0.5, **FIGURES},
-            now + touch / 30,
-            CONTACT,
-            MARKERS,
-            SHIFT,
-            SEEN,
-            folder=tmp_path,
-            provenance=provenance(warnings),
-            session=session,
+            f"{number:06}",
+            now + number / 30,
+            shadow=SHADOW,
+            metrics={"rmse": 0.5, **FIGURES},
+            contact=CONTACT,
+            tracks=MarkerTracks(MARKERS, SHIFT, SEEN),
         )
+        write_mcap(touch, folder=tmp_path, provenance=provenance(warnings), session=session)
     session.close()
     found: dict[str, list[tuple[Any, Any, Any]]] = {}
     for path in log_files(tmp_path):
@@ -139,10 +136,8 @@ def test_without_a_contact_there_is_an_empty_cloud(tmp_path: Path) -> None:
     session = Session()
     rest = np.zeros(SIZE, np.float32)
     figures = measure_contact(rest, np.zeros(SIZE, np.uint8), PIXEL)
-    made = provenance([])
-    write_mcap(
-        rest, IMAGE, PIXEL, "0", None, figures, folder=tmp_path, provenance=made, session=session
-    )
+    touch = Touch(rest, IMAGE, PIXEL, "0", metrics=figures)
+    write_mcap(touch, folder=tmp_path, provenance=provenance([]), session=session)
     session.close()
     (path,) = log_files(tmp_path)
     with path.open("rb") as stream:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.parity import Case, compare
+from tactograph.graph.backends.parity import Case, compare
 from tactograph.nodes import F4
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
 from tactograph.nodes.optics import cache_blocks

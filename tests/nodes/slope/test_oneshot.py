@@ -16,9 +16,10 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.calibrate.colour.find_presses import find_presses
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for, fit_reflectance_map
-from tactograph.nodes.calibrate.colour.rate_presses import advise, judge_contact
+from tactograph.nodes.calibrate.colour.rate_presses import advise
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import SHADES, TERMS, ball_shape, shades, terms
@@ -269,6 +270,7 @@ def test_a_missing_file_names_the_graph_that_makes_one(tmp_path: Path) -> None:
         read_press_calibration(file=tmp_path / "cal.npz")
 
 
+@pytest.mark.slow
 def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path: Path) -> None:
     data = real_data("gelsight_mini_balls")
     # Around the press that is held out: a map of few presses holds where they are.

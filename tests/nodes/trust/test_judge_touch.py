@@ -9,7 +9,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
-from tactograph.nodes.trust.judge_touch import judge_touch
+from tactograph.nodes.trust.judge_touch import FilmErrors, judge_touch
 
 SHAPE = (30, 40)
 LIMIT = np.float32(MAX_MEDIAN * MAX_MEDIAN)
@@ -59,7 +59,7 @@ def test_what_is_not_checked_has_no_figure() -> None:
 
 def test_a_brightness_of_which_nothing_is_said_is_known() -> None:
     """As of a one-shot sensor, whose graph has no unevenness to connect."""
-    assert judged(0.0, light=9.0, uneven=None) == judged(0.0, light=9.0, uneven=0.0)
+    assert judged(0.0, light=9.0) == judged(0.0, light=9.0, film=FilmErrors(uneven=0.0))
 
 
 def test_a_warning_says_the_cause_and_the_cure() -> None:
@@ -106,7 +106,11 @@ def test_walls_under_near_leds_are_allowed_more_than_under_far_ones() -> None:
     tall, used = HEIGHT + np.float32(3), np.full(SHAPE, 0b0111, np.uint8)
 
     def light_check(lights: F4) -> float:
-        given = {"used": used, "lights": lights, "departure": np.full(SHAPE, 16, np.float32)}
+        given = {
+            "used": used,
+            "film": FilmErrors(lights),
+            "departure": np.full(SHAPE, 16, np.float32),
+        }
         return judge_touch(HEIGHT, REST, tall, slope=SLOPE, **given, force=True)["check_light"]
 
     assert light_check(near) < 0.5 * light_check(20 * near)

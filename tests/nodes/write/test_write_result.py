@@ -6,6 +6,7 @@ import json
 import shutil
 import zlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,10 +15,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
-from tactograph.graph.compare import pictures
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.show import pictures
 from tactograph.nodes.drawing import led_colours
 from tactograph.nodes.drawing.result_pictures import draw_shadow
+from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tactograph.nodes.write.write_result import write_result
@@ -26,17 +28,21 @@ SHAPE = (8, 10)
 MADE = Provenance({}, None, [], {}, {}, [], [])
 
 
+def flat(**parts: Any) -> Touch:
+    """A touch of a flat film, with such parts."""
+    level, image = np.zeros(SHAPE, np.float32), np.ones((4, *SHAPE), np.float32)
+    nothing = np.zeros(SHAPE, np.uint8)
+    return Touch(**{"height": level, "image": image, "pixel": 0.1, "shadow": nothing, **parts})
+
+
 def write(folder: Path, count: int, shadow: int, highlight: int | None = None) -> list[str]:
     """Write a flat film's result; the warnings that came with it."""
-    level = np.zeros(SHAPE, np.float32)
     bits = np.full(SHAPE, shadow, np.uint8)
     mirrored = None if highlight is None else np.full(SHAPE, highlight, np.uint8)
+    touch = flat(image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored)
     notes: list[str] = []
     with collect_warnings(notes):
-        write_result(
-            level, bits, np.ones((count, *SHAPE), np.float32), 0.1, {}, "",
-            highlight=mirrored, folder=folder, mesh=False, pictures=False, provenance=MADE,
-        )  # fmt: skip
+        write_result(touch, folder=folder, mesh=False, pictures=False, provenance=MADE)
     return notes
 
 
@@ -61,10 +67,7 @@ def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> No
 
 def test_the_labels_confidence_is_written_beside_them(tmp_path: Path) -> None:
     sure = np.full(SHAPE, 0.75, np.float32)
-    write_result(
-        np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32),
-        0.1, {}, "", confidence=sure, folder=tmp_path, mesh=False, provenance=MADE,
-    )  # fmt: skip
+    write_result(flat(confidence=sure), folder=tmp_path, mesh=False, provenance=MADE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
 
@@ -73,9 +76,8 @@ def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
     numbers = np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5] = 2
     write_result(
-        np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32),
-        0.1, {}, "", contact=numbers, folder=tmp_path, mesh=False, pictures=False, provenance=MADE,
-    )  # fmt: skip
+        flat(contact=numbers), folder=tmp_path, mesh=False, pictures=False, provenance=MADE
+    )
     kept = cv2.imread(str(tmp_path / "contact.png"), cv2.IMREAD_UNCHANGED)
     assert np.array_equal(kept, numbers)
 
@@ -83,12 +85,9 @@ def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
 def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> None:
     numbers = np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], numbers[5:7, 6:9] = 1, 2
-    level, nothing = np.zeros(SHAPE, np.float32), np.zeros(SHAPE, np.uint8)
-    for name, found in (("free", nothing), ("touched", numbers)):
-        write_result(
-            level, found, np.ones((4, *SHAPE), np.float32), 0.1, {}, "", contact=found,
-            highlight=found, folder=tmp_path / name, mesh=False, provenance=MADE,
-        )  # fmt: skip
+    for name, labels in (("free", 0 * numbers), ("touched", numbers)):
+        touch = flat(shadow=labels, contact=labels, highlight=labels)
+        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
     for what in ("shadow", "highlight", "contact"):
         views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
         free, touched = (colours_of(cv2.imread(str(view))) for view in views)
@@ -99,10 +98,9 @@ def result(folder: Path, pixel: float = 0.1, level: float = 0.0, **more: object)
     """Write the result of a film with a dent in its corner; the files that are there then."""
     height = np.full(SHAPE, level, np.float32)
     height[1, 8] += 1.0
-    write_result(
-        height, np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32), pixel, {}, "",
-        folder=folder, provenance=MADE, **{"mesh": False, "pictures": False, **more},
-    )  # fmt: skip
+    settings = {name: more.pop(name, False) for name in ("mesh", "pictures")}
+    touch = flat(height=height, pixel=pixel, **more)
+    write_result(touch, folder=folder, provenance=MADE, **settings)
     return {file.name for file in folder.iterdir()}
 
 
@@ -194,7 +192,7 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
-    assert pictures.SEVERAL == led_colours.SEVERAL
+    assert pictures.SEVERAL_COLOUR == led_colours.SEVERAL_COLOUR
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
         draw_shadow(

@@ -88,7 +88,6 @@ def off(lights: F4) -> float:
     return float(away.max())
 
 
-@pytest.mark.slow
 def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
     result, _ = calibrated
     told = [note for note in result.warnings if "left out" in note]

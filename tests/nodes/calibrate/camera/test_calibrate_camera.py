@@ -19,9 +19,9 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.undistort_presses import undistort_presses
 from tactograph.nodes.calibrate.camera.find_grid import GridMarks, find_grid
 from tactograph.nodes.calibrate.camera.fit_lens import LensFit, fit_lens
+from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.calibrate.file.write_camera import write_camera
-from tactograph.nodes.capture.pixel_size import pixel_size
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places

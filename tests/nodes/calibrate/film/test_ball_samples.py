@@ -8,7 +8,7 @@ import pytest
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.level_touches import level_touches
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls, thinned
-from tactograph.nodes.calibrate.film.film_fit import Balls
+from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
 from tests.nodes.films import LEDS, MATT
 

@@ -10,13 +10,14 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.film._film_misfit import (
-    LEAST_DOUBT,
+    MIN_BOUNCE_ERROR,
     Held,
     _half_way,
     misfit,
     unevenness,
 )
-from tactograph.nodes.calibrate.film.film_fit import Balls, Fitted, predicted, start_at
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import start_at
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
@@ -70,7 +71,7 @@ def test_presses_that_disagree_on_the_albedo_say_by_how_much() -> None:
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
     # Of two values, the mean's standard deviation and Student's quantile over the normal one.
     doubt = 0.03 / 0.63 * 6.3138 / 1.6449
-    doubt = np.hypot(doubt, LEAST_DOUBT)
+    doubt = np.hypot(doubt, MIN_BOUNCE_ERROR)
     assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
 
 
@@ -78,7 +79,7 @@ def test_presses_that_agree_on_the_albedo_leave_it_open_all_the_same() -> None:
     part = held(0.01)
     film = part.fitted.film._replace(albedo=0.6)
     parts = [part._replace(fitted=part.fitted._replace(film=film))] * 2
-    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(LEAST_DOUBT, rel=1e-3)
+    assert misfit(parts, NOWHERE_ELSE, PIXEL, 0.0)[3] == pytest.approx(MIN_BOUNCE_ERROR, rel=1e-3)
 
 
 def test_another_place_of_an_led_stays_above_the_film() -> None:

@@ -8,14 +8,8 @@ import pytest
 from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate.film.film_fit import (
-    ALIKE,
-    _albedos,
-    _Equations,
-    _solve,
-    _stepped,
-    start_at,
-)
+from tactograph.nodes.calibrate.film._film_unknowns import ALBEDO_DEVIATION, albedos, stepped
+from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light
@@ -100,6 +94,7 @@ def test_a_matt_film_stays_matt() -> None:
     assert np.array_equal(found.film.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
 
 
+@pytest.mark.slow
 def test_the_share_that_the_gel_diffuses_is_found() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
     found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)
@@ -137,14 +132,14 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     names = ["base", "roughness", "refraction", "albedo", "rim"]
     start = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
     now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
-    ((away, by),) = _albedos(now, names)
-    assert away == pytest.approx(0.1 / ALIKE)
+    ((away, by),) = albedos(now, names)
+    assert away == pytest.approx(0.1 / ALBEDO_DEVIATION)
     for number, found in enumerate(by):
-        changed, step = _stepped(now, names, number)
-        ((moved, _),) = _albedos(changed, names)
-        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALIKE)
-    assert not list(_albedos(now, names[:3]))
-    assert not list(_albedos(now, names[3:]))
+        changed, step = stepped(now, names, number)
+        ((moved, _),) = albedos(changed, names)
+        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALBEDO_DEVIATION)
+    assert not list(albedos(now, names[:3]))
+    assert not list(albedos(now, names[3:]))
 
 
 @pytest.mark.slow

@@ -67,7 +67,7 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
     best = min(found, key=lambda each: each.departure)
     assert doubt.is_clear
     assert BALL * factor * best.factor == pytest.approx(BALL, rel=0.02)
-    assert f"a ball of {BALL * factor * best.factor:.3g} mm radius" in doubt.said
+    assert f"a ball of {BALL * factor * best.factor:.3g} mm radius" in doubt.sentence
 
 
 def plain(factor: float, departure: float, diffuse: float = 0.0) -> Tried:
@@ -76,19 +76,19 @@ def plain(factor: float, departure: float, diffuse: float = 0.0) -> Tried:
 
 def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
     doubt = doubt_of_radius([plain(1.0, 0.03), plain(1.07, 0.027)], 6.0, left=0.26)
-    assert "the film found leaves 26.0%" in doubt.said
+    assert "the film found leaves 26.0%" in doubt.sentence
     assert not doubt.is_clear
 
 
 def test_a_film_chosen_that_explains_more_than_any_plain_one_is_not() -> None:
-    assert not doubt_of_radius([plain(1.0, 0.06), plain(0.97, 0.03)], 6.0, left=0.011).said
+    assert not doubt_of_radius([plain(1.0, 0.06), plain(0.97, 0.03)], 6.0, left=0.011).sentence
 
 
 def test_light_that_fits_two_radii_alike_doubts_the_one_without_diffuse_light() -> None:
     alike = [plain(0.5, 0.066, 0.44), plain(1.0, 0.072, 0.0)]
-    assert "the gel would diffuse no light" in doubt_of_radius(alike, 6.31).said
+    assert "the gel would diffuse no light" in doubt_of_radius(alike, 6.31).sentence
     apart = [plain(0.5, 0.2, 0.44), plain(1.0, 0.072, 0.0)]
-    assert not doubt_of_radius(apart, 6.31).said
+    assert not doubt_of_radius(apart, 6.31).sentence
 
 
 @cache

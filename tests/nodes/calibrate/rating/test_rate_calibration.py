@@ -10,7 +10,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.rating.rate_calibration import rate_calibration
+from tactograph.nodes.calibrate.rating.rate_calibration import LedFit, RadiusCheck, rate_calibration
 from tactograph.nodes.simulate.light_ring import light_ring
 
 LIGHTS = light_ring(distance_mm=80.0)
@@ -21,13 +21,21 @@ FLAT = np.full((4, 4, 6), 0.5, np.float32)
 
 
 def told(
-    left: F4, lights: F4 = LIGHTS, noise: float = 0.0, flat: F4 = FLAT, **film: Any
+    left: F4,
+    lights: F4 = LIGHTS,
+    noise: float = 0.0,
+    flat: F4 = FLAT,
+    pixel: float | None = None,
+    radius: RadiusCheck | None = None,
+    force: bool = False,
+    **film: Any,
 ) -> list[str]:
     notes: list[str] = []
     variance = np.array([0, noise**2], np.float32)
     with collect_warnings(notes):
         rated = rate_calibration(
-            left, 0.01, SLOPES, MASK, 15 * MASK, lights, left, None, flat, variance, **film
+            left, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, left, **film), None, flat,
+            variance, pixel, radius, force=force,
         )  # fmt: skip
     assert set(rated.doubts) <= set(notes)
     assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
@@ -79,7 +87,7 @@ def test_what_is_forced_is_doubtful() -> None:
 
 
 def test_a_large_held_out_error_leads() -> None:
-    notes = told(POOR, noise=0.001, fitted={"film_heldout_deg": 25.0})
+    notes = told(POOR, noise=0.001, radius=RadiusCheck({"film_heldout_deg": 25.0}, []))
     assert "25.0 degrees off" in notes[0]
 
 

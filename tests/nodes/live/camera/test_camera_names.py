@@ -33,7 +33,7 @@ def sysfs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     plug(made, 2, "GelSight Mini", "28F5K4RR")
     plug(made, 3, "GelSight Mini", "28F5K4RR", index=1)
     plug(made, 4, "DIGIT", "D20001")
-    monkeypatch.setattr(_camera_names, "SYSFS", made)
+    monkeypatch.setattr(_camera_names, "CAMERA_FOLDER", made)
     return made
 
 
@@ -71,6 +71,6 @@ def test_the_command_lists_them(sysfs: Path, capsys: pytest.CaptureFixture[str])
 def test_without_a_camera_the_command_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(_camera_names, "SYSFS", tmp_path / "none")
+    monkeypatch.setattr(_camera_names, "CAMERA_FOLDER", tmp_path / "none")
     run_command(["cameras"])
     assert "no camera is plugged in" in capsys.readouterr().out

@@ -17,7 +17,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes.live.camera import _genicam_camera
 from tactograph.nodes.live.camera._genicam_camera import (
-    PRODUCERS,
+    PRODUCER_VARIABLE,
     GenicamCapture,
     _Clock,
     _stamp,
@@ -42,7 +42,7 @@ RED, GREEN = "genicam:0", "genicam:1"
 @pytest.fixture
 def producer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Three simulated cameras, of RGBa8 or Mono8, 100 to 800 pixels wide."""
-    monkeypatch.setenv(PRODUCERS, str(SIMULATED.parent))
+    monkeypatch.setenv(PRODUCER_VARIABLE, str(SIMULATED.parent))
     monkeypatch.setattr(_genicam_camera, "_shared", [])
     yield
     for harvester in _genicam_camera._shared:
@@ -166,7 +166,7 @@ def test_without_a_producer_one_line_says_where_it_is_looked_for(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(_genicam_camera, "_shared", [])
-    monkeypatch.setenv(PRODUCERS, str(tmp_path))
+    monkeypatch.setenv(PRODUCER_VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match="GENICAM_GENTL64_PATH names no folder"):
         check_camera(RED)
 
@@ -175,7 +175,7 @@ def test_without_the_library_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(_genicam_camera, "_shared", [])
-    monkeypatch.setitem(sys.modules, "harvesters.core", None)
+    monkeypatch.setitem(sys.modules, "harvesters", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[genicam\]'"):
         check_camera(RED)
 

@@ -114,7 +114,7 @@ def test_lost_frames_are_counted_by_the_kernels_numbers(driver: Driver) -> None:
 def test_without_the_library_one_line_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setitem(sys.modules, "linuxpy.video.device", None)
+    monkeypatch.setitem(sys.modules, "linuxpy", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[linux\]'"):
         LinuxCapture("/dev/video0", colour=True)
 

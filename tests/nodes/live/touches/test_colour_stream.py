@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
+from tactograph.graph import GraphError, InputError
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.camera.open_camera import CameraSettings
 from tactograph.nodes.live.simulated.simulated_camera import SimulatedCamera
@@ -25,6 +26,7 @@ from tactograph.nodes.live.touches.colour_stream import (
     planes_of,
 )
 from tactograph.nodes.live.touches.read_camera import read_camera
+from tactograph.nodes.live.touches.read_colour_camera import read_colour_camera
 from tactograph.nodes.stream.frames import ALL_LIT
 from tactograph.nodes.stream.led_in_frame import make_film
 from tests.conftest import Calibration, MadeOnce
@@ -81,15 +83,23 @@ def test_the_newest_frame_counts_and_the_others_go_along(stream: ColourStream) -
 
 
 def test_the_calibration_says_that_it_is_a_one_shot_sensor(mini: Path) -> None:
-    touch = next(read_camera(camera=MOVING, calibration=mini))
+    touch = next(read_colour_camera(camera=MOVING, calibration=mini))
     assert touch.image.shape == (3, 72, 96)
     assert touch.truth is not None
     assert touch.state.settings["lights"] == "bgr"
 
 
+def test_read_camera_names_the_node_that_reads_a_one_shot_sensor(mini: Path) -> None:
+    with pytest.raises(InputError, match="is read by 'op: read_colour_camera'"):
+        next(read_camera(camera=MOVING, calibration=mini))
+    for name in ("sensor", "lights"):
+        with pytest.raises(GraphError, match=f"no parameter '{name}' any more: .* 'op: read_colo"):
+            check_settings(read_camera, {"calibration": "cal.npz", name: "bgr"}, str)
+
+
 def test_red_comes_first_where_the_calibration_counts_so(mini: Path) -> None:
-    blue_first = next(read_camera(camera=MOVING, calibration=mini))
-    red_first = next(read_camera(camera=MOVING, calibration=mini, lights="rgb"))
+    blue_first = next(read_colour_camera(camera=MOVING, calibration=mini))
+    red_first = next(read_colour_camera(camera=MOVING, calibration=mini, lights="rgb"))
     assert np.abs(red_first.image[::-1] - blue_first.image).mean() < 0.02
     assert np.abs(red_first.image - blue_first.image).mean() > 0.05
 
@@ -153,4 +163,6 @@ def test_a_picture_of_another_size_is_refused() -> None:
 
 def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:
     with pytest.raises(InputError, match="is of 4 LEDs, but a colour picture holds 3 lights"):
-        next(read_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr"))
+        next(
+            read_colour_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr")
+        )

@@ -23,7 +23,7 @@ from tactograph.nodes.live.camera.open_camera import CameraSettings, settle
 from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.live.touches.sensor import Sensor, open_sensor
 from tactograph.nodes.live.touches.touch_stream import Stream
-from tactograph.nodes.stream.frames import Touch
+from tactograph.nodes.stream.frames import LiveFrames
 
 pytestmark = pytest.mark.realtime
 
@@ -47,7 +47,7 @@ class Running:
         assert sensor.board is not None
         self.sensor, self.table, self.board = sensor, sensor.table, sensor.board
         self.stream = Stream(sensor)
-        self.touches: list[tuple[float, Touch]] = []
+        self.touches: list[tuple[float, LiveFrames]] = []
         self.lines: list[str] = []
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._end = False

@@ -13,11 +13,11 @@ import pytest
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.camera.camera import Shot
 from tactograph.nodes.live.touches._match_frames import Verdict
-from tactograph.nodes.live.touches.fault_log import SAYS
+from tactograph.nodes.live.touches.fault_log import FAULT_LINES
 from tactograph.nodes.live.touches.touch_stream import (
-    FINDING,
-    FOUND_CYCLES,
-    SEARCHED_CYCLES,
+    CLEAN_CYCLES,
+    MAX_SEARCH_CYCLES,
+    SEARCH_MESSAGE,
     Stream,
 )
 from tactograph.nodes.stream.led_in_frame import make_film
@@ -66,19 +66,22 @@ def in_turn(cycles: int) -> list[Verdict]:
 def test_what_is_to_be_expected_until_the_phase_is_found_is_one_line(
     stream: Stream, said: Said
 ) -> None:
-    assert said(MIXED, MIXED, MIXED._replace(about=3), DIM, MIXED) == [FINDING]
+    assert said(MIXED, MIXED, MIXED._replace(about=3), DIM, MIXED) == [SEARCH_MESSAGE]
     assert stream.state.faults == {"mixed": 4, "brightness": 1}
-    assert said(*in_turn(FOUND_CYCLES)) == []
-    assert said(MIXED) == [SAYS["mixed"].format(led=2)], "this is no search any more"
+    assert said(*in_turn(CLEAN_CYCLES)) == []
+    assert said(MIXED) == [FAULT_LINES["mixed"].format(led=2)], "this is no search any more"
 
 
 def test_a_sensor_that_is_in_phase_at_once_says_nothing(said: Said) -> None:
-    assert said(*in_turn(FOUND_CYCLES)) == []
+    assert said(*in_turn(CLEAN_CYCLES)) == []
 
 
 def test_what_remains_is_warned_of(said: Said) -> None:
-    assert said(*[MIXED] * len(CYCLE) * SEARCHED_CYCLES) == [FINDING]
-    assert said(MIXED, DIM) == [SAYS["mixed"].format(led=2), SAYS["brightness"].format(led=1)]
+    assert said(*[MIXED] * len(CYCLE) * MAX_SEARCH_CYCLES) == [SEARCH_MESSAGE]
+    assert said(MIXED, DIM) == [
+        FAULT_LINES["mixed"].format(led=2),
+        FAULT_LINES["brightness"].format(led=1),
+    ]
 
 
 def test_a_frame_that_is_lit_in_part_is_in_no_touch_while_the_phase_is_found(
@@ -91,4 +94,4 @@ def test_a_frame_that_is_lit_in_part_is_in_no_touch_while_the_phase_is_found(
 
 
 def test_other_faults_are_told_at_once(said: Said) -> None:
-    assert said(Verdict(None, "saturated")) == [SAYS["saturated"]]
+    assert said(Verdict(None, "saturated")) == [FAULT_LINES["saturated"]]

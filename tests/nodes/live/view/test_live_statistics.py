@@ -21,7 +21,7 @@ STILL = np.zeros((12, 16), np.float32)
 @pytest.fixture(autouse=True)
 def warm(monkeypatch: pytest.MonkeyPatch) -> None:
     """Count from the first height on."""
-    monkeypatch.setattr(module, "WARM_S", 0.0)
+    monkeypatch.setattr(module, "WARM_UP_S", 0.0)
 
 
 def test_latency_is_from_the_exposures_end_until_now() -> None:

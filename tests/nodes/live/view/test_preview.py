@@ -15,6 +15,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.view._live_picture import colour_height, draw_touch, round_up
 from tactograph.nodes.live.view.preview import preview
 from tactograph.nodes.stream.frames import LiveState
+from tactograph.nodes.stream.touch import MarkerTracks, Touch
 
 SIZE = (48, 64)
 HEIGHT = np.zeros(SIZE, np.float32)
@@ -24,12 +25,16 @@ SHADOW[:24, :32] = 0b0010
 IMAGE = np.full((4, *SIZE), 0.5, np.float32)
 
 
+def touch(**parts: Any) -> Touch:
+    return Touch(**{"height": HEIGHT, "image": IMAGE, "pixel": 0.1, "shadow": SHADOW, **parts})
+
+
 def show(session: Session, name: str = "000001", **settings: Any) -> list[str]:
     """Preview one touch; what the user is told."""
     notes: list[str] = []
     settings = {"rate_hz": 1e9, **settings}
     with collect_warnings(notes):
-        preview(HEIGHT, SHADOW, IMAGE, 0.1, name, session=session, **settings)
+        preview(touch(name=name), session=session, **settings)
     return notes
 
 
@@ -68,16 +73,16 @@ def raise_not_implemented(*_: Any) -> None:
 
 def test_the_latest_pictures_stay_and_older_ones_go(tmp_path: Path) -> None:
     session = Session()
-    for touch in range(5):
-        show(session, f"{touch:06}", folder=tmp_path, where="files", keep=2)
+    for number in range(5):
+        show(session, f"{number:06}", folder=tmp_path, where="files", keep=2)
     names = sorted(file.name for file in tmp_path.iterdir())
     assert names == ["000003.png", "000004.png", "latest.png"]
 
 
 def test_touches_that_come_faster_than_the_rate_are_not_drawn(tmp_path: Path) -> None:
     session = Session()
-    for touch in range(5):
-        show(session, f"{touch}", folder=tmp_path, where="files", keep=9, rate_hz=0.01)
+    for number in range(5):
+        show(session, f"{number}", folder=tmp_path, where="files", keep=9, rate_hz=0.01)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["0.png", "latest.png"]
 
 
@@ -172,9 +177,9 @@ def test_scales_end_at_round_numbers() -> None:
 
 
 def test_the_picture_shows_where_leds_are_dark_and_how_fast_touches_come() -> None:
-    plain = draw_touch(HEIGHT, 0 * SHADOW, IMAGE, 0.1, 1.0, "")
-    marked = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "")
-    footed = draw_touch(HEIGHT, 0 * SHADOW, IMAGE, 0.1, 1.0, "30.0 touches/s")
+    plain = draw_touch(touch(shadow=0 * SHADOW), 1.0, "")
+    marked = draw_touch(touch(), 1.0, "")
+    footed = draw_touch(touch(shadow=0 * SHADOW), 1.0, "30.0 touches/s")
     changed = (plain != marked).any(axis=-1)
     rows, columns = np.nonzero(changed)
     # A quarter of the picture at the lower right, of the colour of LED 2.
@@ -185,11 +190,12 @@ def test_the_picture_shows_where_leds_are_dark_and_how_fast_touches_come() -> No
 
 
 def test_markers_that_moved_are_arrows_over_the_cameras_image() -> None:
-    plain = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "")
+    plain = draw_touch(touch(), 1.0, "")
     rows, columns = HEIGHT.shape
     place = np.array([[columns / 2, rows / 2, 3.0]], np.float32)
-    moved = place, np.array([[columns / 4, 0.0]], np.float32), np.ones(1, np.uint8)
-    drawn = draw_touch(HEIGHT, SHADOW, IMAGE, 0.1, 1.0, "", moved=moved)
+    shift = np.array([[columns / 4, 0.0]], np.float32)
+    tracks = MarkerTracks(place, shift, np.ones(1, np.uint8))
+    drawn = draw_touch(touch(tracks=tracks), 1.0, "")
     y, x = np.nonzero((plain != drawn).any(axis=-1))
     assert x.max() - x.min() > 2 * (y.max() - y.min())
     red, _, blue = drawn[y, x].mean(axis=0)
@@ -203,7 +209,7 @@ def test_rates_drops_and_faults_are_in_the_footer(tmp_path: Path) -> None:
     state = LiveState(frames=0, dropped=3)
     state.faults["swapped"] = 2
     for frames in range(0, 12, 4):
-        shown.count(None, LiveState(frames=frames))
+        shown.count(touch(state=LiveState(frames=frames)))
     text = shown.footer(state)
     for part in ("touches/s", "frames/s", "dropped 3", "swapped 2"):
         assert part in text

@@ -19,6 +19,7 @@ import pytest
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.view.view_rerun import view_rerun
+from tactograph.nodes.stream.touch import MarkerTracks, Touch
 from tests.nodes.recording.recordings import PROVENANCE
 
 rerun_cli = pytest.importorskip("rerun_cli", reason="'make test-all' installs it")
@@ -29,19 +30,25 @@ ENVIRONMENT = {**os.environ, "RERUN_ANALYTICS": "off"}
 view_rerun_module = importlib.import_module("tactograph.nodes.live.view.view_rerun")
 
 
-def view(session: Session, touches: int = 3, **settings: Any) -> None:
+def view(
+    session: Session, touches: int = 3, tracks: MarkerTracks | None = None, **settings: Any
+) -> None:
     for touch in range(touches):
         height = np.zeros(SIZE, np.float32)
         height[20:30, 20 + touch : 40] = 0.7
-        view_rerun(
+        shown = Touch(
             height,
             np.full((4, *SIZE), 0.5, np.float32),
             0.1,
             f"touch-{touch}",
-            (height > 0).astype(np.uint8),
-            0.02 * height,
-            {"rmse": 0.1 * touch},
             time.monotonic(),
+            shadow=(height > 0).astype(np.uint8),
+            error=0.02 * height,
+            metrics={"rmse": 0.1 * touch},
+            tracks=tracks,
+        )
+        view_rerun(
+            shown,
             provenance=PROVENANCE,
             session=session,
             **{"rate_hz": 1e9, **settings},
@@ -109,7 +116,8 @@ def test_a_stream_without_a_viewer_is_a_file_that_rerun_verifies(tmp_path: Path)
 def test_markers_are_arrows_over_the_first_image(tmp_path: Path) -> None:
     file, session = tmp_path / "live.rrd", Session()
     markers, shift = np.full((3, 3), 10, np.float32), np.ones((3, 2), np.float32)
-    view(session, viewer="none", file=file, markers=markers, shift=shift)
+    tracks = MarkerTracks(markers, shift, np.ones(3, np.uint8))
+    view(session, viewer="none", file=file, tracks=tracks)
     session.close()
     printed = rerun_program("rrd", "print", "-v", file)
     assert "/camera/led1/markers" in printed
@@ -152,7 +160,7 @@ def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
     viewer: tuple[subprocess.Popen[bytes], str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(view_rerun_module, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(view_rerun_module, "CHECK_EVERY_S", 0.0)
     (program, url), file = viewer, tmp_path / "live.rrd"
     session, notes = Session(), []
     with collect_warnings(notes):

@@ -1,0 +1,57 @@
+"""Types of keyword-only arguments that the engine gives to a node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NewType, TypeVar
+
+T = TypeVar("T")
+
+
+class Session:
+    """The memory of one node of a pipeline, for objects that cannot flow along an edge.
+
+    A node with a keyword-only argument of this type is handed one by the engine, the same
+    for every item.  Plain values should come back by a `previous` edge instead.
+    """
+
+    def __init__(self) -> None:
+        self._kept: list[Any] = []
+
+    def keep(self, make: Callable[[], T]) -> T:
+        """Return the result of the first call of `make`; it is closed with the pipeline."""
+        if not self._kept:
+            self._kept.append(make())
+        kept: T = self._kept[0]
+        return kept
+
+    def close(self) -> None:
+        """Close the kept object, if it has a ``close()``, and forget it."""
+        while self._kept:
+            close = getattr(self._kept.pop(), "close", None)
+            if close is not None:
+                close()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The names of the wanted outputs, for a node with a keyword-only argument of this type.
+
+    ``"variance" in wanted`` says whether that output is read.  The NumPy function returns None for
+    an output that it does not make; the kernel gets a null pointer.
+    """
+
+    names: frozenset[str] | None = None
+
+    def __contains__(self, name: object) -> bool:
+        return self.names is None or name in self.names
+
+
+EVERYTHING = Wanted()
+Whole = NewType("Whole", bool)
+"""The type of a source's keyword-only argument that is true where only a device reads the images.
+
+The source may then yield K x H x W unsigned integers, which count as fractions of full scale.
+"""
+FRACTIONS = Whole(False)

@@ -1,0 +1,1 @@
+"""Files read and written safely: strict YAML, plain arrays, whole files, a cache on disk."""

@@ -1,0 +1,132 @@
+"""Files that appear whole or not at all: written beside their place, then moved there."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tactograph.graph.disk.folder_lock import lock_folder
+from tactograph.graph.disk.text_names import refuse_other_names
+from tactograph.graph.errors import InputError, WriteError
+
+STAGE_PREFIX = ".writing-"
+"""The start of temporary folders' names."""
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path with the same suffix; move it to `path` if the block succeeds.
+
+    Raises
+    ------
+    WriteError
+        If `path` cannot be written.
+    InputError
+        If its name is not UTF-8, or the block could not read another file.
+    """
+    refuse_other_names(path)
+    _refuse_special(path)
+    with atomic_files(path.parent) as folder:
+        yield folder / path.name
+
+
+@contextmanager
+def atomic_files(
+    folder: Path, *, last: str = "", instead_of: Collection[str] = ()
+) -> Iterator[Path]:
+    """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
+
+    A kill leaves the temporary folder, and possibly a mixture of new and old files.  The next
+    write into `folder` removes a killed writer's temporary folder.
+
+    Parameters
+    ----------
+    folder
+        Created if needed.
+    last
+        The name of a file that vouches for the others, and so is moved after them.
+    instead_of
+        Names of files in `folder` that are removed before the last is moved, unless the block
+        wrote them.
+
+    Raises
+    ------
+    WriteError
+        If `folder` cannot be made or written.
+    InputError
+        If its name is not UTF-8, or the block could not read another file.
+    """
+    refuse_other_names(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(folder)
+        stage, lock = _new_stage(folder)
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    try:
+        yield stage
+        names = sorted(file.name for file in stage.iterdir())
+        for name in names:
+            _refuse_special(folder / name)
+        for name in names:
+            if name != last:
+                (stage / name).replace(folder / name)
+        for name in {*instead_of} - {*names}:
+            (folder / name).unlink(missing_ok=True)
+        if last in names:
+            (stage / last).replace(folder / last)
+    except OSError as error:
+        if _is_elsewhere(error, folder):
+            raise InputError(f"{error.filename}: {error.strerror or error}") from None
+        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+def _new_stage(folder: Path) -> tuple[Path, int | None]:
+    """A temporary folder, and its lock where folders can be locked."""
+    while True:
+        stage = Path(tempfile.mkdtemp(prefix=STAGE_PREFIX, dir=folder))
+        try:
+            lock = lock_folder(stage)
+        except (BlockingIOError, FileNotFoundError):
+            continue  # another writer has taken it for a leftover
+        if lock is None or stage.exists():
+            return stage, lock
+        os.close(lock)
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove temporary folders of dead writers, whose locks are free."""
+    for stage in folder.glob(f"{STAGE_PREFIX}*"):
+        with suppress(OSError):
+            lock = lock_folder(stage)
+            if lock is not None:
+                shutil.rmtree(stage, ignore_errors=True)
+                os.close(lock)
+
+
+def _refuse_special(path: Path) -> None:
+    """Refuse to put a file in the place of a folder, a device or a pipe."""
+    try:
+        is_special = path.exists() and not path.is_file()
+    except OSError as error:  # a name that is too long
+        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
+    if is_special:
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise WriteError(
+            f"{path.parent}: cannot be written: {path.name} is {kind}; give another place"
+        )
+
+
+def _is_elsewhere(error: OSError, folder: Path) -> bool:
+    """Whether the error is of another file, which the block reads."""
+    if not isinstance(error.filename, str):
+        return False
+    return not Path(error.filename).absolute().is_relative_to(folder.absolute())

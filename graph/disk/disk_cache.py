@@ -1,0 +1,87 @@
+"""A cache on disk, whose files last from start to start and may be removed at any time.
+
+A file is written beside its place and moved there, so two writers or a kill leave whole files.  Its
+content is checked when it is read.  The files that were read longest ago go when a folder is too
+large.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+import zlib
+from contextlib import suppress
+from pathlib import Path
+
+import platformdirs
+
+FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
+"""The environment variable with another folder, or ``off``."""
+MAX_FOLDER_BYTES = 10**9
+"""The most bytes of a folder's files."""
+SUFFIX = ".kept"
+_MAGIC = b"tactograph kept 1\n"
+_ABANDONED_S = 3600.0
+
+
+def cache_folder() -> Path | None:
+    """The folder of the cache; None if it is off."""
+    told = os.environ.get(FOLDER_VARIABLE, "")
+    if told == "off":
+        return None
+    return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
+
+
+def read_cached(file: Path) -> bytes | None:
+    """The content of a file; None if it is absent, damaged or another user's."""
+    try:
+        if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
+            return None
+        with file.open("rb") as stream:
+            if stream.readline() != _MAGIC:
+                return None
+            check, body = stream.readline().strip(), stream.read()
+        if f"{zlib.crc32(body):08x}".encode() != check:
+            return None
+        os.utime(file)
+    except OSError:
+        return None
+    return body
+
+
+def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None:
+    """Write a file; a full or read-only disk is no error."""
+    most = MAX_FOLDER_BYTES if most_bytes is None else most_bytes
+    if len(body) > most // 4:
+        return
+    stage: Path | None = None
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        number, name = tempfile.mkstemp(prefix=".writing-", dir=file.parent)
+        stage = Path(name)
+        with os.fdopen(number, "wb") as stream:
+            check = f"{zlib.crc32(body):08x}"
+            stream.write(_MAGIC + check.encode() + b"\n" + body)
+        stage.replace(file)
+        _make_room(file, most)
+    if stage is not None:
+        with suppress(OSError):
+            stage.unlink(missing_ok=True)
+
+
+def _make_room(new: Path, most: int) -> None:
+    """Delete the files that were read longest ago, and a killed writer's leftovers."""
+    stats = []
+    for file in new.parent.iterdir():
+        with suppress(OSError):
+            stats.append((file.stat().st_mtime, file.stat().st_size, file))
+    total = 0
+    for changed, size, file in sorted(stats, reverse=True):
+        if file.name.startswith(".writing-"):
+            if time.time() - changed > _ABANDONED_S:
+                file.unlink(missing_ok=True)
+        elif file.suffix == SUFFIX:
+            total += size
+            if total > most and file != new:
+                file.unlink(missing_ok=True)

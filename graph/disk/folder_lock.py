@@ -1,0 +1,35 @@
+"""Locks on folders, which end with the process that holds them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def lock_folder(folder: Path) -> int | None:
+    """Lock a folder for as long as the file descriptor that is returned stays open.
+
+    Returns
+    -------
+    None where folders cannot be locked: on Windows, and on some file systems.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process holds the lock.
+    OSError
+        If the folder cannot be opened.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(descriptor)
+        if isinstance(error, BlockingIOError):
+            raise
+        return None
+    return descriptor

@@ -1,0 +1,227 @@
+"""YAML without surprises: plain data, YAML 1.2 scalars, and the place of every value.
+
+Directives, tags, anchors, aliases, merge keys, duplicate keys and more than one document are
+refused, so a graph file means what it looks like and can neither import anything nor explode.
+"""
+
+from __future__ import annotations
+
+import re
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from tactograph.graph.disk.yaml_errors import in_words
+from tactograph.graph.errors import GraphError, InputError, printable
+
+Path_ = tuple[str | int, ...]
+MAX_BYTES = 100_000
+MAX_DEPTH = 20
+_TAG = "tag:yaml.org,2002:"
+_COLLECTIONS = {f"{_TAG}map", f"{_TAG}seq"}
+_DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in a graph file, counted from 1; line 0: not from a file.
+
+    `use` is the place that uses the group which holds this place.
+    """
+
+    file: str
+    line: int
+    column: int
+    path: str = ""
+    use: Place | None = None
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        where = f"{where}: {self.path}" if self.path else where
+        return f"{where} (used by {self.use})" if self.use else where
+
+
+@dataclass
+class Document:
+    """Plain data and, for every path into it, the place it was read from."""
+
+    data: Any
+    places: dict[Path_, Place]
+    root: Path_ = ()
+    """Where in its file the data stand."""
+
+    def place(self, path: Path_) -> Place:
+        """The place of `path`, or of its closest parent in the file."""
+        for length in range(len(path), -1, -1):
+            if path[:length] in self.places:
+                closest = self.places[path[:length]]
+                return Place(closest.file, closest.line, closest.column, dotted(self.root + path))
+        raise KeyError(path)
+
+    def part(self, path: Path_) -> Document:
+        """The part below `path`, as a document of its own."""
+        data, size = self.data, len(path)
+        for step in path:
+            data = data[step]
+        places = {p[size:]: place for p, place in self.places.items() if p[:size] == path}
+        return Document(data, places, self.root + path)
+
+
+def dotted(path: Path_) -> str:
+    """Write a path as ``nodes.shadow.with.threshold`` or ``patch[0].set``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def read_yaml(file: Path) -> Document:
+    """Read one YAML file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it cannot be read.
+    GraphError
+        If it is not strict YAML, with line and column.
+    """
+    try:
+        with file.open("rb") as opened:
+            raw = opened.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
+    if len(raw) > MAX_BYTES:
+        raise GraphError(f"{file}: too large for a graph file ({MAX_BYTES // 1000} kB at most)")
+    try:
+        text = raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise GraphError(f"{file}: not a text file (byte {error.start} is not UTF-8)") from None
+    return parse_yaml(text, str(file))
+
+
+def parse_yaml(text: str, name: str) -> Document:
+    """Parse YAML text; `name` stands for the file in messages."""
+    parsed = _parsed(text, name)
+    return Document(deepcopy(parsed.data), dict(parsed.places))
+
+
+@lru_cache(64)
+def _parsed(text: str, name: str) -> Document:
+    """Parse YAML text, cached: variants extend the same few graphs."""
+    if directive := _DIRECTIVE.match(text):
+        line = directive[0].count("\n") + 1
+        raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
+    yaml = YAML(typ="safe", pure=True)
+    try:
+        root = yaml.compose(text)
+    except MarkedYAMLError as error:
+        raise GraphError(in_words(error, name)) from None
+    except YAMLError as error:
+        first = str(error).partition("\n")[0]
+        raise GraphError(f"{name}: not YAML: {first}") from None
+    except RecursionError:
+        raise GraphError(f"{name}: nested too deeply for a graph file") from None
+    if root is None:
+        raise GraphError(f"{name}: the file is empty; a graph file starts with 'format: 1'")
+    places: dict[Path_, Place] = {}
+    return Document(_plain(root, (), name, places, set()), places)
+
+
+def parse_scalar(text: str) -> Any:
+    """Read a value typed on the command line by the same rules as in a graph file.
+
+    Raises
+    ------
+    InputError
+        If it looks like a number but is none.
+    """
+    try:
+        return _scalar(text, _implicit_tag(text, plain=True))
+    except ValueError:
+        raise InputError(f"'{_short(text)}' is not a number") from None
+
+
+def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]) -> Any:
+    mark = node.start_mark
+    place = Place(name, mark.line + 1, mark.column + 1, dotted(path))
+    places[path] = place
+    _refuse_extras(node, place, seen)
+    if len(path) > MAX_DEPTH:
+        raise GraphError(f"{place}: nested too deeply for a graph file")
+    if isinstance(node, ScalarNode):
+        try:
+            return _scalar(node.value, str(node.tag))
+        except ValueError:
+            raise GraphError(f"{place}: '{_short(node.value)}' is not a number") from None
+    if isinstance(node, SequenceNode):
+        return [_plain(v, (*path, i), name, places, seen) for i, v in enumerate(node.value)]
+    assert isinstance(node, MappingNode)
+    return _mapping(node, path, name, places, seen)
+
+
+def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
+    """Refuse sharing, tags and half characters, which plain data does not need."""
+    if id(node) in seen or node.anchor is not None:
+        raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
+    seen.add(id(node))
+    if isinstance(node, ScalarNode):
+        natural = node.tag == _implicit_tag(node.value, plain=node.style is None)
+        if any("\ud800" <= character <= "\udfff" for character in node.value):
+            raise GraphError(f"{place}: an unpaired surrogate is not a character")
+        if printable(node.value) != node.value:
+            raise GraphError(f"{place}: control characters are not allowed")
+    else:
+        natural = node.tag in _COLLECTIONS
+    if not natural:
+        raise GraphError(f"{place}: the tag '{node.tag}' is not allowed; write plain YAML")
+
+
+def _mapping(
+    node: MappingNode, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]
+) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key_node, value_node in node.value:
+        mark = key_node.start_mark
+        where = f"{name}:{mark.line + 1}:{mark.column + 1}"
+        if not isinstance(key_node, ScalarNode) or key_node.tag == f"{_TAG}merge":
+            raise GraphError(f"{where}: keys must be plain words")
+        key = str(key_node.value)
+        place = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
+        _refuse_extras(key_node, place, seen)
+        if key in data:
+            raise GraphError(f"{place}: duplicate key")
+        data[key] = _plain(value_node, (*path, key), name, places, seen)
+        places[(*path, key)] = place
+    return data
+
+
+def _implicit_tag(text: str, *, plain: bool) -> str:
+    """The tag that YAML 1.2 gives to a scalar without one; quoted ones are text."""
+    return str(_RESOLVER.resolve(ScalarNode, text, (plain, not plain)))
+
+
+def _scalar(text: str, tag: str) -> Any:
+    kind = tag.rpartition(":")[2]
+    if kind == "null":
+        return None
+    if kind == "bool":
+        return text.lower() == "true"
+    if kind == "int":
+        prefixed = text.lstrip("+-")[:2] in ("0x", "0o", "0b")
+        return int(text.replace("_", ""), 0) if prefixed else int(text)
+    if kind == "float":
+        return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    return text  # a date is text too: only quoting would tell it from a folder's name
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+_RESOLVER = YAML(typ="safe", pure=True).resolver

@@ -1,0 +1,62 @@
+"""New settings for the nodes of a plan: checked first, then taken over together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tactograph.graph.errors import InputError
+from tactograph.graph.files.changes import with_changes
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.groups import meant_nodes
+from tactograph.graph.plan.names import settings_of
+from tactograph.graph.plan.plan import Plan
+
+
+class NewSettings(NamedTuple):
+    """A graph, values of its params, and the settings of the nodes that differ, by name."""
+
+    graph: Graph
+    given: Mapping[str, Any]
+    settings: Mapping[str, dict[str, Any]]
+
+    def apply(self, plan: Plan) -> None:
+        """Let a plan have these settings."""
+        plan.graph, plan.given = self.graph, self.given
+        for name, settings in self.settings.items():
+            task = plan.tasks[name]
+            task.entry, task.settings = self.graph.nodes[name], settings
+
+
+def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> NewSettings:
+    """Change parameters of a node, or of all that a name stands for; see `Pipeline.set`."""
+    before = plan.graph
+    changes = {f"{node}.{name}": value for name, value in parameters.items()}
+    graph = with_changes(before, changes, "set")
+    if not meant_nodes(graph, node):
+        graph.entry(node)
+    settings = {
+        name: settings_of(graph.nodes[name], graph, task.node, plan.given)
+        for name, task in plan.tasks.items()
+        if graph.nodes[name] != before.nodes[name] and not task.stand_in
+    }
+    return NewSettings(graph, plan.given, settings)
+
+
+def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
+    """Give other values to params of the graph; see `Pipeline.aim`."""
+    graph, given = plan.graph, {**plan.given, **values}
+    for name in values:
+        graph.check_param(name)
+    words = {f"${name}" for name in values}
+    settings: dict[str, dict[str, Any]] = {}
+    for task in plan.tasks.values():
+        used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
+        if used and not task.stream:
+            raise InputError(
+                f"{graph.name}: '{task.id}' runs once and takes {used[0]}; "
+                "it cannot differ from item to item"
+            )
+        if used:
+            settings[task.id] = settings_of(task.entry, graph, task.node, given)
+    return NewSettings(graph, given, settings)

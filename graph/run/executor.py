@@ -1,0 +1,112 @@
+"""Executors: which steps of a plan run for an item, and how often."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from functools import partial
+from statistics import median
+from typing import Any, NamedTuple
+
+from tactograph.graph.plan.draft import Value
+from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.sizes import Known
+from tactograph.graph.run.step_runner import StepRunner
+
+
+class Part(NamedTuple):
+    """The steps of a stream's item, or those outside the stream: sinks apart."""
+
+    stream: bool
+    computing: list[Step]
+    sinks: list[Step]
+
+
+def part_of(plan: Plan, *, stream: bool) -> Part:
+    """The part of a plan that runs for every item, or the one that runs once."""
+    steps = [step for step in plan.steps if step.stream == stream]
+    sinks = [s for s in steps if s.kind == "run" and plan.tasks[s.name].node.sink]
+    return Part(stream, [step for step in steps if step not in sinks], sinks)
+
+
+class Executor:
+    """Computes the parts of a plan: first, once, that outside the stream; then item by item.
+
+    Attributes
+    ----------
+    kept
+        The steps of the last item that did not run, since their results are kept.
+    """
+
+    def __init__(self, runner: StepRunner) -> None:
+        self._runner = runner
+        self.kept: frozenset[str] = frozenset()
+
+    def begin(self, *, again: bool) -> None:
+        """Begin an item, or, `again`, the last one with its sources as they are."""
+
+    def compute(
+        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+    ) -> tuple[Known, float]:
+        """Make the outputs, and what the part's sinks read.
+
+        Parameters
+        ----------
+        given
+            Values that the stream's source yielded, by node.
+        outputs
+            The graph's outputs that are wanted.
+        repeats
+            Number of runs of the steps; times are then medians of all but the first.
+
+        Returns
+        -------
+        The sizes that are known behind the part, and the milliseconds of a run.
+        """
+        raise NotImplementedError
+
+    def end(self) -> None:
+        """End an item that was computed and written."""
+
+    def changed(self, node: str) -> None:
+        """Take note that the settings of a node changed."""
+
+    def forget(self) -> None:
+        """Let the next item be a first one."""
+        self._runner.forget()
+
+
+class EveryStep(Executor):
+    """Runs every step of every item."""
+
+    def __init__(self, runner: StepRunner) -> None:
+        super().__init__(runner)
+        self._behind_once: Known = {}
+
+    def compute(
+        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+    ) -> tuple[Known, float]:
+        runner, before = self._runner, self._behind_once if part.stream else {}
+        known = before
+        runs: list[dict[str, float]] = []
+        totals: list[float] = []
+        for _ in range(repeats):
+            start = time.perf_counter()
+            known = runner.walk(part.computing, before, partial(self._run, given=given))
+            totals.append(1e3 * (time.perf_counter() - start))
+            if repeats > 1:
+                runs.append(dict(runner.times))
+        for name in runner.times if runs else ():
+            runner.times[name] = median(run[name] for run in runs[1:])
+        if not part.stream:
+            self._behind_once = known
+        return known, median(totals[1:] or totals)
+
+    def end(self) -> None:
+        # Not at the start of the next item: by then a caller may have refilled its arrays.
+        self._runner.remember()
+
+    def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
+        known = self._runner.execute(step, known, given)
+        self._runner.release(step)
+        return known

@@ -1,0 +1,204 @@
+"""Run the steps of a plan one by one, on host and device, with their sizes and times."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.errors import DeviceError, InputError
+from tactograph.graph.plan.draft import Task
+from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.sizes import Known, Shapes, Sized
+from tactograph.graph.run.device_values import DeviceValues
+from tactograph.graph.run.host_values import HostValues
+from tactograph.graph.run.make_provenance import make_provenance
+from tactograph.graph.run.trace import Trace
+
+
+class StepRunner:
+    """Runs steps over the values of the present item.
+
+    Attributes
+    ----------
+    plan
+        The plan whose steps it runs.
+    host, device
+        The values there; `device` is None where the plan uses none.
+    times
+        Milliseconds by step, of the last item and of the steps that ran once.
+    notes
+        Warnings, those of the steps that ran once first.
+    stage
+        The step that runs now, for another thread to show; "" between items.
+    trace
+        Record of when each step ran, if one is wanted.
+    """
+
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
+        self.plan = plan
+        self.host = HostValues(plan)
+        self.device = None if device is None else DeviceValues(plan, device, self.host)
+        self._sides: list[HostValues | DeviceValues] = [self.host]
+        self._sides += [] if self.device is None else [self.device]
+        library = () if device is None else (device.error,)
+        self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
+        self.times: dict[str, float] = {}
+        self.notes: list[str] = []
+        self.stage = ""
+        self.trace: Trace | None = None
+        self._sized: dict[str, Sized] = {}
+
+    def walk(
+        self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
+    ) -> Known:
+        """Call `run` for each step, then wait for the device.
+
+        Parameters
+        ----------
+        known
+            The sizes that are known before the first step.
+        run
+            Runs a step, or passes over it; returns the sizes that are known behind it.
+
+        Returns
+        -------
+        The sizes that are known behind the last step.
+        """
+        doing = ""
+        if self.device is not None:
+            self.device.begin()
+        try:
+            for step in steps:
+                doing = step.name
+                known = run(step, known)
+            doing = ""
+            self._wait_for_device()
+        except self._device_errors as error:
+            raise self._device_error(error, doing) from error
+        finally:
+            self.host.all_arrived()
+        return known
+
+    def execute(self, step: Step, known: Known, given: Mapping[str, Any]) -> Known:
+        """Run one step; return the sizes that are known behind it.
+
+        `given` holds what the stream's source yielded, by node.
+        """
+        self.stage = step.name
+        if step.is_transfer:
+            assert self.device is not None
+            self.device.transfer(step)
+            return known
+        task = self.plan.tasks[step.name]
+        sized = self._around(task, known)
+        if step.kind == "fill":
+            shapes = self._fill(task, step, sized)
+        elif step.on_device:
+            assert self.device is not None
+            shapes = self.device.launch(task, step, sized.sizes)
+        elif task.id in given:
+            shapes = self.host.enter(task, step, given[task.id])
+        else:
+            shapes = self._call(task, step, sized)
+        return self.plan.sizes.behind(task, sized, shapes)
+
+    def release(self, step: Step) -> None:
+        """Give back the buffers that a step was the last to read."""
+        if step.release and self.device is not None:
+            self.device.drop(step.release)
+
+    def pass_over(self, step: Step, known: Known, shapes: Shapes) -> Known:
+        """The sizes that are known behind a step whose outputs are kept, of these shapes."""
+        task = self.plan.tasks.get(step.name)
+        if task is None:
+            return known
+        return self.plan.sizes.behind(task, self._around(task, known), shapes)
+
+    def shapes_of(self, step: Step) -> Shapes:
+        """The shapes of the outputs that a step made last."""
+        sized = self._sized.get(step.name)
+        return {} if sized is None else sized.shapes or {}
+
+    def want(self, node: str) -> None:
+        """Ask a node for the outputs that the plan reads of it now."""
+        for side in self._sides:
+            side.want(node)
+
+    def to_host(self, value: Any) -> Any:
+        """A value as the host can read it."""
+        if isinstance(value, DeviceArray) and self.device is not None:
+            return self.device.download(value)
+        return value
+
+    def remember(self) -> None:
+        """Keep what the next item recalls."""
+        for side in self._sides:
+            side.remember()
+
+    def forget(self) -> None:
+        """Let the next item be a first one: nothing came before it."""
+        for side in self._sides:
+            side.forget()
+
+    def settings_changed(self, node: str) -> None:
+        """Work out a node's sizes and launch anew: they may follow from its settings."""
+        if node in self._sized:
+            self._sized[node].doubtful = True
+        if self.device is not None:
+            self.device.drop_launch(node)
+
+    def _around(self, task: Task, known: Known) -> Sized:
+        sized = self.plan.sizes.around(task, known, self._sized.get(task.id))
+        self._sized[task.id] = sized
+        return sized
+
+    def _fill(self, task: Task, step: Step, sized: Sized) -> Shapes:
+        side = self.device if step.on_device and self.device is not None else self.host
+        side.fill(task, sized.sizes)
+        self.times[task.id] = 0.0
+        return {}
+
+    def _call(self, task: Task, step: Step, sized: Sized) -> Shapes:
+        """Call a node's function."""
+        if task.node.stream:
+            raise InputError(
+                f"{self.plan.graph.name}: '{task.id}' has other settings than when its last "
+                "item came; go through items() for a new one"
+            )
+        keywords = {}
+        if task.node.provenance is not None:
+            provenance = make_provenance(self.plan, self.times, sized.derived, self.notes)
+            keywords[task.node.provenance] = provenance
+        made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
+        if self.trace is not None:
+            self.trace.on_host(task.id, time.perf_counter(), self.times[task.id])
+        return self.host.enter(task, step, made)
+
+    def _wait_for_device(self) -> None:
+        device = self.device
+        if device is None:
+            return
+        self.stage = "waiting for the device"
+        self.times.update(device.finish())
+        if self.trace is not None:
+            for name, start, end in device.spans():
+                self.trace.on_device(name, start, end)
+
+    def _device_error(self, error: Exception, doing: str) -> DeviceError:
+        """Name the steps that failed: a device tells of them long after they began."""
+        failed = self.device.failed() if self.device is not None else []
+        if isinstance(error, DeviceError) and not failed:
+            return error
+        begun = self.device.begun if self.device is not None else []
+        named = self._in_words(failed or ([doing] if doing else begun))
+        return DeviceError(f"{self.plan.device} failed at {named}: {error}")
+
+    def _in_words(self, steps: Iterable[str]) -> str:
+        tasks = self.plan.tasks
+        return ", ".join(
+            f"'{name}' ({tasks[name].node.name})" if name in tasks else f"'{name}'"
+            for name in steps
+        )

@@ -1,0 +1,1 @@
+"""Drawings, pictures and tables of plain data, for `plan`, `run`, `compare` and `tune`."""

@@ -1,0 +1,121 @@
+"""A graph to be drawn: boxes and edges, with the uses of groups drawn whole or folded to a box."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from graphlib import CycleError, TopologicalSorter
+
+from tactograph.graph.errors import GraphError
+
+Edge = tuple[str, str, str]
+"""A box, a box that reads it, and the ports of the values, separated by commas."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A step, or a folded use; `use` is the use of a group that it is drawn in."""
+
+    name: str
+    what: str
+    kind: str
+    backend: str
+    use: str = ""
+
+    @property
+    def is_transfer(self) -> bool:
+        return self.kind in ("upload", "download")
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Boxes, the edges between them, and the edges to the next item.
+
+    Attributes
+    ----------
+    groups
+        The group of each use.
+    folded
+        Whether uses are boxes; the boxes are then in an order in which edges lead onwards.
+    """
+
+    title: str
+    boxes: list[Box]
+    edges: list[Edge]
+    recalls: list[Edge]
+    groups: Mapping[str, str] = field(default_factory=dict)
+    folded: bool = False
+
+
+def use_of(node: str) -> str:
+    """The use of a group that a node is in: the part of its name before the last dot."""
+    return node.rpartition(".")[0]
+
+
+def fold(sketch: Sketch) -> Sketch:
+    """Draw each outermost use as one box, unless it reads values that follow from its own.
+
+    Raises
+    ------
+    GraphError
+        If the edges run in a cycle.
+    """
+    uses = {name.partition(".")[0] for name in sketch.groups}
+    box_of = {box.name: _outermost(box.name, uses) for box in sketch.boxes}
+    while (loop := _loop(_renamed(sketch.edges, box_of))) is not None:
+        # Unfolded, a use is at least one box more, so this ends.
+        opened = {box for box in loop if box in uses}
+        if not opened:
+            raise GraphError(f"{sketch.title}: the graph has a cycle: {' -> '.join(loop)}")
+        box_of |= {name: name for name, box in box_of.items() if box in opened}
+    members: dict[str, list[Box]] = {}
+    for box in sketch.boxes:
+        members.setdefault(box_of[box.name], []).append(box)
+    edges = _renamed(sketch.edges, box_of)
+    boxes = [_folded(sketch, name, members[name]) for name in _in_order(members, edges)]
+    recalls = _renamed(sketch.recalls, box_of, loops=True)
+    return Sketch(sketch.title, boxes, edges, recalls, folded=True)
+
+
+def _folded(sketch: Sketch, name: str, members: list[Box]) -> Box:
+    if members[0].name == name:
+        return replace(members[0], use="")
+    backend = next((b.backend for b in members if b.backend != "numpy"), "numpy")
+    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", "use", backend)
+
+
+def _outermost(name: str, uses: set[str]) -> str:
+    first = name.partition(".")[0]
+    return first if first in uses else name
+
+
+def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = False) -> list[Edge]:
+    """The edges between boxes, one for all values from one box to another."""
+    ports: dict[tuple[str, str], dict[str, None]] = {}
+    for a, b, port in joined:
+        if loops or box_of[a] != box_of[b]:
+            ports.setdefault((box_of[a], box_of[b]), {})[port] = None
+    return [(a, b, ", ".join(names)) for (a, b), names in ports.items()]
+
+
+def _sorter(joined: list[Edge]) -> TopologicalSorter[str]:
+    sorter: TopologicalSorter[str] = TopologicalSorter()
+    for a, b, _ in joined:
+        sorter.add(b, a)
+    return sorter
+
+
+def _loop(joined: list[Edge]) -> list[str] | None:
+    try:
+        _sorter(joined).prepare()
+    except CycleError as error:
+        loop: list[str] = error.args[1]
+        return loop
+    return None
+
+
+def _in_order(names: Mapping[str, object], joined: list[Edge]) -> list[str]:
+    sorter = _sorter(joined)
+    for name in names:
+        sorter.add(name)
+    return list(sorter.static_order())

@@ -1,0 +1,43 @@
+"""The warnings of many runs in few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from tactograph.graph.errors import a_few
+
+MAX_WARNINGS = 3
+"""Different warnings that are printed; the table has all."""
+
+
+def warning_lines(
+    warned: Iterable[tuple[str, Iterable[str]]], most: int | None = MAX_WARNINGS
+) -> list[str]:
+    """Write each warning once, with its first place and the number of others.
+
+    Parameters
+    ----------
+    warned
+        Places, each with its warnings.
+    most
+        Number of warnings that are written, None for all; the last line counts the others.
+    """
+    places: dict[str, list[str]] = {}
+    for place, warnings in warned:
+        for text in warnings:
+            places.setdefault(text, []).append(place)
+    lines = [_line(text, where) for text, where in places.items()]
+    return lines if most is None else first_lines(lines, most, "warning")
+
+
+def first_lines(lines: Sequence[str], most: int, kind: str) -> list[str]:
+    """The first lines of a `kind`, and one that counts the others."""
+    left = len(lines) - most
+    return [*lines[:most], *([f"{kind}: {left} more, see the table"] if left > 0 else [])]
+
+
+def _line(text: str, places: list[str]) -> str:
+    # Many warnings begin with the place.
+    if len(places) == 1 and text.startswith(places[0]):
+        return f"warning: {text}"
+    return f"warning: {a_few(places, 1)}: {text}"

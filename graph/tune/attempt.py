@@ -1,0 +1,20 @@
+"""Changes that may be refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from tactograph.graph.errors import TactographError
+
+
+def attempt(change: Callable[..., object], *words: Any) -> bool:
+    """Make a change, and return whether it was made; a refusal is shown and changes nothing."""
+    try:
+        change(*words)
+    except TactographError as error:
+        ui.notify(" ".join(str(error).split()), type="negative", multi_line=True)
+        return False
+    return True

@@ -1,0 +1,70 @@
+"""The graph on the page: a drawing in which nodes are chosen."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from nicegui import ui
+
+from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.draw_text import BACKEND_COLOURS
+from tactograph.graph.tune.tuning import Tuning
+
+EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
+
+
+class GraphView:
+    """The card with the drawing.
+
+    Attributes
+    ----------
+    drawn
+        The number of the result whose times are drawn; -1 for none.
+    """
+
+    def __init__(self, tuning: Tuning, choose: Callable[[str], None]) -> None:
+        self._tuning = tuning
+        self.drawn = -1
+        with ui.column().classes("t-card w-full gap-1"):
+            with ui.row().classes("w-full items-center gap-3 no-wrap"):
+                ui.label("Graph").classes("t-title")
+                for backend, colour in BACKEND_COLOURS.items():
+                    ui.label(backend).classes("t-backend").style(f"background: {colour}")
+                ui.label("click a node").classes("t-help")
+                ui.space()
+                self._finder = (
+                    ui.select(
+                        [],
+                        label="find a node",
+                        with_input=True,
+                        on_change=lambda e: choose(str(e.value or "")),
+                    )
+                    .props("dense options-dense borderless data-testid=find")
+                    .style("width: 200px")
+                )
+                ui.icon("zoom_in").classes("text-grey")
+                self._zoom = ui.slider(min=20, max=120, value=62, on_change=self.draw)
+                self._zoom.style("width: 110px")
+            self._drawing = ui.html("", sanitize=False).classes("t-graph")
+            self._drawing.props("data-testid=graph")
+            self._drawing.on("click", lambda e: choose(e.args), js_handler=EMIT_NODE_JS)
+
+    def draw(self) -> None:
+        """Draw the plan with the times of the last result, and mark the chosen node."""
+        shown = self._tuning.shown
+        if shown.plan is None or shown.result is None:
+            return
+        self.drawn = shown.number
+        if not self._finder.options:
+            self._finder.set_options(sorted(shown.plan.tasks))
+        svg = to_svg(sketch_of(shown.plan), shown.result.times)
+        zoom = float(self._zoom.value) / 100
+        head, _, rest = svg.partition(">")
+        width, height = re.findall(r'(?<=width=")\d+|(?<=height=")\d+', head)
+        head = head.replace(f'width="{width}" height="{height}"', "")
+        style = f' style="width:{int(width) * zoom:.0f}px;height:{int(height) * zoom:.0f}px"'
+        chosen = self._tuning.asked.node
+        mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
+        self._drawing.set_content(f"{head}{style}>{mark if chosen else ''}{rest}")

@@ -1,0 +1,60 @@
+// Equation F1 of docs/model.md.
+#include "common.clh"
+#include "lanes.clh"
+#include "near_light.clh"
+#include "film.clh"
+
+#define MOST 8
+
+// The light of a film of known shape.  A work-item does STRETCH pixels of a row.
+LANED __kernel void film_light(
+    __global const float *restrict slope,
+    __global const float *restrict height,
+    __global const float *restrict film_lights,
+    __global const float *restrict film_diffuse,
+    __global const float *restrict film_harmonics,
+    const float film_flattest, const float film_reach, const float film_gain,
+    const float film_contact, const float film_base, const float film_roughness,
+    const float film_refraction, const float film_camera,
+    const float pixel,
+    __global const uchar *restrict shadow,
+    __global const float *restrict bounced,
+    __global float *restrict out,
+    const int K, const int H, const int W)
+{
+    const int item = get_global_id(0), across = (W + STRETCH - 1) / STRETCH, row = item / across;
+    if (row >= H) return;
+    const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
+    const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
+    const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
+                       film_reach,    film_gain,    film_contact,   film_base,
+                       film_roughness, film_refraction,  film_camera,    K, harmonic};
+    const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
+    const floats one = 1.0f;
+    RowShades shades[MOST];
+    if (harmonic)
+        for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
+
+    for (int x = first; x < past; x += LANES) {
+        const int at = row * W + x, count = min(LANES, past - x);
+        const floats seen = load_floats(height + at, count);
+        const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
+        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+        const Places here = {u * nearer, v * nearer, z, u, v};
+        const Vector eye = to_pupil(&film, here.x, here.y, z);
+        const floats touched = touch_gain(&film, z);
+        const floats p = load_floats(slope + at, count);
+        const floats q = load_floats(slope + size + at, count);
+        const Facing facing = facing_of(&film, unit(-p, -q, one), eye);
+        const ints dark = shadow ? load_bytes(shadow + at, count) : (ints)(0);
+        for (int k = 0; k < K; ++k) {
+            AtPlace known;
+            set_place(&known, &film, k, eye, &here, touched, shades + k);
+            const floats left = touched * film_diffuse[k];
+            const floats lit = left + predicted(&film, &known, &facing);
+            floats light = (dark >> k & 1) == 0 ? lit : left;
+            if (bounced) light += load_floats(bounced + k * size + at, count);
+            store_floats(light, out + k * size + at, count);
+        }
+    }
+}

@@ -1,0 +1,58 @@
+"""The side of a pixel on the film, from the user, the camera's file or the sensor's preset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Interval
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import PixelSize
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+from tactograph.nodes.files.sensor_preset import read_preset
+
+
+@node
+def pixel_size(
+    *,
+    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    camera: Path | None = None,
+    sensor: str | None = None,
+) -> PixelSize:
+    """Return the pixel size as a value that nodes can take as input.
+
+    Parameters
+    ----------
+    mm
+        mm per px, from a nanometre to a metre, which files of 32-bit floats can hold.
+    camera
+        A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
+        undistorted by it have that pixel size.
+    sensor
+        A kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given.
+
+    Raises
+    ------
+    InputError
+        If none is given, there is no such sensor, or the file is not a camera file.
+    """
+    if mm is None and sensor is not None:
+        mm = read_preset(sensor).pixel_size_mm
+    if camera is None:
+        if mm is None:
+            raise InputError(
+                "the pixel size is not known; give pixel_size_mm=..., or lens=camera.npz"
+            )
+        return mm
+    stated = float(read_arrays(camera, CAMERA)["pixel_size"])
+    if mm is None:
+        return stated
+    if abs(mm / stated - 1) > MAX_SIZE_DIFFERENCE:
+        warn(
+            f"{camera}: says {stated:.6g} mm per px, which is taken in place of pixel_size_mm="
+            f"{mm:.6g}: undistorted images have the camera's"
+        )
+    return stated

@@ -1,0 +1,113 @@
+"""The calibration of a sensor whose LEDs flash: every value that it has, declared once.
+
+Reader and writer, their ports and pages, and the checks of a file follow from this record.  A new
+value is a field here, or of `Film`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator
+
+from tactograph.graph import Port
+from tactograph.nodes import (
+    F4,
+    Dark,
+    Film,
+    Lens,
+    Light,
+    LutLight,
+    LutLit,
+    LutSlope,
+    Metrics,
+    Misfit,
+    Noise,
+    NoiseCorrelation,
+    NullVector,
+    PixelSize,
+    Reflectance,
+    Spread,
+)
+from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.stored import Stored
+
+MIN_LED_HEIGHT_MM = 1e-3
+"""Height of the lowest LED that a sensor can have."""
+MIN_SINGULAR_VALUE = 1e-3
+"""Smallest singular value of the directions to the LEDs; at 0 some slope changes no light."""
+
+NO_MISFIT = (0, 1, 0, 0, 0)
+"""The misfit of a model that leaves only noise."""
+
+
+class Calibration(NamedTuple):
+    """All that a reconstruction needs to know of a sensor."""
+
+    flat: Annotated[Light, Stored(-1, 100), "the film at rest, fraction of full scale"]
+    dark: Annotated[Dark, Stored(-1, 1), "with all LEDs off, fraction of full scale"]
+    pixel_size: Annotated[PixelSize, Stored(1e-6, 1e3), "mm/px"]
+    lut_light: Annotated[LutLight, Stored(-1e3, 1e3), "light of the tables, 1 on the film at rest"]
+    lut_slope: Annotated[LutSlope, Stored(-1e4, 1e4), "slope of the tables, mm/mm"]
+    lut_lit: Annotated[LutLit, Stored(), "bit k-1 is set where LED k reaches the pixel"]
+    reflectance: Annotated[
+        Reflectance,
+        Stored(-1e4, 1e4),
+        "nine harmonics per LED: 1 x y z xy xz yz xx-yy 3zz-1 of the unit normal",
+    ]
+    residual: Annotated[
+        F4,
+        Port("K", "1"),
+        Stored(0, 1e3),
+        "root mean square of the reflectance fit per LED",
+    ]
+    null: Annotated[NullVector, Stored(-1.001, 1.001), "unit vector a with a.I = 0"]
+    spread: Annotated[Spread, Stored(0, 1e3), "standard deviation of a.I on lit pixels"]
+    film: Film
+    noise: Annotated[
+        Noise, Stored(0, 1), "a captured light I has the variance noise[0] I + noise[1]"
+    ]
+    correlation: Annotated[
+        NoiseCorrelation,
+        Stored(1, 100, older=1.0),
+        "a mean over pixels has so many times the variance that independent noise leaves",
+    ]
+    lens: Annotated[
+        Lens,
+        Stored(-10, 10, older=0.0),
+        "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
+    ]
+    misfit: Annotated[
+        Misfit,
+        Stored(0, 1e6, older=NO_MISFIT),
+        "what the film's model leaves on presses held out: radians of a normal, over how many "
+        "mm alike, light, the share of bounced light that may be wrong, radians of all tilts",
+    ]
+    quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
+    doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
+
+
+def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse LEDs from whose light no slope follows."""
+    lights = arrays["lights"].astype(np.float64)
+    if (lights[:, 2] < MIN_LED_HEIGHT_MM).any():
+        raise ValueError("'lights' holds an LED that is not above the film")
+    away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    if np.linalg.svd(away, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
+        raise ValueError("'lights' holds LEDs that are all in one place or one line")
+
+
+CALIBRATION = FileKind(
+    "calibration",
+    1,
+    "run calibrate",
+    Calibration,
+    made_from="the images, and the ball's place and radius",
+    check=_check_lights,
+)
+NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION))]

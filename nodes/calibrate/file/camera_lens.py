@@ -1,0 +1,51 @@
+"""The calibration of a camera's lens: every value that it has, declared once."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator
+
+from tactograph.graph import Port
+from tactograph.nodes import I4, Lens, Metrics, PixelSize
+from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.stored import Stored
+
+
+class CameraLens(NamedTuple):
+    """The lens of a camera, and the size of the images that it holds for."""
+
+    lens: Annotated[
+        Lens,
+        Stored(-10, 10),
+        "k1, k2, cx, cy of the radial distortion (L2), a, b, gx, gy of the tilt (L1); places "
+        "from the image's middle in halves of its diagonal; zeros: none",
+    ]
+    pixel_size: Annotated[
+        PixelSize, Stored(1e-6, 1e3), "mm/px on the film at rest, of the ideal image"
+    ]
+    residual: Annotated[
+        float,
+        Port(unit="px"),
+        Stored(0, 1e4),
+        "px, root mean square distance of the marks from the fit",
+    ]
+    size: Annotated[
+        I4,
+        Port("2", "px"),
+        Stored(1, 1e5),
+        "px, columns and rows of the images that it holds for",
+    ]
+    quality: Metrics
+
+
+CAMERA = FileKind(
+    "camera",
+    1,
+    "run calibrate_camera",
+    CameraLens,
+    made_from="the image of the grid and its pitch",
+)
+NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA))]

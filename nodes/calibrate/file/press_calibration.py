@@ -1,0 +1,45 @@
+"""The calibration of a one-shot sensor: every value that it has, declared once."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator
+
+from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
+from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
+from tactograph.nodes.stored import Stored
+
+
+class PressCalibration(NamedTuple):
+    """All that a reconstruction needs to know of a one-shot sensor.
+
+    The camera's black level is taken to be 0, and the misfit follows from the quality.
+    """
+
+    flat: Annotated[Light, Stored(-1, 100), "the film at rest, fraction of full scale"]
+    dark: Dark
+    pixel_size: Annotated[PixelSize, Stored(1e-6, 1e3), "mm/px"]
+    reflectance: Annotated[
+        ReflectanceMap,
+        Stored(-1e6, 1e6),
+        "light less 1 (the film at rest) per x, y, z - 1, xy, xz, yz, xx - yy, 3zz - 3 of the "
+        "unit normal and per mm of height; times 1, u, v, uu, uv, vv, ... to degree 4, u and v "
+        "being x and y in px from the image's middle divided by half its width",
+    ]
+    misfit: Misfit
+    quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
+    doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
+
+
+PRESS_CALIBRATION = FileKind(
+    "press calibration",
+    1,
+    "run calibrate_presses",
+    PressCalibration,
+    made_from="the images, and the ball's place and radius",
+)
+NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]

@@ -1,0 +1,66 @@
+"""The flat frame in the fit of a film: residuals, their derivatives and standard deviation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.nodes import F8, Film
+from tactograph.nodes.calibrate.film._film_unknowns import (
+    UNKNOWNS_OF_TOUCH_ALONE,
+    owners_of,
+    stepped,
+)
+from tactograph.nodes.calibrate.film.balls_on_film import Fitted
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
+from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.optics.film import GRAZING, rest_light
+
+MAX_INDEPENDENT_REST = 20
+"""Most independent values per LED that the flat frame counts as where it departs from the model,
+because its departures are smooth."""
+
+
+def rest_left(rest: Rest, now: Fitted) -> F8:
+    """Logarithm of the flat frame minus the model's, without what all LEDs share: K x M."""
+    return _rest_less(rest, _rest_model(rest, now))
+
+
+def _rest_less(rest: Rest, model: F8) -> F8:
+    return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+
+def _rest_model(rest: Rest, now: Fitted, chosen: slice = slice(None)) -> F8:
+    """Logarithm of the light of the film at rest under the chosen LEDs: K x M."""
+    film, leds = now.film._replace(lights=now.film.lights[chosen]), now.leds[chosen]
+    model = np.log(rest_light(film, rest.x, rest.y)) + leds[:, 3:4]
+    return np.asarray(model + leds[:, 4:] * np.log(_off_axis(film, rest.x, rest.y)))
+
+
+def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
+    """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
+    model, owners = _rest_model(rest, now), owners_of(now, names)
+    before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
+    for j, (name, led) in enumerate(owners):
+        if name in UNKNOWNS_OF_TOUCH_ALONE:
+            continue
+        other, step = stepped(now, names, j)
+        chosen = slice(None) if led is None else slice(led, led + 1)
+        changed = model.copy()
+        changed[chosen] = _rest_model(rest, other, chosen)
+        by[j] = (_rest_less(rest, changed) - before) / step
+    return by
+
+
+def _off_axis(film: Film, x: F8, y: F8) -> F8:
+    """Cosines of emission from LEDs that face the middle of the film: K x M."""
+    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
+    high = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt((lx - x) ** 2 + (ly - y) ** 2 + lz * lz)
+    return np.asarray(np.maximum((high * high - lx * x - ly * y) / (high * away), GRAZING))
+
+
+def rest_spread(left: F8, rest: Rest) -> float:
+    """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
+    noise = LIGHT_DEVIATION / rest.block
+    residual = float(np.sqrt(np.square(left).mean()))
+    return float(np.hypot(noise, residual * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))

@@ -1,0 +1,223 @@
+"""Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import warn
+from tactograph.nodes import Film, Metrics
+from tactograph.nodes.calibrate import FOLDS
+from tactograph.nodes.calibrate.film._ball_normals import normal_error
+from tactograph.nodes.calibrate.film._ball_samples import moved_with, thinned
+from tactograph.nodes.calibrate.film._film_misfit import Held
+from tactograph.nodes.calibrate.film._film_unknowns import PARTS
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
+from tactograph.nodes.calibrate.lights.light_samples import Rest
+
+FINAL_SAMPLES = 15000
+"""Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
+a ball's height, the coat's index and the albedo uncertain by some per cent."""
+PART_ERROR_RATIO, HARMONICS_ERROR_RATIO, SINGLE_BALL_ERROR_RATIO = 0.97, 0.99, 0.7
+"""Factor by which the held-out error must fall: for a part of the model; for harmonics; and for
+either with a single ball, whose held-out slices lie between those that are fitted..."""
+MIN_GAIN_DEG = 0.02
+"""... and the number of degrees by which it must fall."""
+MAX_ROUNDS, MAX_CHANGE = 4, 0.004
+"""Most rounds that find the balls' positions and the light from film to film in turn, and the
+relative change of albedo and contact radius below which they end."""
+MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
+"""With at least this many balls, those with a residual above this multiple of the median are left
+out."""
+GOOD_ERROR_DEG = 0.1
+"""Degrees of held-out error below which no further part is tried."""
+MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
+"""Fewest balls for harmonics, by their degree in position."""
+
+
+class Trial(NamedTuple):
+    """The data that every model is fitted to and judged by."""
+
+    balls: Balls
+    rest: Rest | None
+    shift_mm: float
+    width_mm: float
+    samples: Callable[..., Balls]
+    """Samples the balls again with another film, shifts, contact radii and further options of
+    `sample_balls`."""
+
+    def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
+        """Fit a model to all samples, or to the given ones."""
+        return fit(balls or self.balls, self.rest, parts, start, self.shift_mm, self.width_mm)
+
+    def folds(self) -> list[NDArray[np.bool_]]:
+        """The samples to hold out in turn: some of the balls, or slices of a single ball."""
+        return [self.balls.held_by % FOLDS == fold for fold in self.fold_numbers()]
+
+    def fold_numbers(self) -> NDArray[np.intp]:
+        """The fold numbers that occur: ball, or slice, modulo `FOLDS`."""
+        return np.unique(self.balls.held_by % FOLDS)
+
+
+class Model(NamedTuple):
+    """A fitted model: its parts, the harmonics' degree, and its held-out error."""
+
+    parts: frozenset[str]
+    degree: int | None
+    fitted: Fitted
+    error: float
+    folds: list[Fitted]
+    """The fit without each fold, in the order of `Trial.folds`."""
+
+    def __str__(self) -> str:
+        parts = [part for part in PARTS if part in self.parts] or ["matt"]
+        return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
+
+
+def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None) -> Model:
+    """Fit without each fold, and measure the error of the normals on that fold."""
+    errors, folds, weights = [], [], []
+    for held in trial.folds():
+        train, test = trial.balls.only(~held), trial.balls.only(held)
+        refitted = trial.fit(parts, fitted, train)
+        if degree is not None:
+            refitted = add_harmonics(train, refitted, degree, trial.width_mm / 2, trial.shift_mm)
+        if len(trial.balls.centre) > 1:
+            refitted = place_balls(test, refitted, trial.shift_mm)
+        errors.append(normal_error(test, refitted))
+        folds.append(refitted)
+        weights.append(held.sum())
+    return Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
+
+
+def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
+    """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
+    good = whole.only(~bad[whole.ball])
+    numbers = trial.fold_numbers()
+    held = [
+        (good.only(good.held_by % FOLDS == number), found)
+        for number, found in zip(numbers, best.folds, strict=True)
+    ]
+    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
+
+
+def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Metrics]:
+    """Add parts to the model one by one, as long as that pays.
+
+    Once the film has a coat or an albedo, the samples are renewed: then the light that it
+    reflects from film to film is known.
+    """
+    best = judge(trial, frozenset(), trial.fit(frozenset(), start))
+    errors = {f"film_heldout_deg/{best}": best.error}
+    while best.error > GOOD_ERROR_DEG and (
+        left := [part for part in parts if part not in best.parts]
+    ):
+        wider = [best.parts | {part} for part in left]
+        fitted = [trial.fit(parts, best.fitted) for parts in wider]
+        # Only the part that explains the presses best is judged on held-out samples.
+        first = int(np.argmin([normal_error(trial.balls, found) for found in fitted]))
+        better = judge(trial, wider[first], fitted[first])
+        errors[f"film_heldout_deg/{better}"] = better.error
+        if not _pays(better.error, best.error, trial):
+            break
+        best = better
+        if _lights_itself(best.fitted.film):
+            trial, placed = _sampled_again(trial, best.fitted)
+            best = best._replace(fitted=trial.fit(best.parts, placed))
+            best = judge(trial, best.parts, best.fitted)
+            errors[f"film_heldout_deg/{best}"] = best.error
+    return trial, best, errors | {"film_heldout_deg": best.error}
+
+
+def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
+    """Sample again with a better-known film, up to where it leaves the balls."""
+    before, film = trial.balls, fitted.film
+    edges = _lights_itself(film)
+    balls = trial.samples(film, fitted.shifts, before.rim, edges=edges, **options)
+    shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
+    return trial._replace(balls=balls), fitted._replace(shifts=shifts)
+
+
+def _lights_itself(film: Film) -> bool:
+    """Whether the film shows light reflected from other parts of the film."""
+    return film.refraction > 1 or film.albedo > 0
+
+
+def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
+    """Fit the chosen parts to more samples until the light from film to film converges.
+
+    Also returns every pixel of the balls.
+    """
+    for _ in range(MAX_ROUNDS):
+        film, rim = best.fitted.film, trial.balls.rim
+        trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
+        whole = trial.balls
+        trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
+        best = best._replace(fitted=trial.fit(best.parts, placed))
+        moved = np.abs(whole.rim / rim - 1).max()
+        changed = abs(best.fitted.film.albedo - film.albedo)
+        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
+            break
+    return trial, judge(trial, best.parts, best.fitted), whole
+
+
+def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
+    """Add harmonics of the highest degree that pays."""
+    physics = best
+    for degree, fewest in MIN_BALLS_BY_DEGREE.items():
+        if len(trial.balls.centre) < fewest:
+            break
+        tried = judge(trial, physics.parts, physics.fitted, degree)
+        errors[f"film_heldout_deg/{tried}"] = tried.error
+        if _pays(tried.error, best.error, trial, HARMONICS_ERROR_RATIO):
+            best = tried
+    if best.degree is not None:
+        bent = add_harmonics(
+            trial.balls, best.fitted, best.degree, trial.width_mm / 2, trial.shift_mm
+        )
+        best = best._replace(fitted=bent)
+    errors["film_heldout_deg"] = best.error
+    return best
+
+
+def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.bool_]]:
+    """Leave out outliers among many balls: scratched, dirty, or no balls.
+
+    Also returns the samples of the others, and which balls are left out.
+    """
+    balls, count = trial.balls, len(trial.balls.centre)
+    left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
+    by_ball = np.sqrt(np.bincount(balls.ball, left, count) / np.bincount(balls.ball))
+    bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
+    if count < MIN_BALLS_TO_REJECT or not bad.any():
+        return best, balls, np.zeros(count, bool)
+    x, y = balls.centre[bad].T
+    where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
+    warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")
+    number = np.cumsum(~bad) - 1
+    good = balls.only(~bad[balls.ball])
+    good = replace(
+        good,
+        ball=number[good.ball],
+        centre=balls.centre[~bad],
+        rim=balls.rim[~bad],
+        radius=balls.radius[~bad],
+    )
+    start = best.fitted._replace(
+        shifts=best.fitted.shifts[~bad],
+        film=best.fitted.film._replace(harmonics=np.zeros_like(best.fitted.film.harmonics)),
+    )
+    fitted = trial.fit(best.parts, start, good)
+    if best.degree is not None:
+        fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
+    return best._replace(fitted=fitted), good, bad
+
+
+def _pays(error: float, before: float, trial: Trial, enough: float = PART_ERROR_RATIO) -> bool:
+    share = enough if len(trial.balls.centre) > 1 else SINGLE_BALL_ERROR_RATIO
+    return error < share * before and error < before - MIN_GAIN_DEG

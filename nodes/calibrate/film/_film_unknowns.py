@@ -1,0 +1,153 @@
+"""The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactograph.nodes import F8, USUAL_RIM_MM, Film
+from tactograph.nodes.calibrate.film.balls_on_film import Fitted
+from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
+from tactograph.nodes.optics.film import matt_film
+
+
+class Unknown(NamedTuple):
+    """A shared parameter: start value, standard deviation, bounds, and step for derivatives."""
+
+    start: float
+    spread: float
+    low: float
+    high: float
+    step: float = 1e-4
+
+
+SHARED_UNKNOWNS = {
+    "gain": Unknown(1.0, 0.1, 0.8, 1.3),
+    "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
+    "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
+    "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
+    "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
+    "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
+    "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
+}
+DIFFUSE_UNKNOWN = Unknown(0.2, 0.3, 0.0, 0.9)
+ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
+"""The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
+ALBEDO_DEVIATION = 0.002
+"""... with this standard deviation.  Alone, the albedo under a coat nearly trades off against the
+coat's index."""
+EMISSION_UNKNOWN = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
+"""m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
+fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
+relative to the flat frame, hardly depends on it."""
+LED_UNKNOWNS = "x", "y", "nearness", "strength", "emission"
+UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
+"""Number of unknowns of an LED."""
+UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
+"""Unknowns without effect on the light of touched film relative to the film at rest."""
+UNKNOWNS_OF_TOUCH_ALONE = "gain", "diffuse", "albedo", "rim"
+"""Unknowns without effect on the film at rest."""
+PARTS = {
+    "diffuse": ("diffuse", "gain"),
+    "lobe": ("base", "roughness", "refraction"),
+    "bounce": ("albedo", "rim"),
+    "camera": ("camera",),
+}
+"""The unknowns of each part of the model."""
+
+
+def opened(start: Fitted, names: list[str]) -> Fitted:
+    """Move newly freed parameters away from the values that switch them off."""
+    off = matt_film(start.film.lights)
+    changed: dict[str, Any] = {
+        name: SHARED_UNKNOWNS[name].start
+        for name in names
+        if name in SHARED_UNKNOWNS and getattr(start.film, name) == getattr(off, name)
+    }
+    if "diffuse" in names and not start.film.diffuse.any():
+        changed["diffuse"] = np.full(len(start.leds), DIFFUSE_UNKNOWN.start)
+    return start._replace(film=start.film._replace(**changed))
+
+
+def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
+    """Number, departure and standard deviation of every unknown with a prior."""
+    count = len(now.leds)
+    for k, (_, _, c, _, emission) in enumerate(now.leds):
+        yield UNKNOWNS_PER_LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+        yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
+    for number, (_, value, about) in _numbers(now, names):
+        yield UNKNOWNS_PER_LED * count + number, value - about.start, about.spread
+
+
+def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
+    """The film's unknowns, in order."""
+    number = 0
+    for name in names:
+        if name == "diffuse":
+            for share in now.film.diffuse:
+                yield number, (name, float(share), DIFFUSE_UNKNOWN)
+                number += 1
+        else:
+            yield number, (name, float(getattr(now.film, name)), SHARED_UNKNOWNS[name])
+            number += 1
+
+
+def albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
+    """Normalised difference of the two albedos, and its derivatives by all shared unknowns."""
+    if not ALBEDO_DIFFERENCE.keys() <= set(names):
+        return
+    numbers = [(number, name) for number, (name, *_) in _numbers(now, names)]
+    by = np.zeros(now.leds.size + len(numbers))
+    for number, name in numbers:
+        by[now.leds.size + number] = ALBEDO_DIFFERENCE.get(name, 0) / ALBEDO_DEVIATION
+    yield (now.film.base - now.film.albedo) / ALBEDO_DEVIATION, by
+
+
+def owners_of(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
+    """Name of each shared unknown, and the LED that it belongs to, or None."""
+    count = len(now.leds)
+    owners: list[tuple[str, int | None]] = [
+        (name, k) for k in range(count) for name in LED_UNKNOWNS
+    ]
+    for name in names:
+        owners += [(name, k) for k in range(count)] if name == "diffuse" else [(name, None)]
+    return owners
+
+
+def stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
+    """The fit with one unknown changed, and its change."""
+    count = len(now.leds)
+    if j < UNKNOWNS_PER_LED * count:
+        change = np.zeros(UNKNOWNS_PER_LED * count)
+        change[j] = step = 1e-5 * (
+            1 if j % UNKNOWNS_PER_LED != 2 else max(now.leds[j // UNKNOWNS_PER_LED, 2], 1e-4)
+        )
+        return now.with_leds(now.leds + change.reshape(-1, UNKNOWNS_PER_LED)), step
+    steps = np.zeros(sum(1 for _ in _numbers(now, names)))
+    about = dict(_numbers(now, names))[j - UNKNOWNS_PER_LED * count][2]
+    steps[j - UNKNOWNS_PER_LED * count] = about.step
+    return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
+
+
+def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> Film:
+    changed: dict[str, Any] = {}
+    number = 0
+    for name in names:
+        size = len(film.diffuse) if name == "diffuse" else 1
+        about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
+        value = getattr(film, name) + by[number : number + size]
+        value = np.clip(value, about.low, about.high) if bounded else value
+        changed[name] = value if name == "diffuse" else float(value[0])
+        number += size
+    return film._replace(**changed)
+
+
+def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
+    count = len(now.leds)
+    leds = now.leds + by[: UNKNOWNS_PER_LED * count].reshape(-1, UNKNOWNS_PER_LED)
+    leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
+    leds[:, 4] = np.clip(leds[:, 4], EMISSION_UNKNOWN.low, EMISSION_UNKNOWN.high)
+    film = _film_moved(now.film, names, by[UNKNOWNS_PER_LED * count :])
+    return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)

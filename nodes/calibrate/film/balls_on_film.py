@@ -1,0 +1,151 @@
+"""Samples of balls pressed into a film, and their light by equation F1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, F8, Film
+from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
+from tactograph.nodes.optics.film import at_rest, predict
+
+MIN_WEIGHT_LIGHT = 0.3
+"""Light below which a sample's weight no longer grows."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Samples of P balls: N positions u, v (mm on the film at rest, as seen), light K x N.
+
+    `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
+    `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
+    samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
+    `by_rim` (the film's rim).  `sector` numbers slices of a ball.
+    """
+
+    u: F8
+    v: F8
+    light: F8
+    ball: NDArray[np.intp]
+    centre: F8
+    rim: F8
+    radius: F8
+    bounced: F8
+    by_lift: F8
+    by_rim: F8
+    sector: NDArray[np.intp]
+
+    @property
+    def held_by(self) -> NDArray[np.intp]:
+        """The unit for holding out samples: their ball, or the slice of a single ball."""
+        return self.ball if len(self.centre) > 1 else self.sector
+
+    def only(self, chosen: NDArray[np.bool_]) -> Balls:
+        """Return some of the samples; balls without samples remain."""
+        return replace(
+            self,
+            u=self.u[chosen],
+            v=self.v[chosen],
+            light=self.light[:, chosen],
+            ball=self.ball[chosen],
+            bounced=self.bounced[:, chosen],
+            by_lift=self.by_lift[:, chosen],
+            by_rim=self.by_rim[:, chosen],
+            sector=self.sector[chosen],
+        )
+
+    def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
+        """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
+        radius = self.radius[self.ball]
+        cx, cy = (self.centre + shifts[:, :2])[self.ball].T
+        cz = (shifts[:, 2] - sunk(self.radius, self.rim))[self.ball]
+        z = ball_height(self.u, self.v, (cx, cy, cz), radius, camera)
+        x, y = self.u * (1 - camera * z), self.v * (1 - camera * z)
+        n = np.stack([x - cx, y - cy, z - cz]) / radius
+        n[2] = np.maximum(n[2], 0.02)
+        return n / np.sqrt((n * n).sum(0)), x, y, z
+
+    def thrown(self, shifts: F8, film: Film) -> F8:
+        """Light from film to film on the samples, K x N, with the balls moved by `shifts`."""
+        whole = self.bounced + self.by_lift * shifts[self.ball, 2] + self.by_rim * film.rim
+        return np.asarray(film.albedo * whole)
+
+    def by_ball(self, left: F8, right: F8) -> F8:
+        """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
+        ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
+        return np.stack(
+            [
+                left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
+                for i, j in pairwise(ends)
+            ]
+        )
+
+
+def sunk(radius: Any, rim: Any) -> F8:
+    """Return the depth of balls' centres below the film at rest, from their contact radii."""
+    return np.asarray(np.sqrt(np.maximum(radius**2 - rim**2, 0)))
+
+
+def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera: float) -> F8:
+    """Return the height in mm at which the ray through u, v on the film at rest meets a ball.
+
+    If the ray misses the ball, it is the height where the ray comes closest.
+    """
+    cx, cy, cz = centre
+    du, dv = u - cx, v - cy
+    a = 1 + camera**2 * (u**2 + v**2)
+    b = camera * (u * du + v * dv) + cz
+    c = du * du + dv * dv + cz * cz - radius**2
+    return np.asarray((b + np.sqrt(np.maximum(b * b - a * c, 0))) / a)
+
+
+class Fitted(NamedTuple):
+    """The LEDs' unknowns K x UNKNOWNS_PER_LED, the film, the balls' shifts, and the residual scale.
+
+    Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.
+    """
+
+    leds: F8
+    film: Film
+    shifts: F8
+    scale: float
+
+    def with_leds(self, leds: F8) -> Fitted:
+        """Return a copy with other LEDs."""
+        ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
+        lights = ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM)
+        return self._replace(leds=leds, film=self.film._replace(lights=cast(F4, lights)))
+
+
+def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | None = None) -> F8:
+    """Return the light of the balls' samples, K x N, or 1 x N for one LED.
+
+    `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
+    """
+    film, thrown = fitted.film, balls.thrown(fitted.shifts, fitted.film)
+    if led is not None:
+        one = slice(led, led + 1)
+        film = film._replace(
+            lights=film.lights[one], diffuse=film.diffuse[one], harmonics=film.harmonics[one]
+        )
+        thrown, rest = thrown[one], None if rest is None else rest[one]
+    n, x, y, z = balls.seen(fitted.shifts, film.camera)
+    own_light = predict(film, n, x, y, _touched(z, film), rest)
+    return np.asarray(own_light + thrown)
+
+
+def rest_seen(balls: Balls, film: Film) -> F8 | None:
+    """The light of the film at rest where the pixels see it.
+
+    None under a near camera, because the point that a pixel sees then depends on the ball.
+    """
+    return None if film.camera else at_rest(film, balls.u, balls.v)
+
+
+def _touched(z: F8, film: Film) -> F8:
+    """Heights of at least `film.contact`: the film on a ball is touched, however low its rim is."""
+    return np.maximum(z, film.contact)

@@ -1,0 +1,134 @@
+"""Samples of known shapes under the LEDs, and the flat frame in blocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, map_coordinates
+
+from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
+from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.sheet import cut
+
+FLAT_BLOCKS = 32
+"""Number of square blocks along the image in which the (smooth) flat frame is averaged."""
+MAX_SAMPLES = 3000
+"""Pixels of an object that suffice to fit twenty unknowns to a thousandth."""
+MAX_SAMPLES_EACH = 500
+"""Pixels that suffice for each of several objects, or for one that is only compared."""
+DIM_LIGHT = 0.05
+"""Light below this may be half shadow."""
+EDGE_MARGIN_PX = 3
+"""Width in px of the known shape's edge that is left out, since a shift could move it outside."""
+
+
+class Press(NamedTuple):
+    """A known shape, H x W: light, slope, mask where they hold, height, and LEDs that reach it."""
+
+    light: Light
+    slope: Slope
+    mask: Mask
+    height: Height
+    lit: Labels
+
+
+@dataclass(frozen=True)
+class Object:
+    """Samples of a known shape: N positions, the light there (K x N) and whether it counts.
+
+    `reach` is the number of pixels that each LED reaches, including the samples' neighbours.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    light: F8
+    lit: NDArray[np.bool_]
+    x: F8
+    y: F8
+    normal: F4
+    height: F4
+    reach: NDArray[np.intp]
+
+    def moved(self, shift: F8) -> tuple[F8, F8]:
+        """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
+        where = np.stack([self.rows - shift[1], self.columns - shift[0]])
+        # n_x and n_y are linear on a ball, so interpolating them (not the slope) is exact.
+        nx, ny, z = (
+            map_coordinates(plane, where, output=np.float64, order=1, mode="nearest")
+            for plane in (*self.normal, self.height)
+        )
+        nz = np.sqrt(np.maximum(1 - nx * nx - ny * ny, 1e-4))
+        return np.stack([nx, ny, nz]), z + shift[2]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The flat frame: logarithm of block means, minus its mean over the LEDs; K x N."""
+
+    logarithm: F8
+    x: F8
+    y: F8
+    block: int
+
+
+def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
+    """Cut the sheets of presses, each of `rows` rows, into single presses."""
+    sheets = (light, slope, mask, height, lit)
+    return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
+
+
+def sample(press: Press, pixel: float, steepest: float, most: float = MAX_SAMPLES) -> Object:
+    """Choose about `most` samples of an object, spread evenly over it."""
+    light, slope, mask, height, lit = press
+    p, q = slope
+    nz = 1 / np.sqrt(1 + p * p + q * q)
+    known = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
+    rows, columns = np.nonzero(known & (p * p + q * q < steepest * steepest))
+    stride = max(1, int(np.sqrt(rows.size / most)))
+    chosen = (rows % stride == 0) & (columns % stride == 0)
+    rows, columns = rows[chosen], columns[chosen]
+    values = light[:, rows, columns].astype(np.float64)
+    numbers = np.arange(len(light))[:, None]
+    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM_LIGHT)
+    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
+    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
+    reach = reached.sum(axis=1) * stride * stride
+    return Object(rows, columns, values, reached, x, y, np.stack([-p * nz, -q * nz]), height, reach)
+
+
+def samples_for(presses: int) -> float:
+    """Number of samples needed per press, for this number of presses."""
+    return max(MAX_SAMPLES_EACH, MAX_SAMPLES / presses)
+
+
+def unreached(objects: list[Object]) -> tuple[int, int] | None:
+    """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
+    reach = sum(there.reach for there in objects)
+    assert isinstance(reach, np.ndarray)
+    weakest = int(reach.argmin())
+    return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
+
+
+def is_uniform(flat: Light) -> bool:
+    """Whether the light is the same everywhere: no flat frame was taken."""
+    return all(np.ptp(plane) == 0 for plane in flat)
+
+
+def rest_of(flat: Light, pixel: float) -> Rest | None:
+    """Reduce the flat frame to blocks; None if it is uniform, because none was taken."""
+    if is_uniform(flat):
+        return None
+    count, rows, columns = flat.shape
+    block = max(1, min(columns // FLAT_BLOCKS, rows))
+    down, across = rows // block, columns // block
+    cut = flat[:, : down * block, : across * block].reshape(count, down, block, across, block)
+    means = np.log(np.maximum(cut.mean(axis=(2, 4), dtype=np.float64), 1e-6))
+    middle = (block - 1) / 2
+    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
+    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
+    gx, gy = np.meshgrid(x, y)
+    return Rest((means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel(), block)

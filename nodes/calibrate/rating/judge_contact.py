@@ -1,0 +1,53 @@
+"""Errors of slope and height in a contact with a ball of known radius."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, F8
+from tactograph.nodes.optics.reflectance_map import ball_shape
+
+JUDGED_RADIUS_SHARE = 0.9
+"""Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
+
+
+def judge_contact(
+    slope: F4,
+    height: F4,
+    circle: F8,
+    radius: float,
+    pixel: float,
+    known: NDArray[np.bool_] | None = None,
+) -> tuple[float, float, float]:
+    """Compare slope and height in a contact (x, y, contact radius in px) with the ball's.
+
+    Parameters
+    ----------
+    slope, height
+        2 x H x W, and H x W in mm.
+    circle
+        x, y, contact radius in px.
+    radius, pixel
+        The ball's radius in px, mm per px.
+    known
+        H x W, the pixels that are judged.  None: all of the contact.
+
+    Returns
+    -------
+    tuple
+        Mean angle between normals in degrees; root mean square height error without its
+        mean, in um; the same in per cent of the cap's height.
+    """
+    y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
+    inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]
+    if known is not None:
+        inside &= known
+    true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
+    measured = slope[:, inside].astype(np.float64)
+    p, q = measured - true
+    twist = measured[0] * true[1] - measured[1] * true[0]
+    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (measured * true).sum(axis=0))
+    microns = float(1e3 * np.std(height[inside] - rise))
+    cap = (radius - np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))) * pixel
+    return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)

@@ -1,0 +1,105 @@
+"""The light of a calibrated film of any shape: the model that a calibration holds, forwards."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Film, Height, Labels, Light, PixelSize, Slope
+from tactograph.nodes.light.matt_light import STRETCH
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.film import predict, touch_gain
+from tactograph.nodes.optics.near_light import places
+
+SHOWN = (
+    "lights", "diffuse", "harmonics", "flattest", "reach", "gain", "contact", "base", "roughness",
+    "refraction", "camera",
+)  # fmt: skip
+"""The fields of `Film` on which its light depends."""
+
+
+@node(
+    tolerance=Close(2e-3, 2e-3, why="a coat's light at grazing angles"),
+    sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
+)
+def film_light(
+    slope: Slope,
+    height: Height,
+    film: Film,
+    pixel: PixelSize,
+    shadow: Labels | None = None,
+    bounced: Light | None = None,
+) -> Light:
+    """Return the light of a film relative to the film at rest (equation F1).
+
+    Where something stands between a place and an LED, the light that the gel diffuses is left:
+    s b of equation F1.
+
+    Parameters
+    ----------
+    slope
+        2 x H x W, of the film.
+    height
+        H x W in mm, as the camera sees it (`view_slope`).
+    film
+        The LEDs' and the film's properties.
+    pixel
+        mm per px.
+    shadow
+        H x W, the LEDs that something keeps off, as `cast_shadows` gives them.
+    bounced
+        K x H x W, the light from other places of the film, as `film_bounce` gives it.
+
+    Returns
+    -------
+    ndarray
+        K x H x W.
+    """
+    rows, columns = height.shape
+    x = np.tile(places(columns, np.float32(pixel)), rows)
+    y = np.repeat(places(rows, np.float32(pixel)), columns)
+    p, q = slope.reshape(2, -1)
+    seen = height.ravel()
+    made = np.empty((len(film.lights), height.size), np.float32)
+
+    def light(part: slice) -> None:
+        upright = 1 / np.sqrt(1 + p[part] ** 2 + q[part] ** 2)
+        n = np.stack([-p[part] * upright, -q[part] * upright, upright])
+        z = seen[part] / (1 + np.float32(film.camera) * seen[part])
+        nearer = 1 - np.float32(film.camera) * z
+        made[:, part] = predict(film, n, x[part] * nearer, y[part] * nearer, z)
+        if shadow is not None:
+            left = touch_gain(film, z)[None] * film.diffuse[:, None]
+            dark = shadow.ravel()[None, part] >> np.arange(len(left))[:, None] & 1
+            made[:, part] = np.where(dark > 0, left, made[:, part])
+
+    in_blocks(light, height.size)
+    shown = made.reshape(-1, rows, columns)
+    return shown if bounced is None else shown + bounced
+
+
+@film_light.opencl()
+def _launch(run: Launch) -> None:
+    count, height, width = (run.sizes[symbol] for symbol in "KHW")
+    of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
+    run.kernel(
+        "film_light", (height * -(-width // stretch),),
+        of["slope"], of["height"], *(of[f"film.{name}"] for name in SHOWN), of["pixel"],
+        of.get("shadow"), of.get("bounced"), run.outputs["film_light"], count, height, width,
+        local=(run.group,), constants={"STRETCH": stretch},
+    )  # fmt: skip
+
+
+@film_light.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs around the film; one film in three is matt."""
+    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
+    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
+    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
+    slope: F4 = rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32)
+    chosen = matt if rng.random() < 1 / 3 else {}
+    return chosen | {"film.lights": lights.astype(np.float32), "slope": slope}

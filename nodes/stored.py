@@ -1,0 +1,80 @@
+"""Values of a record that a file keeps, their limits, and what stands for them in older files."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactograph.graph.declare.ports import PortType, is_record, read_port
+
+
+@dataclass(frozen=True)
+class Stored:
+    """Metadata of a record's field that a file keeps, beside its `Port` and its meaning in words.
+
+    Parameters
+    ----------
+    low, high
+        The values of any sensor: beyond them a file is damaged, not unusual.
+    older
+        The value for files from before it was kept: numbers, repeated to the declared shape, or
+        the name of the field that stands for it.  None: every file has it.
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    older: float | tuple[float, ...] | str | None = None
+
+
+class Value(NamedTuple):
+    """A value of a file: its port, and the limits of what is stored."""
+
+    port: PortType
+    stored: Stored
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self.port.dtype or np.dtype(np.float32)
+
+
+@cache
+def stored_values(record: type) -> Mapping[str, Value]:
+    """The values that a file keeps of a record, by name: its fields that are `Stored`."""
+    values: dict[str, Value] = {}
+    for name, annotation in typing.get_type_hints(record, include_extras=True).items():
+        if is_record(annotation):
+            values |= stored_values(annotation)
+        for extra in getattr(annotation, "__metadata__", ()):
+            if isinstance(extra, Stored):
+                values[name] = Value(read_port(name, annotation), extra)
+    return values
+
+
+def with_older(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a record, those that an older file lacks as they were then.
+
+    Arrays are shaped to the `known` ones, and as exact as the most exact of them.
+    """
+    values = stored_values(record)
+    arrays = {name: known[name] for name in values if np.ndim(known.get(name, 0))}
+    sizes = {
+        dim: size
+        for name, array in arrays.items()
+        for dim, size in zip(values[name].port.dims, array.shape, strict=True)
+    }
+    exact = np.result_type(np.float32, *(array.dtype for array in arrays.values()))
+    filled = dict(known)
+    for name, (port, stored) in values.items():
+        if name in known:
+            continue
+        older = known[stored.older] if isinstance(stored.older, str) else stored.older
+        filled[name] = older
+        if port.dims:
+            shape = [dim if isinstance(dim, int) else sizes[dim] for dim in port.dims]
+            filled[name] = np.array(np.broadcast_to(np.asarray(older, exact), shape))
+    return filled

@@ -1,0 +1,203 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
+
+
+def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
+    with atomic_files(tmp_path / "new" / "folder") as stage:
+        (stage / "a.txt").write_text("a")
+        (stage / "b.txt").write_text("b")
+        assert not (tmp_path / "new" / "folder" / "a.txt").exists()
+    assert sorted(f.name for f in (tmp_path / "new" / "folder").iterdir()) == ["a.txt", "b.txt"]
+
+
+def test_a_single_file_keeps_its_suffix_while_it_is_written(tmp_path: Path) -> None:
+    with atomic_file(tmp_path / "cal.npz") as target:
+        assert target.suffix == ".npz"
+        target.write_text("x")
+    assert (tmp_path / "cal.npz").read_text() == "x"
+
+
+def write_and_fail(folder: Path, error: BaseException) -> None:
+    with atomic_files(folder) as stage:
+        (stage / "a.txt").write_text("half")
+        raise error
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), InputError("no")])
+def test_nothing_appears_if_the_block_raises(tmp_path: Path, error: BaseException) -> None:
+    with pytest.raises(type(error)):
+        write_and_fail(tmp_path, error)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_was_there_before_stays_if_the_block_raises(tmp_path: Path) -> None:
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    with pytest.raises(RuntimeError):
+        write_and_fail(tmp_path, RuntimeError())
+    assert file.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("old")
+    (tmp_path / "other.txt").write_text("mine")
+    with atomic_file(tmp_path / "a.txt") as target:
+        target.write_text("new")
+    assert (tmp_path / "a.txt").read_text() == "new"
+    assert (tmp_path / "other.txt").read_text() == "mine"
+
+
+class Killed(BaseException):
+    """Stands for a kill: nothing runs after it."""
+
+
+def write_anew(folder: Path) -> None:
+    with atomic_files(folder, last="b", instead_of=["gone"]) as stage:
+        for name in ("a", "b", "z"):
+            (stage / name).write_text("new")
+
+
+def killed_while_moving(folder: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
+    """Write a, b and z, of which b is to be last; the process dies after so many moves."""
+    replace, left = Path.replace, [moved]
+
+    def dying(file: Path, target: Path) -> Path:
+        left[0] -= 1
+        if left[0] < 0:
+            raise Killed
+        return replace(file, target)
+
+    with monkeypatch.context() as during:
+        during.setattr(Path, "replace", dying)
+        during.setattr(shutil, "rmtree", lambda path, **_: None)
+        with pytest.raises(Killed):
+            write_anew(folder)
+
+
+@pytest.mark.parametrize("moved", range(3))
+def test_the_last_file_is_new_only_if_all_others_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+) -> None:
+    for name in ("a", "b", "z", "gone"):
+        (tmp_path / name).write_text("old")
+    killed_while_moving(tmp_path, monkeypatch, moved)
+    assert (tmp_path / "b").read_text() == "old"
+    with atomic_files(tmp_path, last="b", instead_of=["gone", "a"]) as stage:
+        (stage / "a").write_text("newer")
+        (stage / "b").write_text("newer")
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {
+        "a": "newer",
+        "b": "newer",
+        "z": "new" if moved == 2 else "old",
+    }
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> None:
+    lines = (
+        "import os, sys",
+        "from pathlib import Path",
+        "from tactograph.graph.disk.atomic_files import atomic_files",
+        "with atomic_files(Path(sys.argv[1])) as stage:",
+        "    (stage / 'half.npy').write_text('half')",
+        "    os._exit(9)",
+    )
+    subprocess.run([sys.executable, "-c", "\n".join(lines), str(tmp_path)], check=False)
+    assert len([*tmp_path.glob(".writing-*")]) == 1
+    with atomic_file(tmp_path / "a.txt") as target:
+        target.write_text("a")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_what_another_writer_is_at_work_on_stays(tmp_path: Path) -> None:
+    with atomic_files(tmp_path) as one, atomic_files(tmp_path) as other:
+        (one / "a.txt").write_text("a")
+        (other / "b.txt").write_text("b")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.txt", "b.txt"]
+
+
+def test_a_disk_that_is_full_half_way_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be written: No space left"):
+        write_and_fail(tmp_path, OSError(errno.ENOSPC, "No space left on device"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_read_only_is_an_input_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**keywords: object) -> str:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
+    with (
+        pytest.raises(InputError, match="cannot be written: Read-only file system"),
+        atomic_files(tmp_path),
+    ):
+        pytest.fail("the block must not run")
+
+
+@pytest.mark.parametrize("below", ["file.txt", "file.txt/deeper", "n" * 300])
+def test_a_folder_that_cannot_be_is_an_input_error(tmp_path: Path, below: str) -> None:
+    (tmp_path / "file.txt").write_text("a file, not a folder")
+    with pytest.raises(InputError, match="cannot be written"), atomic_files(tmp_path / below):
+        pytest.fail("the block must not run")
+
+
+def write_two(folder: Path) -> None:
+    with atomic_files(folder) as stage:
+        (stage / "a.txt").write_text("a")
+        (stage / "z.txt").write_text("z")
+
+
+def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
+    (tmp_path / "z.txt").mkdir()
+    with pytest.raises(InputError, match=r"z\.txt is a folder"):
+        write_two(tmp_path)
+    assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]
+
+
+def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
+    """Root could replace /dev/null."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="pipe is a device or a pipe"), atomic_file(pipe):
+        pytest.fail("the block must not run")
+    with (
+        pytest.raises(InputError, match="pipe is a device or a pipe; give another place"),
+        atomic_files(tmp_path) as stage,
+    ):
+        (stage / "pipe").write_text("x")
+    assert pipe.is_fifo()
+    assert [*tmp_path.iterdir()] == [pipe]
+
+
+def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    """OpenCV ends the whole process at one."""
+    name = tmp_path / os.fsdecode(b"bad\xff")
+    for writing in (atomic_files(name), atomic_file(name), atomic_file(name / "x")):
+        with pytest.raises(InputError, match=r"bad.udcff.*: the name is not UTF-8; rename it"):
+            writing.__enter__()
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
+    missing = tmp_path / "elsewhere" / "read.txt"
+    with (
+        pytest.raises(InputError, match=r"read\.txt: No such file"),
+        atomic_files(tmp_path / "out"),
+    ):
+        missing.read_text()

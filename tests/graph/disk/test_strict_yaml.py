@@ -1,0 +1,206 @@
+"""YAML without surprises."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tactograph.graph import GraphError, InputError
+from tactograph.graph.disk.strict_yaml import (
+    MAX_BYTES,
+    Document,
+    dotted,
+    parse_scalar,
+    parse_yaml,
+    read_yaml,
+)
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(GraphError) as caught:
+        parse_yaml(text, "g.yaml")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("no", "no"), ("yes", "yes"), ("on", "on"), ("off", "off"), ("y", "y"),
+        ("true", True), ("False", False), ("null", None), ("~", None), ("", None),
+        ("1e-3", 0.001), ("1E5", 1e5), ("1.", 1.0), (".5", 0.5), ("-.inf", -math.inf),
+        ("010", 10), ("0o10", 8), ("0x1F", 31), ("0b11", 3), ("1_000", 1000), ("+7", 7),
+        ("1:30", "1:30"), ("2020-01-01", "2020-01-01"), ("=", "="), ("0x", "0x"),
+        ("12" * 100, int("12" * 100)), ("'5'", "5"), ("1.2.3", "1.2.3"),
+    ],
+)  # fmt: skip
+def test_a_scalar_means_what_it_looks_like(text: str, value: object) -> None:
+    found = parse_yaml(f"a: {text}", "g.yaml").data["a"]
+    assert found == value
+    assert type(found) is type(value)
+
+
+@pytest.mark.parametrize("text", ["1e-3", "no", "0x1F", "2020-01-01", "", "true", "010"])
+def test_a_value_on_the_command_line_means_the_same_as_in_a_file(text: str) -> None:
+    assert parse_scalar(text) == parse_yaml(f"a: {text}", "g.yaml").data["a"]
+
+
+def test_not_a_number_is_read_as_such() -> None:
+    assert math.isnan(parse_yaml("a: .nan", "g.yaml").data["a"])
+
+
+@pytest.mark.parametrize("text", ["1__0", "0_", "-_", "._5", "1__0.5", "9" * 5000])
+def test_what_looks_like_a_number_and_is_none_is_refused(text: str) -> None:
+    message = refusal(f"a: {text}")
+    assert message.startswith("g.yaml:1:4: a: '")
+    assert message.endswith("is not a number")
+    assert len(message) < 100
+    with pytest.raises(InputError, match="is not a number"):
+        parse_scalar(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: !!python/object/apply:os.system [ls]", "a: !!python/name:os.system", "a: !local 5",
+        "a: !!int foo", "a: !!int '5'", "a: !!bool maybe", "a: !!set {b}", "a: !foo {b: 1}",
+        "a: !foo [1]", "!!int a: 1", "!!omap [a: 1]", "a: !!binary aGk=", "a: !!timestamp x",
+    ],
+)  # fmt: skip
+def test_tags_are_refused(text: str) -> None:
+    assert "the tag '" in refusal(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &x [1]\nb: *x",
+        "a: &x 1",
+        "&x a: 1",
+        "a: &x b\n*x : 1",
+        "a: &x [*x]",
+        "a: &x {b: *x}",
+        "a: &a [x,x,x,x]\nb: &b [*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b]\nd: [*c,*c,*c,*c]",
+    ],
+)
+def test_anchors_and_aliases_are_refused(text: str) -> None:
+    assert "anchors and aliases are not allowed" in refusal(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [("%YAML 1.1\n---\na: no", 1), ("# x\n\n%TAG ! tag:x,2000:\n---\na: 1", 3), ("%FOO\n", 1)],
+)
+def test_directives_are_refused(text: str, where: int) -> None:
+    assert refusal(text) == (
+        f"g.yaml:{where}:1: directives (%...) are not allowed; write plain YAML"
+    )
+
+
+def test_a_percent_sign_inside_is_no_directive() -> None:
+    assert parse_yaml("a: |\n  %b\nc: '%'", "g.yaml").data == {"a": "%b\n", "c": "%"}
+
+
+def test_a_merge_key_is_refused() -> None:
+    assert refusal("<<: {a: 1}") == "g.yaml:1:1: keys must be plain words"
+
+
+def test_a_key_that_is_no_word_is_refused() -> None:
+    assert refusal("? [a]\n: 1") == "g.yaml:1:3: keys must be plain words"
+
+
+def test_a_key_that_stands_twice_is_refused_at_its_second_place() -> None:
+    assert refusal("a:\n  b: 1\n  b: 2") == "g.yaml:3:3: a.b: duplicate key"
+
+
+def test_a_second_document_is_refused() -> None:
+    assert refusal("a: 1\n---\nb: 2").startswith("g.yaml:2:1: a second document")
+
+
+@pytest.mark.parametrize("text", ["", "# nothing", "\n\n"])
+def test_an_empty_file_is_refused(text: str) -> None:
+    assert refusal(text) == "g.yaml: the file is empty; a graph file starts with 'format: 1'"
+
+
+def test_a_broken_line_is_named() -> None:
+    assert refusal("a: 1\nb: [1, 2\nc: 3").startswith("g.yaml:3:")
+
+
+@pytest.mark.parametrize(
+    "text", ["a: " + "[" * 30, "[" * 30 + "]" * 30, "{a: " * 30 + "}" * 30, "[" * 20_000]
+)
+def test_deep_nesting_is_refused(text: str) -> None:
+    assert "nested too deeply" in refusal(text) or "is not closed" in refusal(text)
+
+
+def test_half_a_character_is_refused() -> None:
+    assert "unpaired surrogate" in refusal('a: "\\uD800"')
+
+
+def test_a_byte_order_mark_does_no_harm() -> None:
+    assert parse_yaml("\ufeffa: 1", "g.yaml").data == {"a": 1}
+
+
+def test_a_file_that_is_too_large_is_refused_before_it_is_parsed(tmp_path: Path) -> None:
+    file = tmp_path / "g.yaml"
+    file.write_text("a: [" + "a," * MAX_BYTES + "]")
+    started = time.perf_counter()
+    with pytest.raises(GraphError, match="too large for a graph file"):
+        read_yaml(file)
+    assert time.perf_counter() - started < 0.5
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "g.yaml"
+    file.write_bytes(b"a: \xff")
+    with pytest.raises(GraphError, match="byte 3 is not UTF-8"):
+        read_yaml(file)
+
+
+def test_a_folder_is_no_graph_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be read"):
+        read_yaml(tmp_path)
+
+
+def test_every_value_knows_its_place() -> None:
+    document = parse_yaml("a:\n  b: [1,\n    {c: 2}]", "g.yaml")
+    assert str(document.place(("a", "b", 1, "c"))) == "g.yaml:3:6: a.b[1].c"
+
+
+def test_a_value_that_is_not_there_has_the_place_of_its_closest_parent() -> None:
+    document = parse_yaml("a:\n  b: 1", "g.yaml")
+    assert str(document.place(("a", "missing", "deeper"))) == "g.yaml:1:1: a.missing.deeper"
+
+
+def test_a_path_reads_like_code() -> None:
+    assert dotted(("patch", 0, "with", "x")) == "patch[0].with.x"
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_a_document_or_a_graph_error(text: str) -> None:
+    try:
+        found = parse_yaml(text, "g.yaml")
+    except GraphError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert isinstance(found, Document)
+
+
+@given(st.text(alphabet="abn019:-[]{},&*!?|>%'\"#_. \n\t", max_size=60))
+def test_any_punctuation_is_a_document_or_a_graph_error(text: str) -> None:
+    try:
+        parse_yaml(text, "g.yaml")
+    except GraphError as error:
+        assert str(error).startswith("g.yaml")  # noqa: PT017
+
+
+@given(st.text(alphabet="0123456789+-_.eExXoObBinfNaA", max_size=12))
+def test_any_value_on_the_command_line_is_read_or_refused(text: str) -> None:
+    try:
+        assert isinstance(parse_scalar(text), str | int | float | None)
+    except InputError as error:
+        assert "is not a number" in str(error)  # noqa: PT017

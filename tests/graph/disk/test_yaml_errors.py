@@ -1,0 +1,45 @@
+"""Errors of YAML are explained in plain words, with the place and the remedy."""
+
+from __future__ import annotations
+
+import pytest
+
+from tactograph.graph import GraphError
+from tactograph.graph.disk.strict_yaml import parse_yaml
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(GraphError) as error:
+        parse_yaml(text, "g.yaml")
+    return str(error.value)
+
+
+@pytest.mark.parametrize("text", ["nodes:\n\tx: 1", "nodes:\n  x: 1\n\ty: 1"])
+def test_a_tab_is_told_to_be_spaces(text: str) -> None:
+    assert refusal(text).endswith("a tab; indent with spaces")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a:\n  x: 1\n   y: 2", "3:5: indented further than the line above, which has a value"),
+        ("a:\n  x: {}\n   y: {}", "3:4: indented by 3, but the lines above by 0 or 2; indent it"),
+        ("a:\n    x: {}\n  y: {}", "3:3: indented by 2, but the lines above by 0 or 4; indent it"),
+        ("a:\n  - x\n  b: 1", "3:3: no entry of the list that begins in line 2; begin it with"),
+        ("a:\n  b: 1\n  - x", "3:3: an entry of a list among the names that begin in line 2"),
+        ("a: {x: 1} b", "1:11: this belongs to nothing before it in the line"),
+        ("a: b: c", "1:5: a second ':' in this line; put the value in quotes"),
+        ("a: 1\nb\nc: 2", "2:1: no ':' follows this name; write 'name: value'"),
+        ("a: {x: 1\nb: 2", "2:2: a comma is missing, or the '{' of line 1 is not closed"),
+        ("a: [x, y\nb: 2", "2:2: a comma is missing, or the '[' of line 1 is not closed"),
+        ('a: 1\nb: "x\n', "2:4: the quote that begins here is not closed"),
+        ("a: 1\nb: %x\n", "2:4: a value cannot begin with '%'; put it in quotes"),
+        ('a: "C:\\q"', "1:4: within double quotes \\ begins a special character"),
+        ("a: 1\n---\nb: 2", "2:1: a second document begins here; a file holds one"),
+    ],
+)  # fmt: skip
+def test_a_slip_is_told_with_its_place_and_what_to_do(text: str, said: str) -> None:
+    found = refusal(text)
+    assert found.startswith(f"g.yaml:{said}")
+    assert "\n" not in found
+    assert "block" not in found

@@ -1,0 +1,265 @@
+"""Pictures of a plan: DOT, Mermaid and SVG."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import pytest
+
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.errors import GraphError
+from tactograph.graph.files.read_graph import read_graph, shipped_names
+from tactograph.graph.plan.make_plan import make_plan
+from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.show.draw_folded import to_folded_svg
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.draw_text import to_dot, to_mermaid
+from tactograph.graph.show.sketch import Edge, Sketch, fold
+from tests.graph.conftest import SLOPES, Write
+from tests.graph.plan.plans import planned
+
+
+def every_step(plan: Plan) -> Sketch:
+    return sketch_of(plan, transfers=True)
+
+
+def edges(plan: Plan) -> list[Edge]:
+    return every_step(plan).edges
+
+
+def folded(plan: Plan) -> Sketch:
+    return fold(sketch_of(plan))
+
+
+def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
+    plan = planned(write(SLOPES), device)
+    dot, mermaid = to_dot(every_step(plan)), to_mermaid(every_step(plan))
+    assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
+    for step in plan.steps:
+        assert dot.count(f'\n  "{step.name}" [label=') == 1
+    assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
+
+
+def grouped() -> Plan:
+    """A use of a group whose own node reads one of a use inside it."""
+    noted = {"op": "rest_at_border", "in": {"height": "height"}}
+    groups = {
+        "one": {"inputs": {"height": {}}, "nodes": {"n": noted}, "outputs": {"height": "n"}},
+        "two": {
+            "inputs": {"height": {}},
+            "nodes": {
+                "a": {"group": "one", "in": {"height": "height"}},
+                "b": {"op": "rest_at_border", "in": {"height": "a.height"}},
+            },
+            "outputs": {"height": "b"},
+        },
+    }
+    use = {"group": "two", "in": {"height": "ball"}}
+    ball = {"op": "shape_ball", "with": {"width_px": 32, "height_px": 24}}
+    graph = {"format": 1, "groups": groups, "outputs": {"height": "use.height"}}
+    nodes = {"shape": ball, "ball": {**noted, "in": {"height": "shape.height"}}, "use": use}
+    return make_plan(read_graph({**graph, "nodes": nodes}), {}, device=None)
+
+
+def test_the_nodes_of_a_use_are_drawn_together() -> None:
+    plan = grouped()
+    assert [
+        line.split(" [")[0].strip() for line in to_dot(every_step(plan)).splitlines()[3:12]
+    ] == [
+        '"shape"',
+        '"ball"',
+        'subgraph "cluster_use" { label="use"; color="#999999"; fontsize=10;',
+        '"use.b"',
+        'subgraph "cluster_use.a" { label="use.a"; color="#999999"; fontsize=10;',
+        '"use.a.n"',
+        "}",
+        "}",
+        '"shape" -> "ball"',
+    ]
+    mermaid = to_mermaid(every_step(plan))
+    assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
+        ('use_use["use"]', ""),
+        ('use_use_a["use.a"]', ""),
+        ("", "end"),
+        ("", "end"),
+    ]
+
+
+def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None:
+    drawn = edges(planned(write(SLOPES), device))
+    assert ("height", "upload height.read_height", "read_height") in drawn
+    assert ("upload height.read_height", "slope", "read_height") in drawn
+    assert ("height", "slope", "read_height") not in drawn
+
+
+def test_without_a_device_no_transfer_is_drawn(write: Write) -> None:
+    assert ("height", "slope", "read_height") in edges(planned(write(SLOPES), None))
+
+
+def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
+    dot = to_dot(folded(planned(write(SLOPES), device)))
+    colours = set(re.findall(r'fillcolor="(#\w+)"', dot))
+    assert len(colours) == 2
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
+    plan = planned(name, device)
+    steps = {step.name for step in plan.steps}
+    assert all({a, b} <= steps for a, b, _ in edges(plan))
+
+
+@pytest.mark.parametrize("name", ['we"ird.yaml', "back\\slash.yaml", "two words.yaml"])
+def test_the_name_of_the_file_breaks_no_quotes(write: Write, name: str) -> None:
+    first = to_dot(folded(planned(write(SLOPES, name), None))).splitlines()[0]
+    assert re.fullmatch(r'digraph "(?:[^"\\]|\\.)*" \{', first)
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not here")
+def test_graphviz_takes_the_dot_file(write: Write, device: OpenCL, tmp_path: Path) -> None:
+    dot = to_dot(folded(planned("paper", device)))
+    done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
+    assert "<svg" in done.stdout
+
+
+@pytest.mark.parametrize("name", ["precise", "reconstruct_follow_drift"])
+def test_boxes_of_the_svg_stand_apart_and_every_edge_goes_right(name: str, device: OpenCL) -> None:
+    plan = planned(name, device)
+    svg = to_svg(every_step(plan))
+    corners = re.findall(r'<g[^>]*>\s*<rect x="(\d+)" y="(\d+)"', svg)
+    assert len(set(corners)) == len(corners) == len(plan.steps)
+    solid = re.findall(r'<path d="M(\d+) \S+C.* (\d+) \S+" fill="none" stroke="#777" m', svg)
+    assert len(solid) == len(edges(plan))
+    assert all(int(start) < int(end) for start, end in solid)
+
+
+class Box(NamedTuple):
+    """A rectangle of an SVG."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    @property
+    def right(self) -> float:
+        return self.x + self.width
+
+    @property
+    def bottom(self) -> float:
+        return self.y + self.height
+
+    def holds(self, other: Box) -> bool:
+        across = self.x <= other.x and other.right <= self.right
+        return across and self.y <= other.y and other.bottom <= self.bottom
+
+    def meets(self, other: Box) -> bool:
+        across = self.x < other.right and other.x < self.right
+        return across and self.y < other.bottom and other.y < self.bottom
+
+
+def drawn(svg: str) -> tuple[dict[str, Box], dict[str, Box]]:
+    """The boxes of the steps, and the frames of the uses, by name."""
+    rect = r'<rect x="(-?\d+)" y="(\d+)" width="(\d+)" height="(\d+)"'
+    boxes = re.findall(r'<g data-node="([^"]+)">\s*' + rect, svg)
+    frames = re.findall(rect + r"[^>]*/><text[^>]*>([^<]+)</text>$", svg, re.MULTILINE)
+    return (
+        {name: Box(*map(float, rest)) for name, *rest in boxes},
+        {name: Box(*map(float, rest)) for *rest, name in frames},
+    )
+
+
+@pytest.mark.parametrize("name", ["precise", "reconstruct", ""])
+def test_a_frame_of_the_svg_holds_the_steps_of_a_use_and_no_other(
+    name: str, device: OpenCL
+) -> None:
+    plan = planned(name, device) if name else grouped()
+    boxes, frames = drawn(to_svg(every_step(plan)))
+    assert set(frames) == set(plan.graph.uses)
+    of = {box.name: box.use for box in every_step(plan).boxes}
+    for use, frame in frames.items():
+        for step, box in boxes.items():
+            inside = of[step] == use or of[step].startswith(f"{use}.")
+            assert frame.holds(box) if inside else not frame.meets(box), (use, step)
+        for other, second in frames.items():
+            if other.startswith(f"{use}."):
+                assert frame.holds(second)
+            elif other != use and not use.startswith(f"{other}."):
+                assert not frame.meets(second)
+
+
+def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
+    svg = to_svg(every_step(planned(write(SLOPES, "a<b&c.yaml"), None)))
+    assert ElementTree.fromstring(svg)[0].text == "a<b&c"
+
+
+def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
+    plan = planned("reconstruct", device)
+    boxes = {box.name: box for box in folded(plan).boxes}
+    assert boxes["pass_1"].what == "pass: 6 nodes"
+    assert not [name for name in boxes if "." in name]
+    assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
+    outside = [name for name in plan.tasks if "." not in name]
+    assert boxes.keys() == {*outside, *plan.graph.uses}
+    for drawn_as in (
+        to_dot(folded(plan)),
+        to_mermaid(folded(plan)),
+        to_folded_svg(sketch_of(plan)),
+    ):
+        assert "pass: 6 nodes" in drawn_as
+
+
+def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
+    names = [box.name for box in folded(planned("precise", device)).boxes]
+    assert "pass_1" not in names
+    assert {"pass_1.label", "gloss", "pass_2"} <= {*names}
+
+
+@pytest.mark.parametrize("name", ["reconstruct", "precise", "calibrate", "live"])
+def test_a_folded_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
+    name: str, device: OpenCL
+) -> None:
+    plan = planned(name, device)
+    svg = to_folded_svg(sketch_of(plan))
+    assert float(re.search(r'width="(\d+)"', svg)[1]) < 1500  # type: ignore[index]
+    rect = r'<rect x="([\d.]+)" y="([\d.]+)" width="(\d+)" height="(\d+)"'
+    boxes = [Box(*map(float, found)) for found in re.findall(r"<g [^>]*>\n" + rect, svg)]
+    assert len(boxes) == len(folded(plan).boxes)
+    for number, box in enumerate(boxes):
+        assert not any(box.meets(other) for other in boxes[number + 1 :])
+    ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?V([\d.]+)" fill="none" stroke="#777"', svg)
+    assert ways
+    assert all(float(start) < float(end) for start, end in ways)
+
+
+def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
+    plan = planned("reconstruct", device)
+    svg = to_folded_svg(sketch_of(plan), {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
+    assert "pass: 6 nodes, 3 ms" in svg
+    assert "label_lights, 8 ms" in svg
+
+
+def test_a_value_of_the_item_before_is_a_dashed_way_back(device: OpenCL) -> None:
+    plan = planned("reconstruct_follow_drift", device)
+    back = folded(plan).recalls
+    assert back
+    assert to_folded_svg(sketch_of(plan)).count("stroke-dasharray") == len(back)
+
+
+def test_a_graph_is_drawn_as_its_plan_is(device: OpenCL) -> None:
+    graph = read_graph("reconstruct")
+    shown = set(re.findall(r'data-node="([^"]+)"', graph._repr_svg_()))
+    assert shown >= {box.name for box in folded(planned("reconstruct", device)).boxes}
+
+
+def test_a_graph_with_a_cycle_is_not_drawn() -> None:
+    one = {"op": "rest_at_border", "in": {"height": "b"}}
+    nodes = {"a": one, "b": {**one, "in": {"height": "a"}}}
+    with pytest.raises(GraphError, match="the graph has a cycle: "):
+        read_graph({"format": 1, "nodes": nodes, "outputs": {"height": "a"}})._repr_svg_()

@@ -1,0 +1,188 @@
+"""The stated error of a height, on surfaces whose heights are known exactly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.error.doubt_rest import doubt_rest
+from tactograph.nodes.error.height_error import height_error
+from tactograph.nodes.height.height_equations import HeightSystem
+from tactograph.nodes.height.integrate_weighted import integrate_weighted
+from tactograph.nodes.optics.film import matt_film
+from tests.nodes.height.test_precise_nodes import (
+    PIXEL,
+    SHAPE,
+    at_rest,
+    distant_led,
+    dome,
+    equations,
+    plateau,
+    variance_of,
+)
+
+UNEVEN = 0.03
+
+
+def exact(lights: F4) -> F4:
+    """The other places of LEDs whose places are exact."""
+    return np.repeat(lights[None], 8, axis=0)
+
+
+def stated_error(
+    z: F4,
+    slope: F4,
+    noise: float,
+    others: F4 | None = None,
+    system: HeightSystem | None = None,
+    **given: Any,
+) -> F4:
+    """The error that is stated of a height whose slopes four LEDs of this noise have told."""
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    film = matt_film(lights)._replace(
+        others=exact(lights) if others is None else others, uneven=UNEVEN
+    )
+    system = system or equations(slope, 1e-4, at_rest(z))
+    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
+    noisy = np.float32(noise) * light
+    return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
+
+
+LIGHT_ALONE = {"aperture": 0.0, "kink": 0.0, "flat_noise": 0.0}
+"""Settings without errors of steps and of the flat frame."""
+
+
+def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
+    """The error of a dome's height when `brightness` times more photons arrive."""
+    noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(z), bend=0.0)
+    return stated_error(z, slope, noise, system=system, correlation=correlation, **LIGHT_ALONE)
+
+
+def test_the_error_shrinks_with_the_root_of_the_light() -> None:
+    z, slope = dome()
+    dim, bright = error_of(z, slope, 1), error_of(z, slope, 100)
+    inside = at_rest(z) == 0
+    assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
+    assert not dim[~inside].any()
+
+
+def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
+    z, slope = dome()
+    alone, shared = error_of(z, slope, 1), error_of(z, slope, 1, correlation=4.0)
+    assert np.allclose(shared, 2 * alone, rtol=1e-2)
+
+
+def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
+    z, slope = dome()
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    found = []
+    for share in (0.0, 0.01, 0.02):
+        others = exact(lights)
+        others[::2, 0, 0] *= 1 + share
+        others[1::2, 0, 0] *= 1 - share
+        found.append(stated_error(z, slope, 1e-6, others, **LIGHT_ALONE))
+    inside = at_rest(z) == 0
+    assert found[1][inside].min() > 10 * found[0][inside].max()
+    assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
+    assert not any(error[~inside].any() for error in found)
+
+
+@pytest.mark.parametrize("part", [0, 4])
+def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
+    """Of normals that lean by so many radians over some width, or all too much."""
+    z, slope = dome()
+    misfit = np.float32([0, 0.5, 0, 0, 0])
+    found = []
+    for level in (0.0, 0.01, 0.02):
+        misfit[part] = level
+        found.append(stated_error(z, slope, 1e-6, misfit=misfit, **LIGHT_ALONE))
+    none, some, more = found
+    inside = at_rest(z) == 0
+    assert some[inside].min() > 10 * none[inside].max()
+    assert np.allclose(more[inside], 2 * some[inside], rtol=0.05)
+
+
+def bounced_error(**given: Any) -> F4:
+    return stated_error(*dome(), 0.001, **given)
+
+
+def thrown(light: float) -> F4:
+    """Light that the film throws on the side of one LED."""
+    one = np.zeros((4, *SHAPE), np.float32)
+    one[0] = light
+    return one
+
+
+def test_bounced_light_is_as_wrong_as_the_presses_disagree() -> None:
+    doubt = np.float32([0, 1, 0, 0.1, 0])
+    exact_bounce = bounced_error(bounced=thrown(0.2), misfit=0 * doubt)
+    assert np.array_equal(exact_bounce, bounced_error())
+    assert np.array_equal(bounced_error(bounced=thrown(0.0), misfit=doubt), bounced_error())
+    assert bounced_error(bounced=thrown(0.2), misfit=doubt).max() > 1.5 * exact_bounce.max()
+
+
+def test_bounced_light_that_has_not_settled_is_an_error() -> None:
+    settled = bounced_error(bounced=thrown(0.2), earlier=thrown(0.2))
+    assert np.array_equal(settled, bounced_error())
+    assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.16)).max() > 1.5 * settled.max()
+
+
+def test_film_held_at_zero_may_be_as_high_as_slopes_alone_say() -> None:
+    rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
+    flat = np.zeros(SHAPE, np.float32)
+    found = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL)
+    assert found[rest == 1] == pytest.approx(0.1, rel=0.01)
+    assert (found[rest == 0] == error[rest == 0]).all()
+    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL)[rest == 1]
+    assert hidden == pytest.approx(4.5 / np.sqrt(3) * 0.01 * PIXEL, rel=1e-4)
+
+
+def test_no_slope_is_known_worse_than_its_steepest() -> None:
+    flat, rest = np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
+    found = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, level=1.0)
+    assert found == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
+
+
+def test_an_edge_may_lie_in_the_pixel_beside_it() -> None:
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    stated = error_of(z, slope, 100)
+    assert stated[11:29, [19, 20, 21, 42, 43]].min() > 0.4
+    assert stated[15:25, 24:40].max() < 0.1
+
+
+def test_all_that_a_rim_carries_shares_its_error() -> None:
+    """A table: no slope on its top errs, but all of it stands on the steps of its rim."""
+    z = np.zeros(SHAPE, np.float32)
+    z[10:30, 20:44] = 1
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
+    sharp, blind = (stated_error(z, slope, 0.001, kink=kink) for kink in (0.45, 0.0))
+    top = np.s_[15:25, 26:38]
+    assert sharp[top].min() > 2 * blind[top].max()
+    assert np.ptp(sharp[top]) < 0.3 * sharp[top].mean()
+
+
+def test_noise_does_to_the_height_what_the_error_says() -> None:
+    z, slope = dome()
+    inside = at_rest(z) == 0
+    stated = error_of(z, slope, 1)
+    sd = 0.01 / (np.sqrt(2) * np.cos(np.radians(60)) / np.sin(np.radians(60)))
+    rng = np.random.default_rng(7)
+    found = [
+        integrate_weighted(equations(slope + noise, 1e-4, at_rest(z), bend=0.0, robust=1e6), z) - z
+        for noise in rng.normal(0, sd, (12, *slope.shape)).astype(np.float32)
+    ]
+    ratio = np.sqrt(np.mean(np.square(found), axis=0)[inside]).mean() / stated[inside].mean()
+    assert ratio == pytest.approx(1, abs=0.3)
+
+
+def test_an_unknown_zero_is_an_error_everywhere() -> None:
+    rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
+    flat = np.zeros(SHAPE, np.float32)
+    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, zero=0.04)
+    assert found[rest == 0] == pytest.approx(0.05)
+    assert found[rest == 1] == pytest.approx(0.04, rel=1e-3)

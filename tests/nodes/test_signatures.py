@@ -1,0 +1,27 @@
+"""A node takes what a reader can hold in mind; what belongs together is a record."""
+
+from __future__ import annotations
+
+import inspect
+
+import pytest
+
+from tactograph.graph.declare.find_node import builtin_names, find_node
+
+MAX_INPUTS, MAX_PARAMS = 12, 10
+
+
+def arguments(name: str) -> tuple[int, int]:
+    """The inputs and the parameters of a node's function, a record counted as one."""
+    node = find_node(name)
+    engine = {node.provenance, node.session, node.wanted, node.whole}
+    signature = inspect.signature(node.function).parameters.values()
+    given = [p.kind is p.KEYWORD_ONLY for p in signature if p.name not in engine]
+    return given.count(False), given.count(True)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_node_takes_few_arguments(name: str) -> None:
+    inputs, params = arguments(name)
+    assert inputs <= MAX_INPUTS
+    assert params <= MAX_PARAMS
