@@ -32,6 +32,8 @@ STEPS = 8
 """Most Gauss-Newton steps of a level."""
 STILL = 1e-2
 """Of a cell's side: a step below it ends a level."""
+ENOUGH = 0.9
+"""Likeness of a fit that needs no other."""
 MIN_PAIRS = 30
 OPEN_SHARE = 0.25
 """Of what the shape tells of a motion: if noise alone would tell more, the motion is open."""
@@ -298,8 +300,17 @@ def fit_motion(first: list[Surface], second: list[Surface], guess: F8) -> Fit | 
         return None
     to_middle = _to_middle(trimmed[-1])
     keys = [_key(surface, to_middle) for surface in trimmed]
-    still = np.zeros((6, 0))
-    found = _descend(keys, second, guess, still)
+    # A small motion needs no coarse cells, on which a fine texture may be taken for its repeat.
+    fit = _fitted(keys[-1:], second[-1:], guess)
+    if fit is not None and fit.likeness > ENOUGH:
+        return fit
+    other = _fitted(keys, second, guess)
+    return max((f for f in (fit, other) if f), key=lambda f: f.likeness, default=None)
+
+
+def _fitted(keys: list[_Key], second: list[Surface], guess: F8) -> Fit | None:
+    """The motion, coarse to fine; once more without those that turn out open."""
+    found = _descend(keys, second, guess, np.zeros((6, 0)))
     told = _told(keys[-1], found[1]) if found else None
     if told and told.open.shape[1]:
         found = _descend(keys, second, guess, told.open)
@@ -307,7 +318,7 @@ def fit_motion(first: list[Surface], second: list[Surface], guess: F8) -> Fit | 
     if not (found and told):
         return None
     motion, seen = found
-    spread = carried(motion) @ to_middle
+    spread = carried(motion) @ keys[-1].to_middle
     return Fit(
         motion,
         spread @ told.covariance @ spread.T,

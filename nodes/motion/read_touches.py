@@ -1,4 +1,4 @@
-"""Read the height maps of many touches: the results of a stream, or of `batch`-like loops."""
+"""Read the height maps of many touches: the results of a stream."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, PixelSize
-from tactograph.nodes.files.height_files import APART
+from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
 from tactograph.nodes.files.image_files import check_heights, read_heights
 from tactograph.nodes.files.result_file import RESULT, refuse_changed
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
@@ -51,7 +51,7 @@ def read_touches(*, folder: Path) -> Touches:
     heights = [_read(result / "height.npy") for result in results]
     pixels = [read_pixel_size(height=result / "height.npy") for result in results]
     for result, height, pixel in zip(results, heights, pixels, strict=True):
-        if height.shape != heights[0].shape or abs(pixel / pixels[0] - 1) > APART:
+        if height.shape != heights[0].shape or abs(pixel / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
     errors = [
         _read(result / "error.npy") if (result / "error.npy").exists() else np.full_like(h, np.nan)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import Provenance, node
-from tactograph.graph.files.atomic_files import atomic_files
+from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics, PixelSize
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
