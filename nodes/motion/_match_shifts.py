@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from tactograph.nodes.motion._rigid_fit import F8, Surface, small_motion
+from tactograph.nodes.motion._surface import F8, Surface, small_motion
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0

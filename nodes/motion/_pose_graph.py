@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from tactograph.nodes.motion._rigid_fit import F8, Fit, six_numbers, small_motion
+from tactograph.nodes.motion._rigid_fit import Fit
+from tactograph.nodes.motion._surface import F8, six_numbers, small_motion
 
 FLOOR = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
 """Variance in mm^2 and rad^2 that no pair goes below: what a film does alike is in no scatter."""

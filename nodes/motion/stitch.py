@@ -16,12 +16,12 @@ from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.force.elastic_layer import wave_numbers
 from tactograph.nodes.motion._match_shifts import likely_motions
 from tactograph.nodes.motion._pose_graph import Pair, solve_poses
-from tactograph.nodes.motion._rigid_fit import (
+from tactograph.nodes.motion._rigid_fit import fit_motion
+from tactograph.nodes.motion._surface import (
     F8,
     IN_DEGREES,
     Surface,
     cells_at,
-    fit_motion,
     normals,
     places,
     pulled_back,

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize, SlopeVariance
-from tactograph.nodes.motion._rigid_fit import (
+from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, Fit, fit_motion
+from tactograph.nodes.motion._surface import (
     F8,
     IN_DEGREES,
-    MIN_PAIRS,
-    Fit,
     carried,
-    fit_motion,
     pyramid,
     six_numbers,
     small_motion,

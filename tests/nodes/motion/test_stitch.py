@@ -8,7 +8,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.motion._rigid_fit import F8, IN_DEGREES, six_numbers, small_motion
+from tactograph.nodes.motion._surface import F8, IN_DEGREES, six_numbers, small_motion
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
 from tests.nodes.motion.moved_objects import PIXEL, height_at, plate, pressed, seen
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph, with_overlays
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.motion._rigid_fit import six_numbers, small_motion
+from tactograph.nodes.motion._surface import six_numbers, small_motion
 from tactograph.nodes.motion.track_pose import TrackedPose, track_pose
+from tests.conftest import Calibration, Raytraced
 from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
@@ -124,3 +128,25 @@ def test_a_jump_begins_anew() -> None:
     _, second = track(surfaces)
     assert second.figures["pose_frames"] == 1
     assert not second.pose.any()
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
+def test_the_overlay_fits_graphs_of_flashed_lights(graph: str) -> None:
+    posed = with_overlays(read_graph(graph), ["pose"])
+    assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
+    assert "pose" in posed.nodes["figures"].inputs
+
+
+@pytest.mark.slow
+def test_a_touch_at_rest_does_not_move(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """Two captures that are the same, through the whole graph."""
+    for name in ("0", "1"):
+        (tmp_path / name).symlink_to(raytraced / "near33" / "cat_film")
+    given = {"calibration": calibration("near33"), "capture": str(tmp_path)}
+    posed = with_overlays(read_graph("reconstruct"), ["pose"])
+    _, second = open_pipeline(posed, given, sinks=False).items()
+    assert second["metrics"]["pose_frames"] == 2
+    assert np.abs(second["pose"]).max() < 1e-3
+    assert np.all(np.linalg.eigvalsh(second["covariance"]) > 0)
