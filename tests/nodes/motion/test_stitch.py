@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.motion._surface import F8, IN_DEGREES, six_numbers, small_motion
+from tactograph.nodes.motion.read_touches import read_touches
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
 from tests.nodes.motion.moved_objects import PIXEL, height_at, plate, pressed, seen
 
@@ -112,3 +118,33 @@ def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) 
     heights, errors = touches[0][[0, 8]], touches[1][:2]
     with pytest.raises(InputError, match="no two of 2 touches fit together"):
         stitch(heights, errors, PIXEL, ["one", "two"])
+
+
+def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    for number, name in enumerate(("one", "two")):
+        folder = tmp_path / "results" / name
+        folder.mkdir(parents=True)
+        np.save(folder / "height.npy", touches[0][number])
+        np.save(folder / "error.npy", touches[1][number])
+        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+    given = {"over": str(tmp_path / "results"), "out": str(tmp_path / "whole")}
+    (found,) = open_pipeline(read_graph("stitch"), given).items()
+    about = json.loads((tmp_path / "whole/result.json").read_text())
+    assert about["metrics"]["stitched_touches"] == 2
+    assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
+    assert {"error.npy", "height.ply", "source.png", "seams.png"} <= {*about["files"]}
+
+
+def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds 0 results, and 2 to 255 are needed"):
+        read_touches(folder=tmp_path)
+
+
+def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:
+    for size in (20, 21):
+        folder = tmp_path / str(size)
+        folder.mkdir()
+        np.save(folder / "height.npy", np.zeros((size, 20), np.float32))
+        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+    with pytest.raises(InputError, match=r"21: differs in size or pixel size from .*20"):
+        read_touches(folder=tmp_path)
