@@ -76,5 +76,7 @@ def with_older(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
         filled[name] = older
         if port.dims:
             shape = [dim if isinstance(dim, int) else sizes[dim] for dim in port.dims]
-            filled[name] = np.array(np.broadcast_to(np.asarray(older, exact), shape))
+            counts = port.dtype is not None and port.dtype.kind == "u"
+            kept = np.asarray(older, port.dtype if counts else exact)
+            filled[name] = np.array(np.broadcast_to(kept, shape))
     return filled

@@ -168,8 +168,15 @@ def _scalar_of(text: str) -> Any:
 def _only_number(value: Any) -> Any:
     """Refuse text where a number is needed."""
     if isinstance(value, str):
-        raise ValueError("a number is needed")
+        raise ValueError("a number is needed" + _comma_hint(value))
     return _refuse_bool(value)
+
+
+def _comma_hint(text: str) -> str:
+    """What to write in place of a decimal comma."""
+    whole, comma, part = text.partition(",")
+    is_decimal = bool(comma) and whole.lstrip("-").isdigit() and part.isdigit()
+    return f", such as {whole}.{part} with a point" if is_decimal else ""
 
 
 def _only_flag(value: Any) -> Any:

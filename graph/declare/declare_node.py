@@ -171,8 +171,9 @@ def _arguments(
             yield name, argument
             continue
         (record,) = typing.get_args(hints[name])
-        hints |= typing.get_type_hints(record, include_extras=True)
-        for field in record._fields:
+        fields = record_fields(record)
+        hints |= fields
+        for field in fields:
             yield field, inspect.Parameter(field, inspect.Parameter.POSITIONAL_ONLY)
 
 

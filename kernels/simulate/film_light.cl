@@ -13,6 +13,7 @@ LANED __kernel void film_light(
     __global const float *restrict film_lights,
     __global const float *restrict film_diffuse,
     __global const float *restrict film_harmonics,
+    __global const float *let_in_curve,
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
     const float film_refraction, const float film_camera,
@@ -26,7 +27,7 @@ LANED __kernel void film_light(
     if (row >= H) return;
     const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
-    const Film film = {film_lights,   film_diffuse, film_harmonics, film_flattest,
+    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;

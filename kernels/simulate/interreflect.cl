@@ -38,21 +38,18 @@ __kernel void add_bounce(
     }
 }
 
-// Adds the bounces to the light, extrapolated from two sizes of cells to what cells miss.
+// Adds the bounces to the light.
 LANED __kernel void add_light(
     __global const float *restrict light,
     __global const float *restrict rest,
     __global const float *restrict bounced,
-    __global const float *restrict of_larger,
     __global float *restrict out,
     const int H, const int W,
     const int factor,
-    const int h, const int w,
-    const float missed)
+    const int h, const int w)
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    const floats added =
-        extrapolated(bounced, of_larger, missed, k, y, x, count, factor, h, w);
+    const floats added = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
     store_floats(load_floats(light + i, count) + load_floats(rest + i, count) * added, out + i, count);
 }

@@ -11,7 +11,7 @@ from annotated_types import Gt
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
-from tactograph.nodes.files.image_files import Crop, Leds, Lights, lights_of
+from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights, lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
 Millimetres = Annotated[float, Gt(0)]
@@ -42,6 +42,7 @@ def read_balls(
     leds: Leds | None = None,
     files: str = "led{}",
     crop: Crop | None = None,
+    channel: Channel | None = None,
 ) -> BallPresses:
     """Read one press of a ball, or a folder of them.
 
@@ -56,7 +57,7 @@ def read_balls(
         The ball's radius: one for all presses, or one per press in their order.
     center_px, contact_px
         x, y of the ball's centre and radius of its contact; only for a single press.
-    lights, leds, files, crop
+    lights, leds, files, crop, channel
         As for `read_capture`.
 
     Returns
@@ -71,7 +72,11 @@ def read_balls(
         As `read_capture`; if presses differ in size; if a ball's radius is not given, or
         the number of radii does not match the number of presses.
     """
-    captures = list(read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop))
+    captures = [
+        *read_capture(
+            folder=folder, lights=lights, leds=leds, files=files, crop=crop, channel=channel
+        )
+    ]
     first = captures[0].image
     for capture in captures:
         if capture.image.shape != first.shape:
@@ -90,7 +95,7 @@ def read_balls(
         _radius(folder / name, about, usual)
         for name, about, usual in zip(names, said, _spread(folder, names, radius_mm), strict=True)
     ]
-    known = [_known(about, center_px, contact_px) for about in said]
+    known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
         np.concatenate([capture.image for capture in captures], axis=1),
         first,
@@ -126,8 +131,11 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
     return radius
 
 
-def _known(
-    about: CaptureFile, center_px: tuple[float, float] | None, contact_px: float | None
+def known_circle(
+    about: CaptureFile,
+    center_px: tuple[float, float] | None = None,
+    contact_px: float | None = None,
 ) -> tuple[float, float, float]:
+    """Return x, y and contact radius in px as a press's ``capture.yaml`` gives them, else NaN."""
     x, y = about.ball_center_px or center_px or (np.nan, np.nan)
     return x, y, about.ball_contact_px or contact_px or np.nan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -12,14 +12,24 @@ from annotated_types import Interval, Len
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from tactograph.graph import FRACTIONS, InputError, Whole, node
+from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, Slope
+from tactograph.nodes.capture._led_files import (
+    USUAL,
+    find_led_files,
+    has_led_files,
+    images_of,
+    is_hidden,
+)
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
+    MEAN_OF_CHANNELS,
+    Channel,
     Crop,
     Leds,
     Lights,
+    bits_of,
     channels,
     check_alike,
     check_exposed,
@@ -32,11 +42,9 @@ from tactograph.nodes.files.image_files import (
     size_of,
 )
 
-IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
 TRUE_SLOPE_FILE = "truth_slope.npy"
 TRUE_SHADOW_FILE = "truth_shadow.png"
-MAX_LEDS = 8
 
 
 class Capture(NamedTuple):
@@ -74,9 +82,10 @@ class Layout:
 
     lights: Lights = "leds"
     leds: tuple[int, ...] | None = None
-    files: str = "led{}"
+    files: str = USUAL
     bits: int | None = None
     crop: Crop | None = None
+    channel: Channel | None = None
 
 
 @node
@@ -85,8 +94,9 @@ def read_capture(
     folder: Path,
     lights: Lights | None = None,
     leds: Leds | None = None,
-    files: str = "led{}",
+    files: str = USUAL,
     crop: Crop | None = None,
+    channel: Channel | None = None,
     single: bool = False,
     whole: Whole = FRACTIONS,
 ) -> Iterator[Capture]:
@@ -95,9 +105,9 @@ def read_capture(
     Parameters
     ----------
     folder
-        Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit grey; PNG, TIFF, PGM or BMP, or JPEG
-        with a warning), or one colour image; or holds such folders, which are then read in
-        order of name.  Hidden folders and files are ignored.
+        Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit; PNG, TIFF, PGM or BMP, or JPEG with a
+        warning), or images of another name with numbers, or one colour image; or holds such
+        folders, which are then read in order of name.  Hidden folders and files are ignored.
     lights
         "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
         lights in that order.  None: the entry in ``capture.yaml``, else "leds".
@@ -105,9 +115,11 @@ def read_capture(
         Which LEDs to read and in what order, counted from 1.  None: all that exist.
     files
         The images' name without suffix; ``{}`` stands for the LED's number, as in
-        ``image{:02}``.
+        ``image{:02}``.  Of the usual name, any one name with numbers may be in its place.
     crop
         x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
+    channel
+        Of colour images, one per LED, the channel to read.  None: the mean of all three.
     single
         Refuse a folder of captures.
     whole
@@ -126,15 +138,15 @@ def read_capture(
         to measure, of a different size or depth than its neighbours, or not grey; and for an
         image whose pixels are not plain, see `read_image`.
     """
-    layout = Layout(lights or "leds", leds, files, None, crop)
+    layout = Layout(lights or "leds", leds, files, None, crop, channel)
     _check_folder(folder)
     if _is_capture(folder, layout, lights):
         yield _read(folder, layout, lights, "", whole)
         return
-    folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not _is_hidden(d))
+    folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
     inside = [d for d in folders if _is_capture(d, layout, lights)]
     if not inside:
-        raise InputError(f"{folder}: {_what_is_missing(layout)}, nor any folder that does")
+        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
     if single:
         raise InputError(
             f"{folder}: holds {len(inside)} captures, but one is needed; "
@@ -160,8 +172,8 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     _check_folder(folder)
     layout = _with_capture_file(folder, layout)
     if layout.lights == "leds":
-        files = _led_files(folder, layout)
-        planes = [grey(read_image(file), file) for file in files]
+        files = find_led_files(folder, layout.files, layout.leds)
+        planes = [grey(read_image(file), layout.channel) for file in files]
     else:
         file = _only_image(folder)
         planes = channels(read_image(file), file, layout.lights, layout.leds)
@@ -170,10 +182,14 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     stack = np.stack(
         [cropped(plane, layout.crop, file) for plane, file in zip(planes, files, strict=True)]
     )
-    if whole and layout.bits in (None, 8 * stack.itemsize):
-        check_exposed(stack, files, layout.bits)
+    bits = layout.bits or bits_of(files[0])
+    if stack.ndim > 3:
+        warn(f"colour images: {MEAN_OF_CHANNELS}")
+        return np.asarray(normalised(stack, files, bits).mean(axis=-1), np.float32)
+    if whole and bits in (None, 8 * stack.itemsize):
+        check_exposed(stack, files, bits)
         return stack
-    return normalised(stack, files, layout.bits)
+    return normalised(stack, files, bits)
 
 
 def _check_folder(folder: Path) -> None:
@@ -228,9 +244,8 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
 
 def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
     if _lights(folder, lights) == "leds":
-        numbers = layout.leds or (*range(1, MAX_LEDS + 1),)
-        return any(_find(folder, layout.files, numbers).values())
-    return bool(_images(folder))
+        return has_led_files(folder, layout.files, layout.leds)
+    return bool(images_of(folder))
 
 
 def _lights(folder: Path, lights: Lights | None) -> Lights:
@@ -256,78 +271,23 @@ def _with_capture_file(folder: Path, layout: Layout) -> Layout:
     return replace(layout, leds=leds, bits=layout.bits or stated.bits)
 
 
-def _find(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
-    """The image of each LED.
-
-    The folder is listed once, which is faster than testing every possible file name.
-    """
-    try:
-        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
-    except OSError:  # each LED has a folder of its own, or there is none
-        listed = None
-    return {led: _find_one(folder, pattern, led, listed) for led in leds}
-
-
-def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
-    try:
-        stem = pattern.format(led)
-        if stem == pattern:
-            raise ValueError
-    except (ValueError, IndexError, KeyError, AttributeError):
-        raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
-    name = stem.rpartition("/")[2].lower()
-    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
-    existing = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
-    if len(existing) > 1:
-        names = " and ".join(file.name for file in existing)
-        raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
-    return existing[0] if existing else None
-
-
-def _led_files(folder: Path, layout: Layout) -> list[Path]:
-    if layout.leds is not None:
-        if len(set(layout.leds)) < len(layout.leds):
-            raise InputError(f"leds={layout.leds}: an LED is named twice")
-        by_led = _find(folder, layout.files, layout.leds)
-    else:
-        candidates = _find(folder, layout.files, range(1, MAX_LEDS + 1))
-        last = max((k for k, file in candidates.items() if file), default=0)
-        by_led = {k: candidates[k] for k in range(1, max(last, 1) + 1)}
-    missing = [k for k, file in by_led.items() if file is None]
-    if missing:
-        name = layout.files.format(missing[0])
-        raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if not 3 <= len(by_led) <= MAX_LEDS:
-        raise InputError(
-            f"{folder}: {len(by_led)} LED images; a slope needs from 3 to {MAX_LEDS} of them"
-        )
-    return [file for file in by_led.values() if file is not None]
-
-
-def _images(folder: Path) -> list[Path]:
-    files = (
-        f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(f)
-    )
-    return sorted(files)
-
-
-def _is_hidden(path: Path) -> bool:
-    """Tell a hidden file: of a system, or what a killed writer left (`atomic_files`)."""
-    return path.name.startswith(".")
-
-
 def _only_image(folder: Path) -> Path:
-    images = _images(folder)
+    images = images_of(folder)
     if len(images) != 1:
         names = ", ".join(f.name for f in images[:4]) or "none"
         raise InputError(f"{folder}: one colour image is needed here, there are: {names}")
     return images[0]
 
 
-def _what_is_missing(layout: Layout) -> str:
+def _what_is_missing(folder: Path, layout: Layout) -> str:
     if layout.lights != "leds":
         return "holds no colour image"
+    if len(images := images_of(folder)) == 1:
+        return (
+            f"holds {images[0].name} alone, but there is one image per LED (led1.png, led2.png, "
+            "...); if its channels are the lights, say lights=bgr"
+        )
     return (
-        f"holds no {layout.files.format(1)}.png (one image per LED; images of other names: set "
-        "'files' of the node that reads them)"
+        f"holds no {layout.files.format(1)}.png (one image per LED, numbered; images of other "
+        "names: set 'files' of the node that reads them)"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -14,13 +14,12 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
 from tactograph.nodes.files.calibration_file import dark_led
 from tactograph.nodes.files.image_files import (
+    Channel,
     Crop,
     Leds,
     Lights,
-    cropped,
-    grey,
     lights_of,
-    read_image,
+    read_plane,
 )
 
 
@@ -43,6 +42,7 @@ def read_flat(
     leds: Leds | None = None,
     files: str = "led{}",
     crop: Crop | None = None,
+    channel: Channel | None = None,
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Flat:
     """Read the capture of the untouched film, or substitute an estimate or uniform light.
@@ -60,7 +60,7 @@ def read_flat(
         None: the estimate; without one, uniform light is assumed, with a warning.
     dark
         One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``.
-    lights, leds, files, crop
+    lights, leds, files, crop, channel
         As for `read_capture`.
     smooth_px
         Standard deviation of the Gaussian that smooths the flat image.
@@ -75,7 +75,7 @@ def read_flat(
     if black is None:
         black = np.zeros((height, width), np.float32)
     if dark is not None:
-        black = _read_dark(dark, crop)
+        black = read_plane(dark, crop, channel, read_capture_file(dark.parent).bits)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
@@ -85,7 +85,14 @@ def read_flat(
     if folder is None:
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)
-    stack = _mean(folder, image, lights, leds, files, crop)
+    given: dict[str, Any] = {
+        "lights": lights,
+        "leds": leds,
+        "files": files,
+        "crop": crop,
+        "channel": channel,
+    }
+    stack = _mean(image, folder=folder, **given)
     flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
@@ -95,17 +102,10 @@ def read_flat(
     return Flat(flat, black)
 
 
-def _mean(
-    folder: Path,
-    image: Light,
-    lights: Lights | None,
-    leds: Leds | None,
-    files: str,
-    crop: Crop | None,
-) -> F4:
+def _mean(image: Light, folder: Path, **given: Any) -> F4:
     """The mean of the captures in a folder, or the only capture."""
     total, count = np.zeros(image.shape, np.float64), 0
-    for capture in read_capture(folder=folder, lights=lights, leds=leds, files=files, crop=crop):
+    for capture in read_capture(folder=folder, **given):
         if capture.image.shape != image.shape:
             raise InputError(
                 f"{folder / capture.name}: the untouched film is {lights_of(capture.image)}, but "
@@ -114,17 +114,6 @@ def _mean(
         total += capture.image
         count += 1
     return np.asarray(total / count, np.float32)
-
-
-def _read_dark(file: Path, crop: Crop | None) -> F4:
-    plane = grey(read_image(file), file)
-    if plane.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit grey is needed")
-    bits = read_capture_file(file.parent).bits or 8 * plane.dtype.itemsize
-    full = np.float32(2**bits - 1)
-    if plane.max() > full:
-        raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
-    return np.asarray(cropped(plane, crop, file) / full, np.float32)
 
 
 def _smoothed(plane: F4, sigma: float) -> F4:

@@ -11,19 +11,26 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture.read_capture import Layout, read_capture, read_images
-from tactograph.nodes.files.image_files import channels, normalised, read_image
+from tactograph.nodes.capture.read_balls import KnownCircles, known_circle
+from tactograph.nodes.capture.read_capture import (
+    Layout,
+    read_capture,
+    read_capture_file,
+    read_images,
+)
+from tactograph.nodes.files.image_files import Crop, channels, cropped, normalised, read_image
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""
 
 
 class Presses(NamedTuple):
-    """The captures, the film at rest, and the captures' folders."""
+    """The captures, the film at rest, the captures' folders, and known contacts."""
 
     image: PressImages
     flat: Light
     names: list[str]
+    circle: KnownCircles
 
 
 @node
@@ -32,6 +39,7 @@ def read_presses(
     folder: Path | None = None,
     flat: Path,
     lights: Literal["leds", "bgr", "rgb"] = "bgr",
+    crop: Crop | None = None,
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Presses:
     """Read every capture below `folder`, and the untouched film.
@@ -48,37 +56,49 @@ def read_presses(
     lights
         "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
         light.
+    crop
+        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
     smooth_px
         Standard deviation of the Gaussian that smooths the flat image.
 
     Returns
     -------
     Presses
-        Images P x K x H x W, flat K x H x W, the names of the P folders.
+        Images P x K x H x W, flat K x H x W, the names of the P folders, and the contacts that
+        their ``capture.yaml`` give (``ball_center_px``, ``ball_contact_px``), P x 3 in px.
 
     Raises
     ------
     InputError
         As `read_capture`; if a press differs in size from the flat image.
     """
-    film = read_film(flat, lights, smooth_px)
+    film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
-        return Presses(film[None], film, [])
-    captures = list(read_capture(folder=folder, lights=lights))
+        return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
+    captures = list(read_capture(folder=folder, lights=lights, crop=crop))
     for capture in captures:
         if capture.image.shape != film.shape:
             raise InputError(
                 f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
                 f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
             )
-    return Presses(np.stack([c.image for c in captures]), film, [c.name for c in captures])
+    names = [capture.name for capture in captures]
+    circles = [known_circle(read_capture_file(folder / name)) for name in names]
+    images = np.stack([capture.image for capture in captures])
+    return Presses(images, film, names, np.asarray(circles, np.float32))
 
 
-def read_film(place: Path, lights: Literal["leds", "bgr", "rgb"], smooth_px: float) -> F4:
+def read_film(
+    place: Path,
+    lights: Literal["leds", "bgr", "rgb"],
+    smooth_px: float,
+    crop: Crop | None = None,
+) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
     if place.is_dir() or lights == "leds":
-        stack = read_images(place, Layout(lights))
+        stack = read_images(place, Layout(lights, crop=crop))
     else:
-        planes = channels(read_image(place), place, lights, None)
+        whole = channels(read_image(place), place, lights, None)
+        planes = [cropped(plane, crop, place) for plane in whole]
         stack = normalised(np.stack(planes), [place] * len(planes), None)
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

@@ -43,10 +43,10 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
         lengths) of the ellipse that has the area's second moments;
         ``contact_angle_deg``, from x towards y to the major axis, above -90 up to 90.
     """
-    figures: Metrics = {"contacts": float(contact.max(initial=0))}
-    for number in range(1, int(figures["contacts"]) + 1):
-        mask = (contact == number).view(np.uint8)
-        measured = _measured(height, mask, pixel) if mask.any() else {}
+    numbers = np.unique(contact[contact > 0])
+    figures: Metrics = {"contacts": float(len(numbers))}
+    for number in numbers:
+        measured = _measured(height, (contact == number).view(np.uint8), pixel)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
 

@@ -84,7 +84,7 @@ def write_arrays(
     Parameters
     ----------
     arrays
-        All those of `kind`.
+        All those of `kind`; for absent ones stands what stands for them in older files.
     about
         Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
         added.
@@ -101,9 +101,10 @@ def write_arrays(
         "units": {name: value.port.meaning for name, value in kind.values.items()},
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
+    filled = with_older(kind.record, {n: v for n, v in arrays.items() if v is not None})
     with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
         typed: dict[str, Any] = {
-            n: np.asarray(arrays[n], value.dtype) for n, value in kind.values.items()
+            n: np.asarray(filled[n], value.dtype) for n, value in kind.values.items()
         }
     try:
         _check_arrays(kind, typed, kind.values)

@@ -18,10 +18,11 @@ from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, UM_PER_MM, Height, Lens
 from tactograph.nodes.files.areal_surface import areal_surface, surfalize
 from tactograph.nodes.files.image_files import MOST_PIXELS, read_heights
+from tactograph.nodes.files.metrology_files import METROLOGY_READERS
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.film_places import film_places
 
-Format = Literal["npy", "tiff", "png", "tmd", "sur", "ply", "stl", "obj"]
+Format = Literal["npy", "tiff", "png", "tmd", "sur", "x3p", "gwy", "gsf", "ply", "stl", "obj"]
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1e3
 """Pixel sizes that files of 32-bit floats can hold."""
@@ -344,4 +345,8 @@ def read_height_file(file: Path) -> HeightFile:
     """
     if not file.is_file():
         raise InputError(f"{file}: there is no such file")
-    return READERS.get(file.suffix.lower(), read_npy)(file)
+    suffix = file.suffix.lower()
+    if suffix in METROLOGY_READERS:
+        height, width, length = METROLOGY_READERS[suffix](file)
+        return HeightFile(height, _square(width, length))
+    return READERS.get(suffix, read_npy)(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +16,8 @@ from PIL import Image, UnidentifiedImageError
 from tactograph.graph import InputError, warn
 from tactograph.graph.disk.array_files import load_array
 
+MAX_LEDS = 8
+"""A label has 8 bits."""
 FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MOST_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
@@ -24,12 +27,24 @@ FEWEST_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 HIGHEST = 1e4
 """Largest absolute value of a height map in mm."""
+MAX_SATURATED = 1e-3
+"""Share of saturated pixels that raises a warning."""
+MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
+"""Share of full scale above which a plateau at the largest value is saturation, and of that value
+above which light that was not cut off has at most as many pixels."""
 ORIENTATION = 0x0112
 PHOTOMETRIC = 0x0106
 """TIFF tag that is 0 where white is 0."""
 Crop = tuple[int, int, int, int]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
 Lights = Literal["leds", "bgr", "rgb"]
+Channel = Literal["blue", "green", "red"]
+CHANNELS: tuple[Channel, ...] = ("blue", "green", "red")
+MEAN_OF_CHANNELS = (
+    "their light is the mean of the three channels; channel=red, green or blue takes one"
+)
+MAXVAL = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
+"""The head of a PGM, up to the value that stands for white."""
 
 
 def read_image(file: Path) -> NDArray[Any]:
@@ -171,17 +186,46 @@ def read_numbers(file: Path) -> NDArray[Any]:
         raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
 
 
-def grey(image: NDArray[Any], file: Path) -> NDArray[Any]:
-    """Return an image H x W, or H x W x C of equal channels, as H x W; refuse one with colours."""
+def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
+    """Return an image H x W; H x W x 3 if its channels differ and none of them is chosen."""
     if image.ndim == 2:
         return image
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
-    if (colours == colours[..., :1]).all():
-        return np.ascontiguousarray(colours[..., 0])
-    raise InputError(
-        f"{file}: a colour image, but a grey one per LED is needed; "
-        "if its channels are the lights, say lights=bgr"
-    )
+    if channel is not None or (colours == colours[..., :1]).all():
+        at = 0 if channel is None or colours.shape[2] == 1 else CHANNELS.index(channel)
+        return np.ascontiguousarray(colours[..., at])
+    return np.ascontiguousarray(colours)
+
+
+def read_plane(
+    file: Path, crop: Crop | None = None, channel: Channel | None = None, bits: int | None = None
+) -> NDArray[np.float32]:
+    """Read one image file as fractions of full scale, H x W: of colours their mean.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or of another depth, or the crop exceeds it.
+    """
+    plane = cropped(grey(read_image(file), channel), crop, file)
+    if plane.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
+    bits = bits or bits_of(file) or _bits(plane)
+    full = 2**bits - 1
+    if plane.max() > full:
+        raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
+    light = np.asarray(plane / np.float32(full), np.float32)
+    return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
+
+
+def bits_of(file: Path) -> int | None:
+    """Return the depth that a PGM states, where it is not that of its container; else None."""
+    if file.suffix.lower() != ".pgm":
+        return None
+    with file.open("rb") as opened:
+        found = MAXVAL.match(opened.read(1024))
+    bits = int(found[1]).bit_length() if found else 16
+    return bits if 8 < bits < 16 else None
 
 
 def channels(
@@ -205,6 +249,9 @@ def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:
     for plane, file in zip(planes, files, strict=True):
         if plane.dtype not in (np.uint8, np.uint16):
             raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit grey is needed")
+        if plane.ndim != first.ndim:
+            coloured, plain = (file, files[0]) if plane.ndim > first.ndim else (files[0], file)
+            raise InputError(f"{coloured}: a colour image, but {plain.name} is grey")
         if plane.shape != first.shape:
             raise InputError(
                 f"{file}: is {size_of(plane)}, but {files[0].name} is {size_of(first)} pixels"
@@ -220,7 +267,7 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
     if crop is None:
         return plane
     x0, y0, x1, y1 = crop
-    height, width = plane.shape
+    height, width = plane.shape[:2]
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} has only {size_of(plane)} pixels")
     return plane[y0:y1, x0:x1]
@@ -244,7 +291,7 @@ def check_exposed(
     Parameters
     ----------
     stack
-        K x H x W, unsigned integers, or floats as fractions of full scale.
+        K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale.
     names
         Of the K images, for messages.
     bits
@@ -265,11 +312,26 @@ def check_exposed(
         if most > full:
             raise InputError(f"{name}: has values up to {most}, but bits: {bits}")
         _check_bright(plane, full, name, shallow)
-        saturated = np.count_nonzero(plane >= full) / plane.size if most == full else 0.0
-        if saturated > 1e-3:
-            warn(f"{name}: {saturated:.1%} of the pixels are saturated; expose shorter")
+        saturated = _saturated(plane, most, full)
+        if saturated > MAX_SATURATED:
+            at = "" if most == full else f" at {most} of {full}"
+            warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
     if shallow and bits is None:
         warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**found - 1}; {shallow}")
+
+
+def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
+    """The share of the pixels where light was cut off, at full scale or shortly below it.
+
+    Some cameras end before: 12 bits at the top of 16, or video's 235 of 255.
+    """
+    if most < MIN_PLATEAU_SHARE * full:
+        return 0.0
+    share = np.count_nonzero(plane == most) / plane.size
+    if most == full or share <= MAX_SATURATED:
+        return share
+    beside = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
+    return share if 0 < beside < share else 0.0
 
 
 def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:

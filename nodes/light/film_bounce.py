@@ -13,13 +13,13 @@ from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.bounce import bounce, launch_bounce, launch_cells
 from tactograph.nodes.optics.radiosity import (
+    AZIMUTHS,
     Grid,
     cell_grid,
     cells_of,
     extrapolated,
     larger_cells,
     means,
-    missed,
 )
 from tactograph.nodes.optics.sweep import sight
 
@@ -46,6 +46,7 @@ def film_bounce(
     slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
+    azimuths: Annotated[int, Interval(ge=2, le=64)] = AZIMUTHS,
     share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
 ) -> Light | None:
     r"""Return the part of the light that comes from other places of the film.
@@ -81,6 +82,8 @@ def film_bounce(
     cells
         Largest number of cells.  They are squares of whole pixels, and the result is
         interpolated between them.  A quarter of the number makes them twice as wide.
+    azimuths
+        Number of azimuths that a cell looks along under a coat; half as many on a matt film.
     share
         Relaxation factor: result = before + share (new - before).  Below 1 it damps
         oscillation; above 1 it speeds up slow convergence.
@@ -98,18 +101,17 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return None
-    grid = cell_grid(height.shape, pixel, cells, film.rim)
+    grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope)
-    found = extrapolated(on_cells, grid, film.refraction)
+    found = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
     return found if before is None else before + np.float32(share) * (found - before)
 
 
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
-    """The bounced light, computed on the cells of one grid and interpolated at the pixels."""
+    """The bounced light of the cells of one grid."""
     of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    seen = partial(sight, of, grid, film.camera, film.refraction)
-    planes = bounce(means(light, grid.factor), film, of, grid, seen)
-    return between_cells(planes, height.shape, grid.factor)
+    seen = partial(sight, of, grid, film.camera)
+    return bounce(means(light, grid.factor), film, of, grid, seen)
 
 
 @film_bounce.idle
@@ -122,24 +124,27 @@ def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     of, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
     pixel, albedo = of["pixel"], of["film.albedo"]
-    constants = {"LEDS": count, "COATED": int(of["film.refraction"] != 1)}
     _check(albedo)
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], of["film.rim"])
-    fine, coarse = (_launch_on_cells(run, on, constants) for on in (grid, larger_cells(grid)))
-    arguments = fine, coarse, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
-    arguments = *arguments, missed(of["film.refraction"]), settings["share"]
+    film = of["film.rim"], of["film.refraction"]
+    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
+    constants = {"LEDS": count, "COATED": int(film[1] != 1), "AZIMUTHS": grid.azimuths}
+    larger = _launch_on_cells(run, larger_cells(grid), constants)
+    bounced = _launch_on_cells(run, grid, constants, larger)
+    arguments = bounced, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
     work = run.in_row_lanes(count, *size)
-    run.kernel("interpolate", work, *arguments, constants=constants)
+    run.kernel("interpolate", work, *arguments, settings["share"], constants=constants)
 
 
-def _launch_on_cells(run: Launch, grid: Grid, constants: dict[str, int]) -> DeviceArray:
-    """Do what `_on_cells` does, except for the interpolation."""
+def _launch_on_cells(
+    run: Launch, grid: Grid, constants: dict[str, int], larger: DeviceArray | None = None
+) -> DeviceArray:
+    """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
     of, camera = run.inputs, run.inputs["film.camera"]
     film = of["light"], of.get("slope"), of["film.lights"], camera
     table = launch_cells(run, grid, constants, *film)
     bounced = run.scratch((run.sizes["K"], grid.rows, grid.columns))
     coat = [of[f"film.{name}"] for name in COAT]
-    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced)
+    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced, larger)
     return bounced
 
 

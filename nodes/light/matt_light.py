@@ -10,6 +10,7 @@ from annotated_types import Interval
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import (
     direct_share,
     is_affine,
@@ -116,6 +117,7 @@ def _launch(run: Launch) -> None:
     of, out = run.inputs, run.outputs
     stretch = STRETCH if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in SHOWN]
+    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
         of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),

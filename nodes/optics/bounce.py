@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tactograph.nodes import F4, Film
+from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.coated_bounce import coated, source_rows
 from tactograph.nodes.optics.radiosity import Cells, Grid
-from tactograph.nodes.optics.sweep import Sight, arriving, azimuths, matt
+from tactograph.nodes.optics.sweep import Sight, arriving, matt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -42,7 +43,7 @@ def bounce(
     sources[frame] *= light
     matt_film = film.refraction == 1
     law = matt(sources) if matt_film else coated(film, cells, sources, grid, from_above)
-    found = arriving(seen, azimuths(film.refraction), law, len(light), grid)
+    found = arriving(seen, law, len(light), grid)
     return np.float32(film.albedo) * found / cells.rest[frame]
 
 
@@ -58,10 +59,10 @@ def launch_cells(
     """Return a table of the cells of `light` and of the node's height (`radiosity.clh`)."""
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     every, of = math.prod(grid.whole), run.inputs
-    table = run.scratch((6 + 2 * count, every))
+    table = run.scratch((7 + 2 * count, every))
     shape = *size, grid.factor, grid.rows, grid.columns, grid.rim
     arguments = light, of["height"], slope, lights, of["pixel"], table, *shape, camera
-    run.kernel("lay_out", (every,), *arguments, local=(run.group,), constants=constants)
+    run.kernel("lay_out", run.in_row_lanes(*grid.whole), *arguments, constants=constants)
     return table
 
 
@@ -70,21 +71,26 @@ def launch_bounce(
     grid: Grid,
     constants: Mapping[str, int],
     table: DeviceArray,
-    coat: Sequence[DeviceArray | float],
+    coat: Sequence[Any],
     camera: float,
     albedo: float,
     out: DeviceArray,
+    larger: DeviceArray | None = None,
 ) -> None:
     """Enqueue what `bounce` does: from a table of cells to `out`, K x rows x columns.
 
     `coat` holds the LEDs, then the properties of the film's coat; `COATED` says if it has one.
+    `larger` is the result on cells twice as large, by which this one is extrapolated.
     """
     every, sources = math.prod(grid.whole), None
+    leds, diffuse, base, roughness, refraction, pupil = coat
+    curve = upload_curve(run, roughness, refraction)
+    coat = leds, diffuse, curve, base, roughness, refraction, pupil
     if constants["COATED"]:
         sources = run.scratch((source_rows(run.sizes["K"]), every))
         work = run.in_lanes(every)
         run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     shape = grid.rows, grid.columns, grid.rim, grid.width, grid.film
     work = run.in_row_lanes(grid.rows, grid.columns)
-    arguments = table, sources, out, *coat, *shape, camera, albedo
+    arguments = table, sources, out, *coat, *shape, camera, albedo, larger
     run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)

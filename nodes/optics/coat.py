@@ -6,10 +6,14 @@ take cosines of any shape.  ``kernels/headers/coat.clh`` holds the same.
 
 from __future__ import annotations
 
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 Array = NDArray[Any]
 
@@ -19,13 +23,19 @@ TAIL = 0.4361836, -0.1201676, 0.9372980
 
 ROOT_3 = 3**0.5
 
+GRAZING = 0.05
+"""Smallest cosine for which a coat is evaluated."""
+LET_IN_TERMS = 10
+"""Terms of the polynomial that stands for T of one coat."""
+
 
 def fresnel(cosine: Array, index: float) -> Array:
     """Return the share of unpolarised light that a dielectric mirrors."""
     g = np.sqrt(index * index - 1 + cosine * cosine)
-    first, second = (g - cosine) / (g + cosine), cosine * (g + cosine) - 1
-    other = second / (cosine * (g - cosine) + 1)
-    return np.asarray(0.5 * first * first * (1 + other * other))
+    more, less = g + cosine, g - cosine
+    over, under = cosine * more - 1, cosine * less + 1
+    part = less / (more * under)
+    return np.asarray(0.5 * part * part * (under * under + over * over))
 
 
 def let_in(cosine: Array, roughness: float, index: float) -> Array:
@@ -64,6 +74,40 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
         along = np.maximum(cosine + sine * x, 0)
         mirrored += weight * fresnel(along / np.sqrt(1 + t * t + x * x), index)
     return np.asarray(1 - mirrored)
+
+
+@lru_cache(maxsize=64)
+def let_in_curve(roughness: float, index: float) -> Array:
+    """Return T of one coat as a polynomial of 2 c - 1, of the cosines c from `GRAZING` to 1.
+
+    Fitted at Chebyshev's nodes.  It departs from `let_in` by less than 2e-5 for a roughness of 0.2
+    and by less than 5e-4 for one of 0.05.
+    """
+    turns = (np.arange(4 * LET_IN_TERMS) + 0.5) * np.pi / (4 * LET_IN_TERMS)
+    cosines = GRAZING + (1 - GRAZING) * (1 + np.cos(turns)) / 2
+    powers = np.vander(2 * cosines - 1, LET_IN_TERMS, increasing=True)
+    share = let_in(cosines, roughness, index) if index != 1 else np.ones_like(cosines)
+    return np.asarray(np.linalg.lstsq(powers, share)[0])
+
+
+def let_in_by(curve: Array, cosine: Array) -> Array:
+    """Return the share T of light that a coat lets through, by its `let_in_curve`."""
+    curve = curve.astype(cosine.dtype)
+    x = 2 * cosine - 1
+    found = np.full_like(x, curve[-1])
+    for term in curve[-2::-1]:
+        found *= x
+        found += term
+    return found
+
+
+def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
+    """Return a coat's `let_in_curve` on the device."""
+
+    def made() -> DeviceArray:
+        return run.upload(let_in_curve(roughness, index).astype(np.float32))
+
+    return run.keep(("what a coat lets in", roughness, index), made)
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:

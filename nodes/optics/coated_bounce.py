@@ -30,15 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.optics.coat import fresnel, let_in, masking
-from tactograph.nodes.optics.film import GRAZING, direct_share, glint, to_pupil
+from tactograph.nodes.optics.coat import GRAZING, fresnel, let_in_by, let_in_curve, masking
+from tactograph.nodes.optics.film import direct_share, glint, to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
-from tactograph.nodes.optics.sweep import COATED_AZIMUTHS, Law
+from tactograph.nodes.optics.sweep import Law
 
 LEAST = np.float32(GRAZING)
 NEAREST = np.float32(1e-12)
 """Prevents division by 0."""
-FADED = np.float32(-20)
+FADED = np.float32(-9)
 """Exponent below which a lobe counts as 0."""
 
 
@@ -81,7 +81,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
     here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
     sent = _emitted(film, there, sources.reshape(len(sources), -1), rest)
     by_rest = np.stack([1 / rest(light, here.at) for light in film.lights])
-    turn = np.float32(math.pi / COATED_AZIMUTHS)
+    turn = np.float32(math.pi / grid.azimuths)
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
         eye, normal, facing = here.eye[:, at], here.normal[:, at], there.normal[:, other]
@@ -157,7 +157,8 @@ def _at_rest(film: Film, light: F4, at: F4) -> F4:
 
 
 def _let_in(film: Film, cosine: F4) -> F4:
-    return let_in(np.maximum(cosine, LEAST), film.roughness, film.refraction)
+    curve = let_in_curve(film.roughness, film.refraction)
+    return let_in_by(curve, np.maximum(cosine, LEAST))
 
 
 def _unhidden(film: Film, cosine: F4) -> F4:

@@ -30,7 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import Film
-from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import (
+    GRAZING,
+    beckmann,
+    fresnel,
+    let_in_by,
+    let_in_curve,
+    masking,
+)
 from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
@@ -39,8 +46,6 @@ SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
 FADE = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
-GRAZING = 0.05
-"""Smallest cosine that a reflectance is divided by."""
 
 TURN = 0.02
 """Radians by which a normal is turned for the derivative of a coat's light."""
@@ -274,14 +279,12 @@ def place_terms(u: Array, v: Array) -> Array:
 def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[Array]:
     """Yield equation F2, up to a factor, LED by LED."""
 
-    def through(cosine: Array) -> Array:
-        return let_in(cosine, film.roughness, film.refraction)
-
     coated = film.refraction != 1
     if coated:
+        curve = let_in_curve(film.roughness, film.refraction)
         vx, vy, vz = to_pupil(film.camera, x, y, z)
         c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
-        let_out = through(c_o)
+        let_out = let_in_by(curve, c_o)
     for light in film.lights:
         dx, dy, dz, square, away = _way(light, x, y, z)
         lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
@@ -294,7 +297,7 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
         c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
         c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
         v_h = (vx * hx + vy * hy + vz * hz) * half
-        base = film.base * (through(c_i) * let_out) / np.pi
+        base = film.base * (let_in_by(curve, c_i) * let_out) / np.pi
         yield np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
 
 

@@ -12,18 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4
+from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.slope.height_slopes import difference
 
 FARTHEST = 64
 """Cells beyond the frame after which the film's light is negligible."""
 MARGIN = 22
 """Cells beyond the film that a sweep may read, by a kernel's lanes or a step that overshoots."""
+AZIMUTHS = 32
+"""Number of azimuths under a coat; what it mirrors is narrower than the light of matt film."""
 LEAST = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
-MATT_MISSED, COATED_MISSED = 1 / 3, 0.45
-"""What cells still miss, as a share of their excess over cells twice as large: a third if the error
-grows with the square of the side, more under a coat, whose lobes are narrower than cells."""
+MISSED = 0.7
+"""What cells still miss, as a share of their excess over cells twice as large.  It would be a third
+if the error grew with the square of the side, and 1 if it grew with the side, as in a sharp fold.
+Measured on cells of 2, 4 and 8 pixels, pressed film lies between: 0.69 to 0.81."""
 
 
 class Grid(NamedTuple):
@@ -40,6 +44,8 @@ class Grid(NamedTuple):
     """Of a cell, in mm."""
     film: float
     """How far the film goes on beyond the frame, in cells."""
+    azimuths: int
+    """How many azimuths the cells look along."""
 
     @property
     def whole(self) -> tuple[int, int]:
@@ -63,33 +69,45 @@ class Cells(NamedTuple):
     """K x, the irradiance of the film at rest that the same pixels see."""
 
 
-def cell_grid(size: tuple[int, ...], pixel: float, most: int, rim_mm: float) -> Grid:
-    """The finest cells of which there are at most `most` in the frame."""
+def cell_grid(
+    size: tuple[int, ...],
+    pixel: float,
+    most: int,
+    rim_mm: float,
+    refraction: float = 1.0,
+    azimuths: int = AZIMUTHS,
+) -> Grid:
+    """The finest cells of which there are at most `most` in the frame.
+
+    Under a coat they look along `azimuths`, on a matt film along half as many.
+    """
     factor = max(1, math.isqrt(math.prod(size) // most))
     while math.prod(-(-side // factor) for side in size) > most:
         factor += 1
     rows, columns = (-(-side // factor) for side in size)
     width = factor * float(pixel)
     film = min(rim_mm / width, float(FARTHEST))
-    return Grid(factor, rows, columns, math.ceil(film) + MARGIN, width, film)
+    count = azimuths if refraction != 1 else azimuths // 2
+    return Grid(factor, rows, columns, math.ceil(film) + MARGIN, width, film, count)
 
 
 def larger_cells(grid: Grid) -> Grid:
     """Return cells with sides twice as long, over the same film."""
     film = grid.film / 2
-    rows, columns = -(-grid.rows // 2), -(-grid.columns // 2)
-    return Grid(2 * grid.factor, rows, columns, math.ceil(film) + MARGIN, 2 * grid.width, film)
+    return grid._replace(
+        factor=2 * grid.factor,
+        rows=-(-grid.rows // 2),
+        columns=-(-grid.columns // 2),
+        rim=math.ceil(film) + MARGIN,
+        width=2 * grid.width,
+        film=film,
+    )
 
 
-def missed(refraction: float) -> float:
-    """Return what cells still miss, as a share of their excess over larger ones (Richardson)."""
-    return MATT_MISSED if refraction == 1 else COATED_MISSED
-
-
-def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid, refraction: float) -> F4:
-    """Return the result on cells, extrapolated by that on cells twice as large."""
-    found, coarse = on_cells(grid), on_cells(larger_cells(grid))
-    return found + np.float32(missed(refraction)) * (found - coarse)
+def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid) -> F4:
+    """Return the result on cells, extrapolated by that on cells twice as large (Richardson)."""
+    found, larger = on_cells(grid), on_cells(larger_cells(grid))
+    return found + np.float32(MISSED) * (found - between_cells(larger, found.shape[-2:], 2))
 
 
 def cells_of(

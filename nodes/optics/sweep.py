@@ -30,14 +30,15 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.film import to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
 
-MATT_AZIMUTHS, COATED_AZIMUTHS = 16, 32
-"""Number of azimuths; what a coat mirrors is narrower than the light of matt film."""
-GROWTH = 8
+GROWTH = 6
 """Cells of distance after which a step is one cell longer, ..."""
 LONGEST = 8
 """... and the longest step."""
 LEAST_FACING = np.float32(1e-3)
 """Smallest n_e."""
+LIFT = np.float32(0.02)
+"""How far above the tangent of a cell something must rise to be seen: what lies below that sends a
+ten thousandth of its light, and on film at rest noise makes much rise a little."""
 
 Numbers = NDArray[np.intp]
 Law = Callable[[Numbers, F4, Numbers], F4]
@@ -86,24 +87,19 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """The tangent's in the camera's image: rise of the height seen, in mm per mm of a step."""
+    """That of `LIFT` above the tangent in the camera's image: rise of the height seen, in mm per mm
+    of a step."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
 
-def azimuths(refraction: float) -> int:
-    """Return the number of azimuths along which film with such a coat looks."""
-    return MATT_AZIMUTHS if refraction == 1 else COATED_AZIMUTHS
+def sight(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
+    """Return what cells see of one another along one of the grid's azimuths.
 
-
-def sight(cells: Cells, grid: Grid, camera: float, refraction: float, number: int) -> Sight:
-    """Return what cells see of one another along one of the `azimuths`.
-
-    `camera` is 1 over the height of the pupil for which the cells form a grid, `refraction` is that
-    of their coat.
+    `camera` is 1 over the height of the pupil for which the cells form a grid.
     """
     frame = slice(None), *grid.frame
-    turn = 2 * math.pi * (number + 0.5) / azimuths(refraction)
+    turn = 2 * math.pi * (number + 0.5) / grid.azimuths
     azimuth = math.cos(turn), math.sin(turn)
     on = _looking(cells.at[frame], cells.normal[frame], azimuth, camera)
     return _sight(on, grid, _steps(grid, *azimuth), np.float32(camera))
@@ -120,7 +116,8 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
     widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
-    steepness = eye[2] / widens * (tangent * np.sqrt(flat) - along) / max(abs(x), abs(y))
+    lifted = (tangent + LIFT) * np.sqrt(flat) - along
+    steepness = eye[2] / widens * lifted / max(abs(x), abs(y))
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
 
@@ -165,8 +162,8 @@ def _risen(
     """
     rows, columns = steps.longest.shape
     reach = int(steps.length[-1]) + 1
-    film = np.pad(on.at[2], reach)
     seen = on.at[2] / (1 - camera * on.at[2])
+    film = np.pad(seen, reach)
     horizon, cells, heights = on.steepness, [], []
     for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
@@ -176,7 +173,7 @@ def _risen(
         ends = steps.longest < length
         z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
-        steep = (z / (1 - camera * z) - seen) / far
+        steep = (z - seen) / far
         if grid.film == 0:
             steep[ends] = -np.inf
         cells.append(np.flatnonzero(steep > horizon))
@@ -186,14 +183,17 @@ def _risen(
     order = np.argsort(here, kind="stable")
     here, step = here[order], step[order]
     far = np.minimum(steps.longest.ravel()[here], steps.length.astype(np.float32)[step])
-    return step, here, far * np.float32(grid.width), np.concatenate(heights)[order]
+    z = np.concatenate(heights)[order]
+    z /= 1 + camera * z
+    return step, here, far * np.float32(grid.width), z
 
 
-def arriving(seen: Callable[[int], Sight], count: int, law: Law, lights: int, grid: Grid) -> F4:
+def arriving(seen: Callable[[int], Sight], law: Law, lights: int, grid: Grid) -> F4:
     """Return what arrives at the cells of the frame, over pi: K x rows x columns.
 
-    `seen` tells what they see along each of `count` azimuths, which all cores share.
+    `seen` tells what they see along each azimuth, which all cores share.
     """
+    count = grid.azimuths
     size = grid.rows * grid.columns
 
     def along(number: int) -> NDArray[np.float64]:

@@ -18,9 +18,8 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.capture.read_capture import MAX_LEDS
 from tactograph.nodes.files.image_arrays import check_handed_in
-from tactograph.nodes.files.image_files import MOST_PIXELS
+from tactograph.nodes.files.image_files import MAX_LEDS, MOST_PIXELS
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile, Read
 from tactograph.nodes.files.ros_messages import read_image

@@ -11,6 +11,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Film, Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.light.matt_light import STRETCH
 from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import predict, touch_gain
 from tactograph.nodes.optics.near_light import places
 
@@ -85,9 +86,11 @@ def film_light(
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
+    film = [of[f"film.{name}"] for name in SHOWN]
+    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
-        of["slope"], of["height"], *(of[f"film.{name}"] for name in SHOWN), of["pixel"],
+        of["slope"], of["height"], *film, of["pixel"],
         of.get("shadow"), of.get("bounced"), run.outputs["film_light"], count, height, width,
         local=(run.group,), constants={"STRETCH": stretch},
     )  # fmt: skip

@@ -21,7 +21,6 @@ from tactograph.nodes.optics.radiosity import (
     extrapolated,
     larger_cells,
     means,
-    missed,
 )
 from tactograph.nodes.optics.sweep import sight
 
@@ -88,46 +87,52 @@ def interreflect(
         camera=1 / camera_mm if camera_mm else 0.0,
     )
     relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
-    grid = cell_grid(height.shape, pixel, cells, rim_mm)
+    grid = cell_grid(height.shape, pixel, cells, rim_mm, film.refraction)
     on_cells = partial(_on_cells, relative, height, film, pixel, bounces)
-    return light + rest * extrapolated(on_cells, grid, film.refraction)
+    added = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
+    return light + rest * added
 
 
 def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:
-    """The light of all bounces on a grid of cells, relative to the film at rest, at pixels."""
+    """The light of all bounces on a grid of cells, relative to the film at rest."""
     of = cells_of(height, film.lights, np.float32(pixel), grid)
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
     # What the cells see of one another is the same for every bounce.
-    seen = cache(partial(sight, of, grid, 0.0, film.refraction))
+    seen = cache(partial(sight, of, grid, 0.0))
     for _ in range(bounces):
         bounced = bounce(direct + bounced, film, of, grid, seen, from_above=True)
-    return between_cells(bounced, height.shape, grid.factor)
+    return bounced
 
 
 @interreflect.opencl()
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     light, rest, pixel = (run.inputs[name] for name in ("light", "rest", "pixel"))
-    settings, out, constants = run.settings, run.outputs["interreflect"], {"LEDS": count}
-    constants["COATED"] = int(settings["coat_alpha"] > 0 and settings["albedo"] > 0)
+    settings, out = run.settings, run.outputs["interreflect"]
+    coated = settings["coat_alpha"] > 0 and settings["albedo"] > 0
+    refraction = settings["refractive_index"] if coated else 1.0
+    film = settings["rim_mm"], refraction
+    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film)
+    constants = {"LEDS": count, "COATED": int(refraction != 1), "AZIMUTHS": grid.azimuths}
     relative = run.scratch((count, *size))
     pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
     run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], settings["rim_mm"])
-    fine, coarse = (
-        _launch_on_cells(run, relative, on, constants) for on in (grid, larger_cells(grid))
-    )
-    share = missed(settings["refractive_index"] if constants["COATED"] else 1.0)
+    larger = _launch_on_cells(run, relative, larger_cells(grid), constants)
+    bounced = _launch_on_cells(run, relative, grid, constants, larger)
     shape = grid.factor, grid.rows, grid.columns
-    arguments = light, rest, fine, coarse, out, *size, *shape, share
+    arguments = light, rest, bounced, out, *size, *shape
     run.kernel("add_light", run.in_row_lanes(count, *size), *arguments, constants=constants)
 
 
 def _launch_on_cells(
-    run: Launch, relative: DeviceArray, grid: Grid, constants: dict[str, int]
+    run: Launch,
+    relative: DeviceArray,
+    grid: Grid,
+    constants: dict[str, int],
+    larger: DeviceArray | None = None,
 ) -> DeviceArray:
-    """The same as `_on_cells`, without the interpolation to pixels."""
+    """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
     settings, count, lights = run.settings, run.sizes["K"], run.inputs["lights"]
     direct, table = (
         launch_cells(run, grid, constants, relative, None, lights, 0.0) for _ in range(2)
@@ -138,10 +143,12 @@ def _launch_on_cells(
     camera = 1 / pupil if pupil else 0.0
     coat = lights, none, albedo, settings["coat_alpha"], settings["refractive_index"], camera
     shape = grid.rows, grid.columns, grid.rim
-    for number in range(settings["bounces"]):
+    last = settings["bounces"] - 1
+    for number in range(last + 1):
         if number:
             run.kernel("add_bounce", (frame,), direct, bounced, table, *shape, constants=constants)
-        launch_bounce(run, grid, constants, table, coat, 0.0, albedo, bounced)
+        told = larger if number == last else None
+        launch_bounce(run, grid, constants, table, coat, 0.0, albedo, bounced, told)
     return bounced
 
 

@@ -10,7 +10,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
 
 
 @node(

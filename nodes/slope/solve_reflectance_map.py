@@ -10,8 +10,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
 from tactograph.nodes.optics.reflectance_map import DEGREE, SHADES, TERMS
-from tactograph.nodes.slope._gauss_newton import along, limited_step, normal_by_slope
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""

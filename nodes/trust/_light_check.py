@@ -21,9 +21,9 @@ RIM_SHARE = 0.1
 """Share of the touched film in shadow from which on it has rims."""
 MAX_SHADOW_LIGHT, MIN_SHADOWS = 0.015, 50
 """Light of a matt film in shadow, by the lower quartile of at least so many cells."""
-CHANGED = np.float32(0.12)
+MIN_TOUCHED_CHANGE = np.float32(0.12)
 """Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
-MAX_BRIGHTER, LEAST_BRIGHTER = 1.1, 0.002
+MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
 """Median brightness of touched film over its expected error, and the least of that error: cells
 that curve are darker than a point."""
 
@@ -120,7 +120,7 @@ def _brightness(touched: Touched, error: float, wider: float) -> Check:
         return Check(0.0)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(bool)
-    tested = (lit.sum(axis=0) >= MIN_LEDS) & (np.abs(light - 1).max(axis=0) > CHANGED)
+    tested = (lit.sum(axis=0) >= MIN_LEDS) & (np.abs(light - 1).max(axis=0) > MIN_TOUCHED_CHANGE)
     if np.count_nonzero(tested) < MIN_CELLS:
         return Check(0.0)
     weight = shown[:, tested] * lit[:, tested]
@@ -128,7 +128,7 @@ def _brightness(touched: Touched, error: float, wider: float) -> Check:
     middle = float(np.median(brighter))
     sense = "brighter" if middle > 0 else "darker"
     return Check(
-        abs(middle) / (MAX_BRIGHTER * float(np.hypot(error, LEAST_BRIGHTER)) * wider),
+        abs(middle) / (MAX_BRIGHTNESS * float(np.hypot(error, MIN_BRIGHTNESS_ERROR)) * wider),
         f"the touched film is {sense} by {abs(middle):.1%} than its slopes make it (check that the "
         "images show one touch and that nothing moved, that they are neither blurred nor averaged "
         "with others, that gamma and contrast are off, and that other light is kept out)",

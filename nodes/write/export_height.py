@@ -9,8 +9,9 @@ from annotated_types import MinLen
 
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Height, Lens, PixelSize, Vergence
+from tactograph.nodes import Height, HeightError, Lens, PixelSize, Vergence
 from tactograph.nodes.files.height_files import MESHES, WRITERS, Format, write_mesh
+from tactograph.nodes.files.metrology_files import METROLOGY_WRITERS
 
 
 @node
@@ -20,6 +21,7 @@ def export_height(
     name: str | None = None,
     lens: Lens | None = None,
     camera: Vergence | None = None,
+    error: HeightError | None = None,
     *,
     folder: Path,
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
@@ -38,13 +40,17 @@ def export_height(
         Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
         pupil above the film (0: orthographic).  If they are given, the points of meshes are
         where they lie on the film; images stay what each pixel sees.
+    error
+        H x W in mm, the height's standard deviation; a second layer in "x3p", a second channel
+        in "gwy".
     folder
         Created if needed.
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
         Digital Surf's, as MountainsMap and Gwyddion read it
-        (``pip install 'tactograph[metrology]'``).  "ply", "stl" and "obj": a mesh in mm,
+        "x3p": ISO 25178-72's.  "gwy" and "gsf": Gwyddion's.  These four need ``pip install
+        'tactograph[metrology]'``.  "ply", "stl" and "obj": a mesh in mm,
         right-handed: x right, y up, z to the camera, from the image's middle on the film at
         rest.  Unknown film (NaN) is NaN in "npy" and
         "tiff", transparent in "png", not measured in "sur" and left out of meshes; "tmd" cannot
@@ -61,5 +67,7 @@ def export_height(
             file = target / f"height.{extension}"
             if extension in MESHES:
                 write_mesh(file, height, pixel, lens, camera or 0.0)
+            elif extension in METROLOGY_WRITERS:
+                METROLOGY_WRITERS[extension](file, height, pixel, error)
             else:
                 WRITERS[extension](file, height, pixel)

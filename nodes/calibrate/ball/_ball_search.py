@@ -25,6 +25,8 @@ MAX_CONTACT_DIAGONALS = 2
 """Largest contact that is searched for, in diagonals of the image."""
 CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
+SHALLOW_SHARES = (0.31, 0.26, 0.22, 0.185, 0.155, 0.13, 0.11, 0.095)
+"""Those that are tried where the first ones show no ball, or one smaller than all of them."""
 MIN_SEARCH_RADIUS_PX = 3.0
 """Smallest contact radius in px of the reduced image at which a ball can be recognised."""
 SEARCH_RADII = (0.97, 1.06, 1.45)
@@ -45,11 +47,15 @@ class Circle(NamedTuple):
 
 
 def search_ball(
-    light: F4, radius: float, center: tuple[float, float] | None, contact: float | None
+    light: F4,
+    radius: float,
+    center: tuple[float, float] | None,
+    contact: float | None,
+    shares: Sequence[float] = CONTACT_SHARES,
 ) -> Circle:
     """Return the best circle on a grid of centres and radii."""
     small, shrink = reduced_to(light, SEARCH_WIDTH_PX)
-    radii = [radius * s for s in CONTACT_SHARES] if contact is None else [contact]
+    radii = [radius * s for s in shares] if contact is None else [contact]
     radii = [r for r in radii if r <= MAX_CONTACT_DIAGONALS * np.hypot(*light.shape[1:])]
     radii = [r for r in radii if r >= MIN_SEARCH_RADIUS_PX * shrink] or [max(radii)]
     best, circle = -1.0, Circle(0, 0, radii[0])

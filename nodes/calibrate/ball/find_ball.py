@@ -14,6 +14,7 @@ from tactograph.nodes.calibrate.ball._ball_search import (
     CONTACT_SHARES,
     MAX_CONTACT_DIAGONALS,
     MIN_LIT_LIGHT,
+    SHALLOW_SHARES,
     Circle,
     bases,
     reduced_to,
@@ -24,6 +25,8 @@ from tactograph.nodes.calibrate.ball._ball_search import (
 
 MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
+MIN_SHALLOW_GOODNESS = 0.6
+"""Smallest goodness of a shallow contact: small parts of other objects are round, too."""
 REFINE_WIDTH_PX = 320
 """Width in px that the image is reduced to for the last step."""
 MAX_REFINE_PIXELS = 3000
@@ -73,7 +76,8 @@ def find_ball(
     candidate circle, linear least squares over the pixels that an LED reaches fits the light
     inside with 1, n_x, n_y, n_z and the light around it with a plain film.  The circle that
     explains most is the contact (variable projection: Golub and Pereyra, 1973).  The search
-    correlates all centres at once on a reduced image, for eight radii.  Nelder-Mead then
+    correlates all centres at once on a reduced image, for eight radii; for eight smaller ones,
+    down to a tenth of the ball, where those show none.  Nelder-Mead then
     refines the circle on a finer image, where the film around the contact may have any fold
     that is the same in all directions.
 
@@ -116,9 +120,16 @@ def find_ball(
         circle = Circle(*center_px, contact_px)
         _check_place(light, circle)
         return _ball(circle, _goodness(light, circle, radius))
-    seed = search_ball(light, radius, center_px, contact_px)
-    circle = _refine(light, seed, radius, center_px, contact_px)
+    found = search_ball(light, radius, center_px, contact_px)
+    circle = _refine(light, found, radius, center_px, contact_px)
     goodness = _goodness(light, circle, radius)
+    smallest = CONTACT_SHARES[-1] * radius
+    if contact_px is None and (goodness < MIN_GOODNESS or circle.radius < smallest):
+        found = search_ball(light, radius, center_px, None, SHALLOW_SHARES)
+        shallow = _refine(light, found, radius, center_px, None)
+        better = _goodness(light, shallow, radius)
+        if better > max(goodness, MIN_SHALLOW_GOODNESS):
+            circle, goodness = shallow, better
     if goodness < MIN_GOODNESS:
         raise InputError(
             f"no ball of radius {radius_mm:g} mm found in the calibration capture: the best "

@@ -11,6 +11,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.capture.read_balls import KnownCircles
 from tactograph.nodes.capture.read_presses import PressImages
 
 MIN_PRESSES = 4
@@ -29,7 +30,7 @@ def find_presses(
     flat: Light,
     names: list[str],
     pixel: PixelSize,
-    known: Circles | None = None,
+    known: KnownCircles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
     fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
@@ -48,7 +49,8 @@ def find_presses(
     pixel
         mm per px.
     known
-        P x 3: circles that are known already, as from `guide_colour_presses`.
+        P x 3: circles that are known already, as from `guide_colour_presses` or each press's
+        ``capture.yaml``; NaN where a number is not known.
     radius_mm
         The ball's radius.
     fewest
@@ -70,15 +72,21 @@ def find_presses(
         return FoundPresses(np.zeros((len(image), 3), np.float32), none)
     if radius_mm is None:
         raise InputError("the ball's radius is not known; give ball_radius_mm=...")
-    if known is not None:
-        return FoundPresses(known, (known[:, 2] > 0).astype(np.float32))
-    circles, goodness = [], []
-    for press, name in zip(image, names, strict=True):
+    if known is None:
+        known = np.full((len(image), 3), np.nan, np.float32)
+    circles, goodness, missed = [], [], []
+    for press, name, (x, y, contact) in zip(image, names, known, strict=True):
+        if np.isfinite([x, y, contact]).all():
+            circles.append((x, y, contact))
+            goodness.append(float(contact > 0))
+            continue
         light = press / np.maximum(flat, MIN_FLAT_LIGHT)
+        center = (float(x), float(y)) if np.isfinite([x, y]).all() else None
+        size = float(contact) if np.isfinite(contact) else None
         try:
-            ball = find_ball(light, pixel, radius_mm=radius_mm)
+            ball = find_ball(light, pixel, radius_mm=radius_mm, center_px=center, contact_px=size)
         except InputError:
-            warn(f"press {name or '1'} is left out: no ball of radius {radius_mm:g} mm in it")
+            missed.append(name or "1")
             circles.append((0.0, 0.0, 0.0))
             goodness.append(0.0)
         else:
@@ -88,6 +96,10 @@ def find_presses(
     if ball_count < fewest:
         raise InputError(
             f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
-            f"{fewest} are needed; check ball_radius_mm and pixel_size_mm, or press more often"
+            f"{fewest} are needed: none in {', '.join(missed)}; check ball_radius_mm and "
+            "pixel_size_mm, press more often, or write ball_center_px: [x, y] and ball_contact_px "
+            "into a press's capture.yaml"
         )
+    for name in missed:
+        warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
     return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes import Light
+from tactograph.nodes import Light, Mask
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.light.coarsen import coarsen
@@ -20,6 +20,7 @@ from tactograph.nodes.light.level_light import level_light
 def level_presses(
     image: PressImages,
     flat: Light,
+    area: Mask | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
@@ -32,9 +33,13 @@ def level_presses(
     ----------
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
+    area
+        H x W, 1 where the frame shows film; elsewhere the presses get the light of film at rest.
     degree, rough
         As for `film_drift`.
     """
+    if area is not None:
+        image = np.where(area != 0, image, flat)
     rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:

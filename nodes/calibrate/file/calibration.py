@@ -25,6 +25,7 @@ from tactograph.nodes import (
     LutLight,
     LutLit,
     LutSlope,
+    Mask,
     Metrics,
     Misfit,
     Noise,
@@ -90,6 +91,7 @@ class Calibration(NamedTuple):
     ]
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
+    area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
 
 
 def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:

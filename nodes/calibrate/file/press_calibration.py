@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator
 
-from tactograph.nodes import Dark, Light, Metrics, Misfit, PixelSize
+from tactograph.nodes import Dark, Light, Mask, Metrics, Misfit, PixelSize
 from tactograph.nodes.files.calibration_file import FileKind, free_for
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 from tactograph.nodes.stored import Stored
@@ -33,6 +33,7 @@ class PressCalibration(NamedTuple):
     misfit: Misfit
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
+    area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
 
 
 PRESS_CALIBRATION = FileKind(

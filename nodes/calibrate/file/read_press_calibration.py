@@ -11,12 +11,16 @@ from tactograph.nodes import Light
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, PressCalibration
 from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
-from tactograph.nodes.files.image_files import Lights
+from tactograph.nodes.files.image_files import Crop, Lights
 
 
 @node
 def read_press_calibration(
-    *, file: Path, flat: Path | None = None, lights: Lights | None = None
+    *,
+    file: Path,
+    flat: Path | None = None,
+    lights: Lights | None = None,
+    crop: Crop | None = None,
 ) -> PressCalibration:
     """Read the ``.npz`` that `write_press_calibration` wrote, without pickle.
 
@@ -31,6 +35,8 @@ def read_press_calibration(
     lights
         How that capture's images, and those that the calibration is used for, hold the lights,
         as for `read_capture`.  None: as those of the calibration did.
+    crop
+        x0, y0, x1, y1 in pixels of that capture; x1 and y1 are exclusive.
 
     Raises
     ------
@@ -43,16 +49,17 @@ def read_press_calibration(
     about = read_about(file)
     check_use(file, about, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
-    film = arrays["flat"] if flat is None else _fresh(flat, order, arrays["flat"])
+    film = arrays["flat"] if flat is None else _fresh(flat, order, crop, arrays["flat"])
     dark = np.zeros(film.shape[1:], np.float32)
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts)
+    area = arrays.get("area", np.ones(film.shape[1:], np.uint8))
+    return PressCalibration(film, dark, size, reflectance, misfit, quality, about.doubts, area)
 
 
-def _fresh(flat: Path, lights: Lights, film: Light) -> Light:
-    new_film = read_film(flat, lights, 2.0)
+def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:
+    new_film = read_film(flat, lights, 2.0, crop)
     if new_film.shape != film.shape:
         columns, rows = new_film.shape[:0:-1]
         raise InputError(

@@ -9,7 +9,7 @@ from tactograph.nodes.calibrate.file.calibration import CALIBRATION, Calibration
 from tactograph.nodes.files.calibration_file import write_record
 
 
-@node
+@node(former={"pixel": "it is called 'pixel_size'"})
 def write_calibration(
     *values: Unpack[Calibration],
     file: NewCalibration,

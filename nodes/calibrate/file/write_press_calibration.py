@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph import Provenance, node, warn
-from tactograph.nodes import Light, Metrics, PixelSize
+from tactograph.nodes import Light, Mask, Metrics, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
 from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
@@ -17,6 +17,7 @@ def write_press_calibration(
     quality: Metrics,
     advice: str,
     doubts: list[str] | None = None,
+    area: Mask | None = None,
     *,
     file: NewPressCalibration,
     sensor: str | None = None,
@@ -37,6 +38,8 @@ def write_press_calibration(
     doubts
         What speaks against the calibration, a sentence each: every graph that uses the file
         repeats it.
+    area
+        H x W, where the frame shows film; None: everywhere.
     file
         The file; it is replaced as a whole.
     sensor
@@ -51,7 +54,12 @@ def write_press_calibration(
     write_arrays(
         file,
         PRESS_CALIBRATION,
-        {"flat": flat, "pixel_size": pixel, "reflectance": reflectance},
+        {
+            "flat": flat,
+            "pixel_size": pixel,
+            "reflectance": reflectance,
+            "area": area,
+        },
         {
             "quality": quality,
             "advice": advice,

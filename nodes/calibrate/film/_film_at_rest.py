@@ -13,7 +13,8 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.film import GRAZING, rest_light
+from tactograph.nodes.optics.coat import GRAZING
+from tactograph.nodes.optics.film import rest_light
 
 MAX_INDEPENDENT_REST = 20
 """Most independent values per LED that the flat frame counts as where it departs from the model,

@@ -34,6 +34,10 @@ relative change of albedo and contact radius below which they end."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """With at least this many balls, those with a residual above this multiple of the median are left
 out."""
+PLAIN_FIGURE = "film_heldout_deg/matt"
+MAX_ERROR_RATIO = 1.5
+"""Held-out error over that of a simpler model, beyond which a model loses whose samples were
+renewed: these reach further, so that their errors are larger."""
 GOOD_ERROR_DEG = 0.1
 """Degrees of held-out error below which no further part is tried."""
 MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
@@ -106,6 +110,23 @@ def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_])
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
 
+def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls, Metrics]:
+    """Grow a model and settle it; without light from film to film where that settles worse.
+
+    Also returns every pixel of the balls, and the errors of all models.
+    """
+    grown, best, errors = grow(trial, start, parts)
+    settled, best, whole = settle(grown, best)
+    if "bounce" in best.parts and best.error > MAX_ERROR_RATIO * errors[PLAIN_FIGURE]:
+        others = [part for part in parts if part != "bounce"]
+        without, model, pixels, tried = search(trial, start, others)
+        errors = tried | errors
+        if model.error < best.error:
+            settled, best, whole = without, model, pixels
+    errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
+    return settled, best, whole, errors
+
+
 def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Metrics]:
     """Add parts to the model one by one, as long as that pays.
 
@@ -125,12 +146,15 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         errors[f"film_heldout_deg/{better}"] = better.error
         if not _pays(better.error, best.error, trial):
             break
-        best = better
-        if _lights_itself(best.fitted.film):
-            trial, placed = _sampled_again(trial, best.fitted)
-            best = best._replace(fitted=trial.fit(best.parts, placed))
-            best = judge(trial, best.parts, best.fitted)
-            errors[f"film_heldout_deg/{best}"] = best.error
+        if not _lights_itself(better.fitted.film):
+            best = better
+            continue
+        again, placed = _sampled_again(trial, better.fitted)
+        better = judge(again, better.parts, again.fit(better.parts, placed))
+        errors[f"film_heldout_deg/{better}"] = better.error
+        if better.error > MAX_ERROR_RATIO * best.error:
+            break
+        trial, best = again, better
     return trial, best, errors | {"film_heldout_deg": best.error}
 
 

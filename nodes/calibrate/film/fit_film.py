@@ -35,9 +35,8 @@ from tactograph.nodes.calibrate.film._film_search import (
     Model,
     Trial,
     bend,
-    grow,
     held_out_of,
-    settle,
+    search,
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PARTS
@@ -171,9 +170,7 @@ def fit_film(
         < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel
     ):
         closed.add("bounce")
-    trial, best, errors = grow(trial, start, [part for part in PARTS if part not in closed])
-    trial, best, whole = settle(trial, best)
-    errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
+    trial, best, whole, errors = search(trial, start, [p for p in PARTS if p not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
         best = bend(trial, best, errors)
     best, balls, bad = without_bad(trial, best)

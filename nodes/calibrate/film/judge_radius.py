@@ -80,7 +80,10 @@ class Doubt(NamedTuple):
     is_clear: bool
 
 
-@node
+_GIVEN = ("light", "flat", "circle", "radius", "of", "kept", "lights", "strength", "noise", "pixel")
+
+
+@node(former=dict.fromkeys(_GIVEN, "give the node 'fit_film' as 'evidence'"))
 def judge_radius(
     evidence: FilmEvidence,
     film: Film,

@@ -16,12 +16,16 @@ from tactograph.nodes.calibrate.recheck._led_order import other_order
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_drift import terms
 
+MIN_LIGHT = 0.002
+"""Light that counts as any: half a step of 8 bits."""
 MAX_FIT_WIDTH_PX = 160
 """Most pixels along the image's width to which the smooth part is fitted."""
 REWEIGHTING_ROUNDS, CAUCHY_DEVIATIONS = 12, 2.0
 """Rounds of reweighting, and its scale in standard deviations: dents and dirt count little."""
 AMBIENT_RIDGE = 1e-4
 """Ridge that holds ambient light and shift near 0, because uniform light does not show them."""
+MIN_KEPT = 0.5
+"""Share of its light that a pixel must keep under a lower black level, to tell of the film."""
 MAX_SHIFT_WIDTHS = 0.1
 """Largest plausible shift of the image, as a share of its width."""
 MIN_RESPONSE = 0.3
@@ -104,9 +108,10 @@ def film_change(
     moved = np.zeros(2) if new_film else _whole_shift(then, now)
     start = _shifted(then, moved)
     safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
-    known = _known(start, moved)
+    known = _known(start, moved) & ~_cut_off(now)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
+    known &= (smooth > MIN_KEPT * strength[:, None, None]).all(axis=0)
     left = np.where(known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
     left = np.stack([cv2.GaussianBlur(p, (0, 0), smooth_px) if smooth_px else p for p in left])
     albedo, slope = _local_part(left, tilt)
@@ -170,6 +175,12 @@ def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
     known[: max(dy, 0)] = known[rows + min(dy, 0) :] = False
     known[:, : max(dx, 0)] = known[:, columns + min(dx, 0) :] = False
     return known
+
+
+def _cut_off(now: F4) -> NDArray[np.bool_]:
+    """Where the image ends at black under an LED that lights the film elsewhere."""
+    alive = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
+    return np.asarray((now[alive] < MIN_LIGHT).any(axis=0))
 
 
 def _smooth_part(

@@ -183,7 +183,13 @@ def _of_lens(dirt: _Mark) -> str:
 
 
 def _of_ambient(ambient: float) -> str:
-    if abs(ambient) > MAX_AMBIENT:
+    if ambient < -MAX_AMBIENT:
+        return (
+            f"the black level has changed: every image is {-100 * ambient:.1f} % of full scale "
+            "darker, lit or not; check the camera's offset, or take an image with all LEDs off "
+            "(dark=) and recalibrate"
+        )
+    if ambient > MAX_AMBIENT:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
             "take an image with all LEDs off (dark=) and recalibrate"

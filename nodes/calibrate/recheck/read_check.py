@@ -9,7 +9,7 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light
 from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
-from tactograph.nodes.files.image_files import Crop, Leds, Lights
+from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights
 
 NO_BALL_MM = 1e3
 """Radius in mm that stands for no ball; so large that it limits nothing."""
@@ -27,6 +27,7 @@ def read_check(
     leds: Leds | None = None,
     files: str = "led{}",
     crop: Crop | None = None,
+    channel: Channel | None = None,
 ) -> BallPresses:
     """Read check presses as `read_balls` does; without a folder, return the film at rest.
 
@@ -36,7 +37,7 @@ def read_check(
         K x H x W, the film at rest, whose size every press must have.
     folder
         A capture, or a folder of captures; None: there is no check press.
-    radius_mm, center_px, contact_px, lights, leds, files, crop
+    radius_mm, center_px, contact_px, lights, leds, files, crop, channel
         As for `read_balls`.
 
     Raises
@@ -56,6 +57,7 @@ def read_check(
         leds=leds,
         files=files,
         crop=crop,
+        channel=channel,
     )
     if taken.first.shape != flat.shape:
         k, rows, columns = taken.first.shape

@@ -17,9 +17,9 @@ from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
-from tactograph.nodes.capture.read_capture import MAX_LEDS, CaptureFile
+from tactograph.nodes.capture.read_capture import CaptureFile
 from tactograph.nodes.capture.read_flat import Flat, read_flat
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import MAX_LEDS, write_image
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.camera.open_camera import Plane

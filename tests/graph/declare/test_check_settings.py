@@ -56,6 +56,7 @@ def test_a_whole_number_will_do_for_a_fraction() -> None:
         ({"share": True}, "with.share: a number is needed, not True"),
         ({"share": float("nan")}, "with.share: input should be a finite number, not nan"),
         ({"level": True}, "with.level: a number is needed, not True"),
+        ({"level": "0,25"}, "with.level: a number is needed, such as 0.25 with a point"),
         ({"level": "much"}, "with.level: a number is needed, not 'much'"),
         ({"level": "1e-3"}, "with.level: a number is needed, not '1e-3'"),
         ({"level": "1_0.0"}, "with.level: a number is needed, not '1_0.0'"),

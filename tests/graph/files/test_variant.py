@@ -47,7 +47,7 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
 
 def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
     base = read_graph("reconstruct")
-    passes = [f"pass_{number}" for number in range(1, 6)]
+    passes = [f"pass_{number}" for number in range(1, 5)]
     graph = base
     for name in passes:
         settings = {**base.nodes[f"{name}.label"].settings, "dark": 0}

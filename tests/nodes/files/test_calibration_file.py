@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError, Provenance, Wanted
+from tactograph.graph import GraphError, InputError, Provenance, Wanted
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -56,7 +56,9 @@ def drawn(value: Value) -> np.ndarray | float:
 
 FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
 FILM = FILM._replace(lights=random(4, 3))
+AREA = np.ones((6, 8), np.uint8)
 NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
+AREA = RNG.integers(0, 2, (6, 8)).astype(np.uint8)
 
 
 @pytest.fixture
@@ -71,7 +73,7 @@ def write(
 ) -> None:
     quality = {"entries": 50.0}
     write_calibration(
-        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [],
+        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [], AREA,
         file=target, provenance=replace(MADE, given={"lights": lights}),
     )  # fmt: skip
 
@@ -89,6 +91,15 @@ def change(file: Path, **arrays) -> None:
         kept = dict(archive)
     kept.update(arrays)
     np.savez(file, **{name: array for name, array in kept.items() if array is not None})
+
+
+def test_a_file_from_before_it_was_kept_shows_film_everywhere(file: Path) -> None:
+    assert np.array_equal(read_calibration(file=file).area, AREA)
+    change(file, area=None)
+    area = read_calibration(file=file).area
+    assert area.dtype == np.uint8
+    assert (area == 1).all()
+    assert area.shape == AREA.shape
 
 
 def test_what_was_written_is_read(file: Path) -> None:
@@ -334,3 +345,19 @@ def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
     file.write_bytes(whole[: min(cut, len(whole) - 1)])
     with pytest.raises(InputError):
         read_calibration(file=file)
+
+
+@pytest.mark.parametrize(
+    ("name", "node", "told"),
+    [
+        ("pixel", "save", "it is called 'pixel_size'"),
+        ("kept", "radius", "'fit_film' as 'evidence'"),
+    ],
+)
+def test_a_graph_that_names_an_earlier_input_is_told_the_new_one(
+    name: str, node: str, told: str
+) -> None:
+    patch = [{"set": node, "in": {name: "even_pixel"}}]
+    changed = read_graph({"format": 1, "title": "t", "extends": "calibrate", "patch": patch})
+    with pytest.raises(GraphError, match=f"no input '{name}' any more: .*{told}"):
+        open_pipeline(changed, {"capture": "a", "out": "cal.npz"})

@@ -185,6 +185,7 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         np.array(NO_MISFIT, np.float32),
         {},
         [],
+        np.ones(SENSOR, np.uint8),
         file=file,
         provenance=Provenance({}, None, [], {}, {}, [], []),
     )

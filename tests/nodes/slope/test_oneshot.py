@@ -152,9 +152,18 @@ def test_an_empty_film_is_left_out_and_named() -> None:
     np.testing.assert_allclose(found.circle[0, :2], CENTERS[5], atol=1.5)
 
 
+def test_a_contact_that_is_given_is_not_searched_for() -> None:
+    images = np.full((4, 3, *SHAPE), 0.4, np.float32)
+    given = np.full((4, 3), np.nan, np.float32)
+    given[1] = 30, 20, 11
+    found = find_presses(images, FLAT, list("abcd"), PIXEL, given, radius_mm=RADIUS_MM, fewest=1)
+    assert np.array_equal(found.circle[1], given[1])
+    assert list(np.flatnonzero(found.goodness)) == [1]
+
+
 def test_too_few_balls_are_refused() -> None:
     images = np.full((5, 3, *SHAPE), 0.4, np.float32)
-    with pytest.raises(InputError, match=r"shows in 0 of 5 presses, and 4 are needed"):
+    with pytest.raises(InputError, match=r"in 0 of 5 presses, and 4 are needed: none in a, b, c"):
         find_presses(images, FLAT, list("abcde"), PIXEL, radius_mm=RADIUS_MM)
 
 

@@ -8,10 +8,10 @@ import pytest
 from tactograph.nodes import F4, U1
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._light_check import (
-    LEAST_BRIGHTER,
-    MAX_BRIGHTER,
+    MAX_BRIGHTNESS,
     MAX_MEDIAN,
     MAX_REST,
+    MIN_BRIGHTNESS_ERROR,
     Touched,
     check_light,
 )
@@ -96,7 +96,7 @@ def test_shadows_with_other_light_are_told_and_dark_ones_pass() -> None:
 @pytest.mark.parametrize(("share", "sense"), [(0.02, "darker"), (-0.02, "brighter")])
 def test_touched_film_is_as_bright_as_its_slopes_say(share: float, sense: str) -> None:
     check = told(darker(share))
-    assert check.figure == pytest.approx(0.02 / (MAX_BRIGHTER * LEAST_BRIGHTER), rel=1e-3)
+    assert check.figure == pytest.approx(0.02 / (MAX_BRIGHTNESS * MIN_BRIGHTNESS_ERROR), rel=1e-3)
     assert f"{sense} by 2.0%" in check.cause
     assert told(darker(0.0)).figure < 0.9
 

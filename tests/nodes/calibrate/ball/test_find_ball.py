@@ -67,6 +67,15 @@ def test_ball_in_soft_film_is_found_to_a_fraction_of_a_pixel(x, y, contact, ligh
     assert found.goodness > 0.9
 
 
+@pytest.mark.parametrize("share", [0.1, 0.15, 0.24])
+def test_a_shallow_press_of_a_large_ball_is_found(share):
+    radius = 124.14
+    light = pressed((70.3, 64.8), share * radius, radius, lights=3, noise=0.003)
+    found = find_ball(light, PIXEL, radius_mm=radius * PIXEL)
+    assert np.allclose(found.center, (70.3, 64.8), atol=0.5)
+    assert found.contact == pytest.approx(share * radius, rel=0.1)
+
+
 @pytest.mark.parametrize("center", [(5.3, 60.2), (90.4, -4.0), (155.0, 112.0)])
 def test_ball_partly_outside_the_image_is_found(center):
     found = find_ball(pressed(center, 28, 40), PIXEL, radius_mm=4.0)

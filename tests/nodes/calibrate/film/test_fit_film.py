@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate.film import _film_search
 from tactograph.nodes.calibrate.film._film_unknowns import ALBEDO_DEVIATION, albedos, stepped
 from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
@@ -228,6 +231,23 @@ def test_a_part_that_the_model_has_not_is_refused(typed: str) -> None:
 
 
 @pytest.mark.slow
+def test_a_model_that_settles_badly_loses_to_one_that_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The least held-out error wins, whatever part looked best on the way."""
+    settle = _film_search.settle
+
+    def unsettled(trial: Any, best: Any) -> Any:
+        trial, best, whole = settle(trial, best)
+        wrong = 7.5 if "bounce" in best.parts else best.error
+        return trial, best._replace(error=wrong), whole
+
+    monkeypatch.setattr(_film_search, "settle", unsettled)
+    found = fitted(MATT._replace(albedo=0.7), FOUR[:2])
+    assert found.film.albedo == 0
+    assert found.quality["film_heldout_deg"] < 7
+
+
 def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
     quiet = fitted(MATT, FOUR[:2]).film.grain
     assert quiet < 0.005

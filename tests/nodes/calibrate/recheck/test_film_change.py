@@ -84,6 +84,18 @@ def test_an_image_that_moved_is_measured(by: tuple[float, float]) -> None:
     assert changed(light).shift == pytest.approx(by, abs=0.25)
 
 
+def test_a_black_level_that_changed_is_no_dent_and_no_scratch() -> None:
+    """Dark corners end at black: they say nothing of the film."""
+    dark = 1 - 0.95 * np.clip(np.hypot(X / X.max(), Y / Y.max()) / 1.4, 0, 1) ** 3
+    then = GEL.seen() * dark
+    now = np.clip(then - np.float32(0.026), 0, 1)
+    change = film_change(at_rest(then), at_rest(now), TILT, PIXEL_MM)
+    assert change.ambient == pytest.approx(-0.026, rel=0.1)
+    said = judge_film(*change, PIXEL_MM)
+    assert said.ambient.startswith("the black level has changed: every image is 2.")
+    assert said.film.startswith("right")
+
+
 def test_a_dent_has_its_height() -> None:
     light = dented(0.03)
     assert wrong(light) == {"film"}

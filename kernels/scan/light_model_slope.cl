@@ -1,0 +1,128 @@
+#include "common.clh"
+#include "lanes.clh"
+#include "light_model.clh"
+
+#define MOST_LEDS 8
+#define LONGEST 0.3f
+#define FLATTEST 0.05f
+#define LEAST_LIGHT 1e-6f
+#define TINY 1e-20f
+#define SMALLEST 1e-12f
+
+// The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule.
+static void linear_slope(
+    const floats *image, __global const float *linear, const floats *powers, const int count,
+    const int K, floats *p, floats *q)
+{
+    floats xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
+    floats bx = 0.0f, by = 0.0f, bz = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const floats x = coefficient(linear + (3 * k) * MOST_MONOMIALS, powers, count);
+        const floats y = coefficient(linear + (3 * k + 1) * MOST_MONOMIALS, powers, count);
+        const floats z = coefficient(linear + (3 * k + 2) * MOST_MONOMIALS, powers, count);
+        xx += x * x;
+        xy += x * y;
+        xz += x * z;
+        yy += y * y;
+        yz += y * z;
+        zz += z * z;
+        bx += x * image[k];
+        by += y * image[k];
+        bz += z * image[k];
+    }
+    const floats c_xx = yy * zz - yz * yz, c_xy = yz * xz - xy * zz, c_xz = xy * yz - yy * xz;
+    const floats c_yy = xx * zz - xz * xz, c_yz = xy * xz - xx * yz, c_zz = xx * yy - xy * xy;
+    const floats x = c_xx * bx + c_xy * by + c_xz * bz;
+    const floats y = c_xy * bx + c_yy * by + c_yz * bz;
+    const floats up = c_xz * bx + c_yz * by + c_zz * bz;
+    const floats least = FLATTEST * sqrt(x * x + y * y + up * up), tiny = TINY;
+    const floats at_least = MORE_OF(least, tiny), z = MORE_OF(up, at_least);
+    *p = -x / z;
+    *q = -y / z;
+}
+
+// Slope and brightness of a pixel from all LEDs, by a light model.
+LANED __kernel void light_model_slope(
+    __global const float *restrict light,
+    __global const float *restrict model_quadratic,
+    __global const float *restrict model_linear,
+    __global const float *restrict model_view,
+    const float model_degree,
+    __global const float *restrict model_gain,
+    __global float *restrict slope,
+    __global float *restrict brightness,
+    __global float *restrict residual,
+    const int K, const int H, const int W,
+    const int steps)
+{
+    GRID_LANES(i, count, H * W)
+    const int size = H * W;
+    const floats least = LEAST_LIGHT, smallest = SMALLEST, one = 1.0f;
+    float xs[LANES], ys[LANES];
+    for (int l = 0; l < LANES; ++l) {
+        const int at = min(i + l, size - 1);
+        xs[l] = (float)(at % W);
+        ys[l] = (float)(at / W);
+    }
+    const floats u = (LOAD_LANES(xs) - model_view[0]) * model_view[2];
+    const floats v = (LOAD_LANES(ys) - model_view[1]) * model_view[2];
+
+    floats image[MOST_LEDS], terms[MOST_LEDS][MODEL_TERMS], powers[MOST_MONOMIALS], p, q;
+    for (int k = 0; k < K; ++k) {
+        image[k] = load_floats(light + k * size + i, count);
+        if (model_gain) image[k] *= load_floats(model_gain + k * size + i, count);
+    }
+    const int there = monomials(powers, u, v, (int)model_degree);
+    linear_slope(image, model_linear, powers, there, K, &p, &q);
+    for (int k = 0; k < K; ++k)
+        for (int t = 0; t < MODEL_TERMS; ++t)
+            terms[k][t] = coefficient(model_quadratic + (MODEL_TERMS * k + t) * MOST_MONOMIALS, powers, there);
+
+    floats g = 0.0f;
+    for (int step = 0; step <= steps; ++step) {
+        const floats square = one + p * p + q * q, w = one / sqrt(square), cube = w / square;
+        const floats x = -p * w, y = -q * w;
+        const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
+        const floats xq = p * q * cube, yq = q * q * cube - w, zq = -q * cube;
+        floats m[MOST_LEDS], jp[MOST_LEDS], jq[MOST_LEDS];
+        floats shown = 0.0f, norm = 0.0f, share_p = 0.0f, share_q = 0.0f;
+        for (int k = 0; k < K; ++k) {
+            floats gx, gy, gz;
+            m[k] = modelled_light(terms[k], x, y, w, &gx, &gy, &gz);
+            jp[k] = gx * xp + gy * yp + gz * zp;
+            jq[k] = gx * xq + gy * yq + gz * zq;
+            shown += m[k] * image[k];
+            norm += m[k] * m[k];
+            share_p += m[k] * jp[k];
+            share_q += m[k] * jq[k];
+        }
+        norm += least;
+        g = shown / norm;
+        share_p /= norm;
+        share_q /= norm;
+        floats a = 0.0f, b = 0.0f, c = 0.0f, s = 0.0f, t = 0.0f, left = 0.0f;
+        for (int k = 0; k < K; ++k) {
+            const floats by_p = g * (jp[k] - m[k] * share_p), by_q = g * (jq[k] - m[k] * share_q);
+            const floats rest = image[k] - g * m[k];
+            a += by_p * by_p;
+            b += by_p * by_q;
+            c += by_q * by_q;
+            s += by_p * rest;
+            t += by_q * rest;
+            left += rest * rest;
+        }
+        if (step == steps) {
+            store_floats(p, slope + i, count);
+            store_floats(q, slope + size + i, count);
+            store_floats(g, brightness + i, count);
+            store_floats(sqrt(left / (float)K), residual + i, count);
+            return;
+        }
+        const floats raw = a * c - b * b, determinant = MORE_OF(raw, smallest);
+        const floats dp = (c * s - b * t) / determinant, dq = (a * t - b * s) / determinant;
+        const floats length_ = sqrt(dp * dp + dq * dq), longest = LONGEST * square;
+        const floats shrink = fmin(one, longest / MORE_OF(length_, smallest));
+        p += dp * shrink;
+        q += dq * shrink;
+    }
+}

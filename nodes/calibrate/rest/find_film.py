@@ -1,0 +1,107 @@
+"""Tell where a frame shows film, and where a housing or nothing at all."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node, warn
+from tactograph.nodes import F4, U1, Light, Mask
+
+FILM_PERCENTILE = 95
+"""Percentile of the light that stands for film."""
+RIM_LIGHT_SHARE = 0.5
+"""Light over that of film close by, which marks the blurred rim of a dark part."""
+MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
+"""Shares of the frame and of its border that a dark part has, if it is no marker there."""
+MAX_CONTINUED_RATIO = 1.5
+"""How far beyond the light on the film it may go on."""
+MAX_FIT_PIXELS = 20000
+"""Pixels that say enough of how light falls off."""
+
+
+class FilmArea(NamedTuple):
+    """The film at rest, continued over the whole frame, and where the frame shows it."""
+
+    flat: Light
+    area: Mask
+
+
+@node
+def find_film(
+    flat: Light,
+    *,
+    dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
+    margin_px: Annotated[int, Interval(ge=0, le=100)] = 5,
+    told: bool = False,
+) -> FilmArea:
+    """Return where a frame shows film, and its light continued over the rest of the frame.
+
+    Round views, housings and black frames leave parts of the flat frame without light.  Such a
+    part is dark under all LEDs and reaches the border of the frame.  There the flat frame is
+    continued by a polynomial of degree 2 in x and y, fitted to the logarithm of the light that
+    each LED gives the film.
+
+    Parameters
+    ----------
+    flat
+        K x H x W, dark level subtracted.
+    dark
+        Light that counts as none, as a share of the film's.
+    margin_px
+        Film beside a dark part that does not count as film either: the flat frame is smoothed.
+    told
+        Warn of parts without film.
+    """
+    area = _area(flat, dark, margin_px)
+    if area.all():
+        return FilmArea(flat, area)
+    if told:
+        warn(
+            f"the film fills {area.mean():.0%} of the frame: pixels without light are left out "
+            "(crop=x0,y0,x1,y1 would keep the images small)"
+        )
+    continued = np.stack([_continued(plane, area) for plane in flat])
+    return FilmArea(np.where(area != 0, flat, continued), area)
+
+
+def _area(flat: Light, dark: float, margin_px: int) -> U1:
+    """1 where the frame shows film."""
+    brightest = flat.max(axis=0)
+    side = 2 * margin_px + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    missing = brightest < dark * np.percentile(brightest, FILM_PERCENTILE)
+    missing |= brightest < RIM_LIGHT_SHARE * cv2.dilate(brightest, disc)
+    _, parts, stats, _ = cv2.connectedComponentsWithStats(missing.astype(np.uint8), connectivity=4)
+    ring = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
+    large = [
+        part
+        for part in np.unique(ring)
+        if part
+        and stats[part, cv2.CC_STAT_AREA] >= MIN_PART_SHARE * missing.size
+        and np.count_nonzero(ring == part) >= MIN_RIM_SHARE * ring.size
+    ]
+    if not large:
+        return np.ones(missing.shape, np.uint8)
+    return np.asarray(1 - cv2.dilate(np.isin(parts, large).astype(np.uint8), disc), np.uint8)
+
+
+def _continued(plane: F4, area: U1) -> F4:
+    """The light of an LED over the whole frame, as that on the film goes on."""
+    height, width = plane.shape
+    y, x = np.mgrid[:height, :width] / np.float64(max(height, width)) - 0.5
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    inside = np.flatnonzero(area)
+    inside = inside[:: 1 + inside.size // MAX_FIT_PIXELS]
+    light = plane.ravel()[inside]
+    low, high = np.percentile(light, [1, 99])
+    logs = np.log(np.clip(light, max(low, 1e-4), None))
+    found = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
+    logs = np.tensordot(found, terms, axes=1)
+    light = np.exp(
+        np.clip(logs, *np.log([max(low, 1e-4) / MAX_CONTINUED_RATIO, high * MAX_CONTINUED_RATIO]))
+    )
+    return np.asarray(light, np.float32)

@@ -1,0 +1,160 @@
+"""Which image of a folder is which LED's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from tactograph.graph import InputError, warn
+from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.files.image_files import MAX_LEDS
+
+SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
+MIN_LEDS = 3
+USUAL = "led{}"
+NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
+"""Name without suffix: what comes before its last number, the number, what comes behind."""
+
+Named = dict[int, Path]
+"""Images of one name by their numbers."""
+
+
+def images_of(folder: Path) -> list[Path]:
+    """Return the image files of a folder in order of name, without hidden ones."""
+    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not is_hidden(f))
+    return sorted(files)
+
+
+def is_hidden(path: Path) -> bool:
+    """Whether it is hidden: the remains of a killed writer (`atomic_files`), or a system file."""
+    return path.name.startswith(".")
+
+
+def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> bool:
+    """Return whether a folder holds images that are one LED's each."""
+    if pattern != USUAL:
+        return any(_by_pattern(folder, pattern, leds or range(1, MAX_LEDS + 1)).values())
+    if is_scan(folder):
+        return True
+    groups = _by_name(folder)
+    return (USUAL.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
+
+
+def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> list[Path]:
+    """Return the image of each LED, in the order of `leds`, or of their numbers.
+
+    With the usual pattern, images of any one name with numbers are taken in the order of these,
+    and this is said; images of other names with numbers are named as left out.  Of a scan, those
+    that its ``scan.yaml`` lists are taken, in that order.
+
+    Raises
+    ------
+    InputError
+        If an image is missing or there twice, several names may be meant, or there are fewer LEDs
+        than a slope needs, or more than a label holds.
+    """
+    if leds is not None and len(set(leds)) < len(leds):
+        raise InputError(f"leds={tuple(leds)}: an LED is named twice")
+    if pattern == USUAL:
+        there = _numbered_leds(folder)
+    else:
+        asked = leds or range(1, MAX_LEDS + 1)
+        there = {led: file for led, file in _by_pattern(folder, pattern, asked).items() if file}
+    wanted = leds or range(1, max(there, default=1) + 1)
+    missing = [led for led in wanted if led not in there]
+    if missing:
+        name = pattern.format(missing[0])
+        raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
+    if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
+        raise InputError(
+            f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
+            "of them (if the channels of one colour image are the lights, say lights=bgr)"
+        )
+    return [there[led] for led in wanted]
+
+
+def _numbered_leds(folder: Path) -> Named:
+    """The images of one name by LED, counted from 1."""
+    if is_scan(folder):
+        return dict(enumerate(read_scan(folder).images, start=1))
+    groups = _by_name(folder)
+    usual = USUAL.format(""), ""
+    likely = [usual] if usual in groups else [n for n, g in groups.items() if _may_be_leds(g)]
+    if len(likely) > 1:
+        names = " and ".join(next(iter(groups[name].values())).name for name in likely)
+        raise InputError(
+            f"{folder}: images of several names could be those of the LEDs, such as {names}; "
+            "keep one name, or set 'files' of the node that reads them"
+        )
+    if not likely:
+        return {}
+    found = groups[likely[0]]
+    left = [f.name for n, group in groups.items() if n != likely[0] for f in group.values()]
+    if left:
+        more = f" and {len(left) - 3} more" if len(left) > 3 else ""
+        warn(f"{folder}: not read: {', '.join(left[:3])}{more}; the images of LEDs have one name")
+    first, count = min(found), len(found)
+    if likely[0] == usual and first == 1:
+        return found
+    steps = {after - before for before, after in zip(found, [*found][1:], strict=False)}
+    files = [*found.values()]
+    if len(steps) > 1:
+        raise InputError(
+            f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
+            "the numbers of the LEDs' images follow one another"
+        )
+    warn(f"{files[0].stem} to {files[-1].stem} are taken as LEDs 1 to {count}")
+    return dict(enumerate(files, start=1))
+
+
+def _may_be_leds(group: Named) -> bool:
+    return len(group) >= MIN_LEDS
+
+
+def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
+    """The numbered images of a folder by what stands before and behind their numbers.
+
+    Upper and lower case are the same name, and so are numbers with and without leading zeros.
+    """
+    groups: dict[tuple[str, str], Named] = {}
+    for file in images_of(folder):
+        match = NUMBERED.fullmatch(file.stem)
+        if match is None:
+            continue
+        before, number, behind = match.groups()
+        group = groups.setdefault((before.lower(), behind.lower()), {})
+        if (other := group.get(int(number))) is not None:
+            raise InputError(
+                f"{folder}: {other.name} and {file.name} are both there; keep the one that is meant"
+            )
+        group[int(number)] = file
+    return {name: dict(sorted(group.items())) for name, group in groups.items()}
+
+
+def _by_pattern(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
+    """The image of each LED.
+
+    The folder is listed once, which is faster than testing every possible file name.
+    """
+    try:
+        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
+    except OSError:  # each LED has a folder of its own, or there is none
+        listed = None
+    return {led: _find_one(folder, pattern, led, listed) for led in leds}
+
+
+def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
+    try:
+        stem = pattern.format(led)
+        if stem == pattern:
+            raise ValueError
+    except (ValueError, IndexError, KeyError, AttributeError):
+        raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
+    name = stem.rpartition("/")[2].lower()
+    likely = (s for s in SUFFIXES if listed is None or f"{name}{s}" in listed)
+    there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
+    if len(there) > 1:
+        names = " and ".join(file.name for file in there)
+        raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
+    return there[0] if there else None

@@ -1,0 +1,225 @@
+"""Scans and light models as GelSight's software stores them: ``scan.yaml`` and a model beside it.
+
+That software writes YAML by hand: keys without a value (``fov:      : 5``), Windows' paths,
+sizes as ``[a, b]`` or ``(a, b)``.  A scan lists its images in the order of the LEDs.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path, PureWindowsPath
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.graph.disk.strict_yaml import parse_yaml
+from tactograph.nodes import F4
+
+SCAN = "scan.yaml"
+MAX_BYTES = 1_000_000
+MAX_LEDS = 8
+TERMS = 10
+"""Of the light model, per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
+MONOMIALS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
+"""Rows of a matrix, and the degree in the position that they stand for; the highest degree
+comes first, within a degree falling in u."""
+_DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
+_PAIR = re.compile(r"[\[(]\s*(\d+)\s*,\s*(\d+)\s*[\])]")
+
+
+class Circle(NamedTuple):
+    """A ball that was marked by hand: its place in the grid, its centre and radius in px."""
+
+    column: int
+    row: int
+    x: float
+    y: float
+    radius: float
+
+
+class Scan(NamedTuple):
+    """What a ``scan.yaml`` says."""
+
+    images: list[Path]
+    pixel_size: float
+    """mm per px; 0 where it is unknown."""
+    model: str
+    """The light model's file name, without its folder; empty where none is named."""
+    circles: list[Circle]
+
+
+class FlatField(NamedTuple):
+    """Flat frames of all LEDs in one image, three tiles a row, and what each is scaled to."""
+
+    image: Path
+    scale: list[float]
+
+
+class LightModelFile(NamedTuple):
+    """The light of K LEDs as functions of normal and position; matrices as they are stored."""
+
+    width: int
+    height: int
+    pixel_size: float
+    linear: F4
+    """R x K m: m is 3, or 4 with a scale."""
+    quadratic: F4
+    """R x K m: m is 10, or 11 with a scale."""
+    leds: int
+    flat: FlatField | None
+
+
+def is_scan(folder: Path) -> bool:
+    """Whether a folder is a scan."""
+    return (folder / SCAN).is_file()
+
+
+def read_scan(folder: Path) -> Scan:
+    """Read a scan's file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, lists no images or files outside the folder, or is cropped.
+    """
+    file = folder / SCAN
+    entries = _entries(file)
+    images = [_image(folder, name, file) for name in _list(entries, "images", file)]
+    if not images:
+        raise InputError(f"{file}: images: names no file")
+    if any(_numbers(entries.get("crop", []), f"{file}: crop")):
+        raise InputError(
+            f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and crop by "
+            "crop=x0,y0,x1,y1"
+        )
+    pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
+    marks = [_circle(mark, file) for mark in entries.get("annotations") or []]
+    model = PureWindowsPath(str(entries.get("calib") or "")).name
+    return Scan(images, pixel, model, [mark for mark in marks if mark is not None])
+
+
+def find_light_model(folder: Path) -> Path:
+    """The light model that a scan names, in its folder or the one above.
+
+    Raises
+    ------
+    InputError
+        If it names none, or none is there.
+    """
+    name = read_scan(folder).model
+    if not name:
+        raise InputError(f"{folder / SCAN}: names no light model; give it as model=FILE.yaml")
+    for place in (folder / name, folder.parent / name):
+        if place.is_file():
+            return place
+    raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
+
+
+def read_light_model_file(file: Path) -> LightModelFile:
+    """Read a light model.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
+    """
+    entries = _entries(file)
+    leds = int(_number(entries.get("nL", 0), f"{file}: nL"))
+    if not 3 <= leds <= MAX_LEDS:
+        raise InputError(f"{file}: nL: has {leds} LEDs; a slope needs from 3 to {MAX_LEDS}")
+    width, height = (int(_number(entries.get(k, 0), f"{file}: {k}")) for k in ("width", "height"))
+    pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
+    if min(width, height) < 1 or not 0 < pixel < 1e3:
+        raise InputError(f"{file}: width, height and mmperpixel must be above 0")
+    return LightModelFile(
+        width,
+        height,
+        pixel,
+        _matrix(entries, "linfit", leds, 3, file),
+        _matrix(entries, "quadfit", leds, TERMS, file),
+        leds,
+        _flat_field(entries.get("flatfield"), leds, file),
+    )
+
+
+def _entries(file: Path) -> dict[str, Any]:
+    """The file's entries, its software's slips mended."""
+    try:
+        raw = file.read_bytes()
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
+    if len(raw) > MAX_BYTES:
+        raise InputError(f"{file}: is larger than {MAX_BYTES // 1000} kB; no scan or light model")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: is not a text file") from None
+    found = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file)).data
+    if not isinstance(found, dict):
+        raise InputError(f"{file}: holds no entries such as 'images:' or 'quadfit:'")
+    return found
+
+
+def _list(entries: dict[str, Any], key: str, file: Path) -> list[Any]:
+    value = entries.get(key)
+    if not isinstance(value, list):
+        raise InputError(f"{file}: {key}: a list is needed")
+    return value
+
+
+def _image(folder: Path, name: Any, file: Path) -> Path:
+    plain = PureWindowsPath(str(name)).name
+    if plain != str(name):
+        raise InputError(f"{file}: images: '{name}' must be the name of a file beside {SCAN}")
+    return folder / plain
+
+
+def _number(value: Any, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{where}: '{value}' is not a number")
+    return float(value)
+
+
+def _numbers(value: Any, where: str) -> list[float]:
+    if not isinstance(value, list):
+        raise InputError(f"{where}: a list of numbers is needed")
+    return [_number(one, where) for one in value]
+
+
+def _circle(mark: Any, file: Path) -> Circle | None:
+    """A marked ball; None for other marks."""
+    if not isinstance(mark, dict) or mark.get("type") != "GridCircle":
+        return None
+    of = {k: _number(mark.get(k), f"{file}: annotations: {k}") for k in ("gx", "gy", "x", "y", "r")}
+    return Circle(int(of["gx"]), int(of["gy"]), of["x"], of["y"], of["r"])
+
+
+def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path) -> F4:
+    """A matrix of `terms` columns per LED, or of one more."""
+    entry = entries.get(key)
+    if not isinstance(entry, dict):
+        raise InputError(f"{file}: {key}: is missing; this is not a light model")
+    rows, columns = (int(_number(entry.get(k), f"{file}: {key}: {k}")) for k in ("rows", "cols"))
+    values = _numbers(entry.get("values"), f"{file}: {key}: values")
+    if rows not in MONOMIALS:
+        known = ", ".join(map(str, MONOMIALS))
+        raise InputError(f"{file}: {key}: has {rows} rows; positions of {known} rows are known")
+    if columns not in (leds * terms, leds * (terms + 1)) or len(values) != rows * columns:
+        raise InputError(
+            f"{file}: {key}: {len(values)} values in {rows} rows of {columns} are not "
+            f"{terms} or {terms + 1} for each of {leds} LEDs"
+        )
+    return np.array(values, np.float32).reshape(rows, columns)
+
+
+def _flat_field(entry: Any, leds: int, file: Path) -> FlatField | None:
+    if entry is None:
+        return None
+    if not isinstance(entry, dict) or not isinstance(entry.get("modelfile"), str):
+        raise InputError(f"{file}: flatfield: modelfile: the image's name is needed")
+    scale = _numbers(entry.get("scale"), f"{file}: flatfield: scale")
+    if len(scale) != leds:
+        raise InputError(f"{file}: flatfield: scale: {len(scale)} values for {leds} LEDs")
+    return FlatField(file.parent / PureWindowsPath(entry["modelfile"]).name, scale)

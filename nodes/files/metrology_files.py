@@ -1,0 +1,134 @@
+"""Height maps in the formats of surface metrology: X3P, Gwyddion's .gwy and .gsf.
+
+Lengths are metres in all of them.  Rows stay in the image's order, the first on top.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4, Height, HeightError
+
+M = 1e-3
+"""A millimetre in metres."""
+GWY_HEIGHT, GWY_ERROR = 0, 1
+"""Channels of a .gwy file."""
+_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
+
+
+def write_x3p(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
+    """ISO 25178-72: 64-bit floats, NaN where unknown; the error is a second layer."""
+    layers = [height] if error is None else [height, error]
+    data = M * np.stack(layers).astype(np.float64)
+    _package("x3p").write(file, data, x_scale=M * pixel, y_scale=M * pixel)
+
+
+def write_gwy(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
+    """Gwyddion's own: a channel for the height, and one for the error; unknown film is masked."""
+    gwy = _package("gwy")
+    container = gwy.objects.GwyContainer()
+    container.filename = file.name
+    for number, title, data in ((GWY_HEIGHT, "Height", height), (GWY_ERROR, "Error", error)):
+        if data is not None:
+            known = np.isfinite(data)
+            container[f"/{number}/data"] = _field(gwy, np.where(known, data, 0), pixel)
+            container[f"/{number}/data/title"] = title
+            if not known.all():
+                container[f"/{number}/mask"] = _field(gwy, ~known, pixel)
+    container.tofile(str(file))
+
+
+def _field(gwy: Any, data: Any, pixel: float) -> Any:
+    rows, columns = data.shape
+    unit = gwy.objects.GwySIUnit(unitstr="m")
+    scale = 1.0 if data.dtype == bool else M
+    return gwy.objects.GwyDataField(
+        scale * data.astype(np.float64),
+        xreal=M * pixel * columns,
+        yreal=M * pixel * rows,
+        si_unit_xy=unit,
+        si_unit_z=unit,
+    )
+
+
+def write_gsf(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
+    """Gwyddion's simple field: 32-bit floats, NaN where unknown; it has room for no error."""
+    rows, columns = height.shape
+    sizes = {"XReal": M * pixel * columns, "YReal": M * pixel * rows}
+    about = {**sizes, "XYUnits": "m", "ZUnits": "m", "Title": "Height"}
+    _package("gsf").write_gsf(file, (M * height).astype(np.float32), about)
+
+
+def read_x3p(file: Path) -> tuple[F4, float, float]:
+    """The height in mm, and the sides of a pixel in mm."""
+    layers = _read("x3p", lambda package: package.read(file).layers, file)
+    if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
+        raise InputError(f"{file}: holds no surface, but a profile or points")
+    width, length = _read("x3p", lambda _: layers[0].spacing, file)
+    return (np.asarray(layers[0].z) / M).astype(np.float32), width / M, length / M
+
+
+def read_gwy(file: Path) -> tuple[F4, float, float]:
+    """The first channel in mm, and the sides of a pixel in mm."""
+    container = _read("gwy", lambda gwy: gwy.load(str(file)), file)
+    channels = _read("gwy", lambda gwy: dict(gwy.util.find_datafields(container)), file)
+    if not channels:
+        raise InputError(f"{file}: holds no channel of heights")
+    field, mask = container[f"/{min(channels)}/data"], container.get(f"/{min(channels)}/mask")
+    if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
+        raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
+    z = np.array(field.data) / M
+    if mask is not None:
+        z[np.asarray(mask.data) > 0] = np.nan
+    rows, columns = z.shape
+    return z.astype(np.float32), field.xreal / columns / M, field.yreal / rows / M
+
+
+def read_gsf(file: Path) -> tuple[F4, float, float]:
+    """The height in mm, and the sides of a pixel in mm."""
+    data, about = _read("gsf", lambda package: package.read_gsf(file), file)
+    if about.get("ZUnits", "m") != "m" or about.get("XYUnits", "m") != "m":
+        raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
+    width, length = (float(about.get(key, math.nan)) for key in ("XReal", "YReal"))
+    return (data / M).astype(np.float32), width / data.shape[1] / M, length / data.shape[0] / M
+
+
+def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
+    package = _package(kind)
+    try:
+        return read(package)
+    except InputError:
+        raise
+    # A damaged file can raise any exception.
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{file}: cannot be read as a .{kind} file: {reason}") from None
+
+
+def _package(kind: str) -> Any:
+    try:
+        return importlib.import_module(_PACKAGES[kind])
+    except ImportError:
+        raise InputError(
+            f".{kind} files need {_PACKAGES[kind]}, which is not installed; "
+            "pip install 'tactograph[metrology]'"
+        ) from None
+
+
+METROLOGY_WRITERS: Mapping[str, Callable[[Path, Height, float, HeightError | None], None]] = {
+    "x3p": write_x3p,
+    "gwy": write_gwy,
+    "gsf": write_gsf,
+}
+METROLOGY_READERS: Mapping[str, Callable[[Path], tuple[F4, float, float]]] = {
+    ".x3p": read_x3p,
+    ".gwy": read_gwy,
+    ".gsf": read_gsf,
+}

@@ -1,0 +1,1 @@
+"""Surface metrology of a height map: level it, filter it, measure grooves and steps."""

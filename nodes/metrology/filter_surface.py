@@ -1,0 +1,94 @@
+"""The S-L surface of ISO 25178-3: form, short and long wavelengths removed by Gaussian filters."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import F4, Height, PixelSize
+
+ALPHA = np.sqrt(np.log(2) / np.pi)
+"""Of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting index."""
+MAX_FITTED = 100_000
+"""Pixels that the form is fitted to; more add nothing."""
+
+
+@node(neutral="height")
+def filter_surface(
+    height: Height,
+    pixel: PixelSize,
+    *,
+    form_degree: Annotated[int, Interval(ge=0, le=8)] = 1,
+    s_filter_mm: Annotated[float, Gt(0)] | None = None,
+    l_filter_mm: Annotated[float, Gt(0)] | None = None,
+) -> Height:
+    """Subtract the form, then what is shorter than the S and longer than the L nesting index.
+
+    The order is ISO 25178-3's: S-filter, F-operation, L-filter.  The Gaussian is that of ISO
+    16610-61; at the border and beside unknown film (NaN) its weights are scaled up to one.
+
+    Parameters
+    ----------
+    height
+        H x W in mm.
+    pixel
+        mm per px.
+    form_degree
+        Degree of the form, a polynomial in x and y fitted by least squares: 0 is the mean, 1 a
+        plane, 2 also a ball or a cylinder.
+    s_filter_mm, l_filter_mm
+        Nesting indices in mm; None: no filter.
+
+    Raises
+    ------
+    InputError
+        If the S-filter's nesting index is not the smaller one, or too little film is known.
+    """
+    if s_filter_mm and l_filter_mm and s_filter_mm >= l_filter_mm:
+        raise InputError(
+            f"s_filter_mm={s_filter_mm:g}, l_filter_mm={l_filter_mm:g}: the S-filter removes "
+            "waves shorter than its index, the L-filter longer ones; give the smaller as "
+            "s_filter_mm"
+        )
+    smooth = height if s_filter_mm is None else gaussian_mean(height, s_filter_mm / pixel)
+    flat = smooth - form(smooth, form_degree)
+    return flat if l_filter_mm is None else flat - gaussian_mean(flat, l_filter_mm / pixel)
+
+
+def gaussian_mean(height: F4, nesting_px: float) -> F4:
+    """The mean weighted by exp(-pi (x / (ALPHA nesting index))^2); NaN stays NaN."""
+    sigma = ALPHA * nesting_px / np.sqrt(2 * np.pi)
+    known = np.isfinite(height)
+    shares = gaussian_filter(known.astype(float), sigma, mode="constant")
+    sums = gaussian_filter(np.where(known, height, 0).astype(float), sigma, mode="constant")
+    return np.where(known, sums / np.maximum(shares, np.finfo(float).tiny), np.nan).astype(
+        np.float32
+    )
+
+
+def form(height: F4, degree: int) -> F4:
+    """The polynomial in x and y that leaves the least squares of a height map."""
+    y, x = np.nonzero(np.isfinite(height))
+    terms = (degree + 1) * (degree + 2) // 2
+    if len(x) < 10 * terms:
+        raise InputError(
+            f"{len(x)} known heights are too few for a form of degree {degree} ({terms} terms)"
+        )
+    every = slice(None, None, max(1, len(x) // MAX_FITTED))
+    columns = _powers(x[every], y[every], height.shape, degree)
+    fitted = np.linalg.lstsq(np.stack(columns, 1), height[y[every], x[every]], rcond=None)[0]
+    across, down = np.arange(height.shape[1])[None], np.arange(height.shape[0])[:, None]
+    whole = _powers(across, down, height.shape, degree)
+    return np.asarray(sum(c * t for c, t in zip(fitted, whole, strict=True)), np.float32)
+
+
+def _powers(
+    x: NDArray[np.int_], y: NDArray[np.int_], shape: tuple[int, ...], degree: int
+) -> list[NDArray[np.float64]]:
+    u, v = 2 * x / shape[1] - 1, 2 * y / shape[0] - 1
+    return [u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)]

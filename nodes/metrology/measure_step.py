@@ -1,0 +1,188 @@
+"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import Height, HeightError, Metrics, PixelSize
+
+MIN_PROFILES = 5
+MIN_ZONE_PX = 3
+"""Fewest pixels of a level that is measured."""
+EDGE_SHARE = 0.5
+"""Of the depth, where an edge is counted."""
+WALL_SHARES = 0.2, 0.8
+"""Of the depth, between which a wall's angle is taken."""
+MAX_UNEVEN = 0.2
+"""Spread of the widths, over their median, above which profiles do not show one groove."""
+MAX_WALL_SHARE = 0.6
+"""Of a groove's width, the widest wall that leaves both levels free."""
+Line = NDArray[np.float64]
+
+
+class Profile(NamedTuple):
+    """Of one profile: depth in mm (above 0: a groove, or a step down), edges in px, walls in
+    degrees."""
+
+    depth: float
+    edges: tuple[float, ...]
+    walls: tuple[float, ...]
+
+
+@node
+def measure_step(
+    height: Height,
+    pixel: PixelSize,
+    error: HeightError | None = None,
+    *,
+    along: Literal["x", "y"] = "x",
+    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
+    smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
+) -> Metrics:
+    """Measure a groove (two edges) or a step (one) on every profile across it.
+
+    Of a groove of width W, ISO 5436-1 (type A1) compares the middle third of its bottom with the
+    parts of the upper level that lie from W / 3 to W beyond either edge; of a step, the parts
+    from w to 3 w beyond the edge, with w the width of its wall.  Both levels share a slope: z =
+    a x + b + h d, with d = 1 above and -1 below, by least squares; the depth is 2 h.
+
+    Parameters
+    ----------
+    height
+        H x W in mm; unknown film (NaN) is left out.
+    pixel
+        mm per px.
+    error
+        Standard deviation of the height in mm; then the uncertainty holds it.
+    along
+        Axis of the profiles: they cross the groove.
+    edges
+        2: groove or ridge; 1: step.
+    smooth_px
+        Pixels that a profile is averaged over, to find its edges.
+
+    Returns
+    -------
+    dict
+        ``step_depth_um`` (the median over the profiles; below 0: a ridge, or a step up),
+        ``step_spread_um`` (their standard deviation), ``step_uncertainty_um`` (standard
+        uncertainty of the depth: the spread of the mean, and the stated error, which profiles
+        share), ``step_width_mm``, ``wall_1_deg``, ``wall_2_deg`` (steepest part of the walls
+        against the level), ``step_profiles``.
+
+    Raises
+    ------
+    InputError
+        If too few profiles show such edges.
+    """
+    lines = height if along == "x" else height.T
+    found = [profile for line in lines if (profile := _measure(line, pixel, edges, smooth_px))]
+    if len(found) < MIN_PROFILES:
+        what = "a groove or ridge" if edges == 2 else "a step"
+        raise InputError(
+            f"{len(found)} of {len(lines)} profiles along {along} show {what}: crop=x0,y0,x1,y1 "
+            "to the part that holds one, say along=x or y, whichever crosses it, and edges=1 or 2"
+        )
+    depths = 1e3 * np.array([profile.depth for profile in found])
+    spread = float(np.std(depths, ddof=1))
+    stated = 0.0 if error is None else 1e3 * float(np.sqrt(np.nanmean(np.square(error))))
+    figures = {
+        "step_depth_um": float(np.median(depths)),
+        "step_spread_um": spread,
+        "step_uncertainty_um": float(np.hypot(spread / np.sqrt(len(found)), stated)),
+        "step_profiles": float(len(found)),
+    }
+    if edges == 2:
+        widths = pixel * np.array([p.edges[1] - p.edges[0] for p in found])
+        figures["step_width_mm"] = float(np.median(widths))
+        if np.std(widths) > MAX_UNEVEN * np.median(widths):
+            warn("the profiles' widths differ by a fifth: they do not cross one straight groove")
+    for wall in range(edges):
+        angles = [profile.walls[wall] for profile in found]
+        figures[f"wall_{wall + 1}_deg"] = float(np.median(angles))
+    _warn_of_wide_walls(figures)
+    return figures
+
+
+def _warn_of_wide_walls(figures: Metrics) -> None:
+    """Warn where a wall reaches into the parts that stand for the levels."""
+    least = np.radians(min(figures[name] for name in figures if name.startswith("wall_")))
+    run = abs(figures["step_depth_um"]) / 1e3 / np.tan(max(least, 1e-6))
+    if run > MAX_WALL_SHARE * figures.get("step_width_mm", np.inf):
+        warn(
+            "the groove is too narrow for its walls: ISO 5436-1 compares levels that they reach "
+            "into, and finds too small a depth"
+        )
+
+
+def _measure(line: Line, pixel: float, edges: int, smooth_px: int) -> Profile | None:
+    """Measure one profile; None where it shows no such edges."""
+    x = np.flatnonzero(np.isfinite(line)).astype(float)
+    if len(x) < 3 * MIN_ZONE_PX:
+        return None
+    z = line[x.astype(int)].astype(float)
+    places = _edges(x, uniform_filter1d(z, smooth_px, mode="nearest"), edges)
+    if places is None:
+        return None
+    upper, lower = _zones(x, places, _wall_px(x, z, places[0]))
+    if min(upper.sum(), lower.sum()) < MIN_ZONE_PX:
+        return None
+    used = upper | lower
+    side = np.where(upper, 1.0, -1.0)[used]
+    terms = np.stack([x[used], np.ones(used.sum()), side], 1)
+    slope, level, half = np.linalg.lstsq(terms, z[used], rcond=None)[0]
+    share = (z - slope * x - level) / half if half else np.zeros_like(z)
+    walls = tuple(_wall_deg(x, share, place, 2 * abs(half) / pixel) for place in places)
+    return Profile(2 * half, places, walls)
+
+
+def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:
+    """Where the profile crosses the middle between its two levels, `count` times."""
+    for _ in range(2):  # the second time without the tilt
+        middle = (np.percentile(z, 5) + np.percentile(z, 95)) / 2
+        above = z > middle
+        crossings = np.flatnonzero(above[1:] != above[:-1])
+        if len(crossings) != count:
+            return None
+        if count == 2 and above[0] == above[-1]:
+            upper = above == above[0]
+            z = z - np.polyval(np.polyfit(x[upper], z[upper], 1), x)
+    share = (middle - z[crossings]) / (z[crossings + 1] - z[crossings])
+    return tuple(x[crossings] + share * (x[crossings + 1] - x[crossings]))
+
+
+def _wall_px(x: Line, z: Line, edge: float) -> float:
+    """The width of the wall of a step: its height over its steepest slope."""
+    steepest = np.abs(np.gradient(z, x)).max()
+    return float((z.max() - z.min()) / max(steepest, 1e-12))
+
+
+def _zones(
+    x: Line, places: tuple[float, ...], wall: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The parts of the profile that show either level; the first begins outside."""
+    if len(places) == 1:
+        before, after = places[0] - x, x - places[0]
+        return (before > wall) & (before < 3 * wall), (after > wall) & (after < 3 * wall)
+    left, right = places
+    width, beyond = right - left, np.maximum(left - x, x - right)
+    middle = np.abs(x - (left + right) / 2) < width / 6
+    return (beyond > width / 3) & (beyond < width), middle
+
+
+def _wall_deg(x: Line, share: Line, place: float, depth_px: float) -> float:
+    """The angle of a wall: of the line through its middle part, or of its steepest pixels."""
+    low, high = (2 * s - 1 for s in WALL_SHARES)
+    near = np.abs(x - place) < np.abs(x - place)[np.abs(share) > high].min(initial=np.inf) + 1
+    wall = near & (share > low) & (share < high)
+    few = wall.sum() < MIN_ZONE_PX
+    beside = np.abs(x - place) < MIN_ZONE_PX
+    per_px = np.abs(np.diff(share[beside])).max() if few else np.polyfit(x[wall], share[wall], 1)[0]
+    per_px /= 2
+    return float(np.degrees(np.arctan(abs(per_px) * depth_px)))

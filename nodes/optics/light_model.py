@@ -1,0 +1,77 @@
+"""A sensor's light as a polynomial of normal and position: the model of GelSight's files.
+
+The light of LED k at normal n and position (u, v) is m_k = max(0, n'A n + b.n + c), and all ten
+coefficients are polynomials in u and v, of monomials 1, u, v, u^2, u v, v^2, ...  Off-diagonal
+terms of A count twice; an eleventh coefficient scales the others.  u and v are counted from the
+middle of the frame, in units of its shorter side.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import Port
+from tactograph.nodes import F4, Light
+
+TERMS = 11
+"""a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
+LEAST_SCALE = np.float32(1e-3)
+
+
+class LightModel(NamedTuple):
+    """The light of K LEDs by normal and position."""
+
+    quadratic: Annotated[F4, Port("K 11 15", "1", low=-0.5, high=0.5)]
+    """Coefficients by LED, term and monomial."""
+    linear: Annotated[F4, Port("K 3 15", "1", low=-0.5, high=0.5)]
+    """The same of L_k in m_k = L_k.n, from which the search for a normal starts."""
+    view: Annotated[F4, Port("3", "px", high=0.02)]
+    """x and y of the frame's middle, and one over its shorter side."""
+    degree: Annotated[float, Port(unit="1", high=4)]
+    """Of the monomials; coefficients of higher ones are 0."""
+    gain: Light | None
+    """K x H x W: what the light is multiplied with, the sensor's own flat-field correction."""
+
+
+def positions(x: F4, y: F4, view: F4) -> tuple[F4, F4]:
+    """The position (u, v) of pixels."""
+    return (x - view[0]) * view[2], (y - view[1]) * view[2]
+
+
+def monomials(u: F4, v: F4, degree: int) -> F4:
+    """1, u, v, u^2, u v, v^2, ..., v^degree: M x N of positions N."""
+    of_u, of_v = [np.ones_like(u)], [np.ones_like(v)]
+    for _ in range(degree):
+        of_u.append(of_u[-1] * u)
+        of_v.append(of_v[-1] * v)
+    return np.stack([of_u[d - j] * of_v[j] for d in range(degree + 1) for j in range(d + 1)])
+
+
+def coefficients(model: F4, powers: F4) -> F4:
+    """The coefficients at positions: T x K x N of a model K x T x 15."""
+    there = np.zeros((model.shape[1], len(model), *powers.shape[1:]), np.float32)
+    for column, power in zip(model.T, powers, strict=False):
+        there += column.reshape(*column.shape, *(1,) * power.ndim) * power
+    return there
+
+
+def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:
+    """The light m at normals 3 x N, K x N, and its derivative by n, 3 x K x N.
+
+    Both are 0 where the light would be below.
+    """
+    x, y, z = n
+    turned = np.stack(
+        [
+            c[0] * x + c[1] * y + c[2] * z,
+            c[1] * x + c[3] * y + c[4] * z,
+            c[2] * x + c[4] * y + c[5] * z,
+        ]
+    )
+    scale = np.maximum(c[10], LEAST_SCALE)
+    linear = turned + c[6:9]
+    light = scale * (x * linear[0] + y * linear[1] + z * linear[2] + c[9])
+    lit = np.where(light > 0, scale, np.float32(0))
+    return np.maximum(light, np.float32(0)), lit * (turned + linear)

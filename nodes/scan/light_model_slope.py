@@ -1,0 +1,121 @@
+"""Slope and brightness of every pixel from all LEDs, by a light model."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.nodes import F4, Light, Slope
+from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.light_model import (
+    LightModel,
+    coefficients,
+    modelled_light,
+    monomials,
+    positions,
+)
+from tactograph.nodes.optics.normals import cofactors, times
+
+LONGEST = np.float32(0.3)
+"""Longest step, as the angle in radians by which it turns the normal."""
+TINY = np.float32(1e-20)
+LEAST_LIGHT = np.float32(1e-6)
+"""Smallest sum of squares of the modelled light."""
+FLATTEST = np.float32(0.05)
+"""Smallest n_z of the start."""
+
+
+class ModelSlope(NamedTuple):
+    """A slope, and what the light says beside it."""
+
+    slope: Slope
+    brightness: Annotated[F4, Port("H W", "1", high=2)]
+    """The film's brightness, relative to the film that the model was made with."""
+    residual: Annotated[F4, Port("H W", "1", high=0.1)]
+    """Root mean square over the LEDs of the light that slope and brightness do not explain."""
+
+
+@node(
+    sizes={"K": SizeLimit(3, 8, "slope and brightness need three LEDs")},
+    tolerance=Flips(
+        1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
+    ),
+)
+def light_model_slope(
+    light: Light, model: LightModel, *, steps: Annotated[int, Interval(ge=0, le=20)] = 6
+) -> ModelSlope:
+    """Find slope (p, q) and brightness g with I_k = g m_k(n), by least squares over the LEDs.
+
+    At a given normal the best brightness is g = m.I / m.m, so Gauss-Newton steps turn the normal
+    alone, by the part of dm that no brightness explains (variable projection, Kaufman 1975).
+    The start is the linear model's.  Leaving LEDs out makes slopes worse under this model, so
+    all count.
+
+    Parameters
+    ----------
+    light
+        K x H x W, a fraction of full scale.
+    model
+        As `read_light_model` gives it.
+    steps
+        Gauss-Newton steps.
+
+    Returns
+    -------
+    ModelSlope
+        Slope 2 x H x W; brightness and residual H x W.
+    """
+    leds, rows, columns = light.shape
+    image = light.reshape(leds, -1)
+    gain = None if model.gain is None else model.gain.reshape(leds, -1)
+    out = np.empty((4, rows * columns), np.float32)
+
+    def solve(part: slice) -> None:
+        at = np.arange(part.start, part.stop)
+        u, v = positions(
+            (at % columns).astype(np.float32), (at // columns).astype(np.float32), model.view
+        )
+        seen = image[:, part] if gain is None else image[:, part] * gain[:, part]
+        out[:, part] = _solution(seen, u, v, model, steps)
+
+    in_blocks(solve, rows * columns)
+    p, q, brightness, residual = out.reshape(4, rows, columns)
+    return ModelSlope(np.stack([p, q]), brightness, residual)
+
+
+def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> F4:
+    """4 x N: p, q, brightness and residual."""
+    powers = monomials(u, v, int(model.degree))
+    terms = coefficients(model.quadratic, powers)
+    p, q = _start(image, coefficients(model.linear, powers))
+    for _ in range(steps):
+        square, n, by_p, by_q = normal_by_slope(p, q)
+        m, gradient = modelled_light(terms, np.array(n))
+        norm = np.sum(m * m, axis=0) + LEAST_LIGHT
+        brightness = np.sum(m * image, axis=0) / norm
+        columns = [along(tuple(gradient), direction) for direction in (by_p, by_q)]
+        x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
+        rest = image - brightness * m
+        products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)
+        right = np.sum(x * rest, axis=0), np.sum(y * rest, axis=0)
+        dp, dq = limited_step(products, right, LONGEST * square)
+        p, q = p + dp, q + dq
+    m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
+    brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + LEAST_LIGHT)
+    residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
+    return np.stack([p, q, brightness, residual])
+
+
+def _start(image: F4, rows: F4) -> tuple[F4, F4]:
+    """The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule."""
+    a = np.array([[np.sum(rows[i] * rows[j], axis=0) for j in range(3)] for i in range(3)])
+    x, y, z = times(cofactors(a), np.sum(rows * image, axis=1))
+    z = np.maximum(z, np.maximum(FLATTEST * np.sqrt(x * x + y * y + z * z), TINY))
+    return -x / z, -y / z
+
+
+light_model_slope.opencl(grid="H W", lanes="grid")

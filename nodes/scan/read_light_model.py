@@ -1,0 +1,119 @@
+"""Read the light model that GelSight's software stores with a calibrated sensor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import F4, PixelSize
+from tactograph.nodes.files.gelsight_scan import (
+    MONOMIALS,
+    FlatField,
+    find_light_model,
+    is_scan,
+    read_light_model_file,
+    read_scan,
+)
+from tactograph.nodes.files.image_files import Crop, read_image
+from tactograph.nodes.optics.light_model import TERMS, LightModel
+
+TILES_PER_ROW = 3
+LEAST_FLAT = 1 / 255
+"""Darkest light of a flat frame that is divided by."""
+MAX_MONOMIALS = 15
+
+
+class ScanLight(NamedTuple):
+    """A sensor's light model, and the size of its pixels."""
+
+    model: LightModel
+    pixel_size: PixelSize
+
+
+@node
+def read_light_model(
+    *,
+    file: Path,
+    crop: Crop | None = None,
+    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
+) -> ScanLight:
+    """Read a light model, which holds for the whole frame: a crop moves its positions and gains.
+
+    Parameters
+    ----------
+    file
+        The light model (``.yaml``), with its flat frames beside it; or a scan, whose ``calib``
+        names a model in its folder or the one above.
+    crop
+        x0, y0, x1, y1 in pixels, as the images are cropped.
+    pixel_size_mm
+        Side of a pixel on the film; None: what the scan says, else the model.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, is no light model, or is damaged.
+    """
+    stated = 0.0
+    if is_scan(file):
+        stated, file = read_scan(file).pixel_size, find_light_model(file)
+    said = read_light_model_file(file)
+    x0, y0 = crop[:2] if crop else (0, 0)
+    view = (said.width - 1) / 2 - x0, (said.height - 1) / 2 - y0, 1 / min(said.width, said.height)
+    degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])
+    gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
+    model = LightModel(
+        _by_term(said.quadratic, said.leds, TERMS),
+        _by_term(said.linear, said.leds, 4)[:, :3],
+        np.array(view, np.float32),
+        float(degree),
+        gain,
+    )
+    return ScanLight(model, pixel_size_mm or stated or said.pixel_size)
+
+
+def _by_term(matrix: F4, leds: int, terms: int) -> F4:
+    """K x terms x 15 from the file's rows, whose highest degree comes first.
+
+    A last term that the file lacks scales the others by 1.
+    """
+    rows, columns = matrix.shape
+    degree = MONOMIALS[rows]
+    ascending = [
+        r
+        for d in range(degree + 1)
+        for r in range(rows - (d + 1) * (d + 2) // 2, rows - d * (d + 1) // 2)
+    ]
+    by_term = np.zeros((leds, terms, MAX_MONOMIALS), np.float32)
+    given = columns // leds
+    by_term[:, :given, :rows] = matrix[ascending].T.reshape(leds, given, rows)
+    if given < terms:
+        by_term[:, -1, 0] = 1
+    return by_term
+
+
+def _gain(flat: FlatField, size: tuple[int, int], crop: Crop | None) -> F4:
+    """K x H x W: what brings each LED's flat frame to its scale."""
+    sheet = read_image(flat.image)
+    if sheet.ndim != 2:
+        raise InputError(f"{flat.image}: flat frames are one grey image, three tiles a row")
+    across, down = TILES_PER_ROW, -(-len(flat.scale) // TILES_PER_ROW)
+    if sheet.shape[0] % down or sheet.shape[1] % across:
+        raise InputError(
+            f"{flat.image}: is {sheet.shape[1]} x {sheet.shape[0]} px, which are not "
+            f"{across} x {down} tiles of one size"
+        )
+    height, width = sheet.shape[0] // down, sheet.shape[1] // across
+    light = sheet.astype(np.float32) / np.float32(np.iinfo(sheet.dtype).max)
+    gains = []
+    for k, scale in enumerate(flat.scale):
+        y, x = k // across * height, k % across * width
+        tile = np.maximum(light[y : y + height, x : x + width], np.float32(LEAST_FLAT))
+        gains.append(cv2.resize(np.float32(scale) / tile, size, interpolation=cv2.INTER_CUBIC))
+    x0, y0, x1, y1 = crop or (0, 0, *size)
+    return np.ascontiguousarray(np.stack(gains)[:, y0:y1, x0:x1])

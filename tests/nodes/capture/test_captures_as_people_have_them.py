@@ -1,0 +1,201 @@
+"""Names, colours and depths of images as cameras and people make them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.capture.read_balls import read_balls
+from tactograph.nodes.capture.read_capture import Capture, read_capture
+from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.capture.read_grey import read_grey
+from tactograph.nodes.capture.read_presses import read_presses
+
+RNG = np.random.default_rng(0)
+IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
+COLOURS = RNG.integers(1, 250, (4, 12, 16, 3)).astype(np.uint8)
+
+
+def write(folder: Path, names: list[str], images: NDArray[np.integer] = IMAGES) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, image in zip(names, images, strict=False):
+        suffix = Path(name).suffix.lower()
+        (folder / name).write_bytes(cv2.imencode(suffix, image)[1].tobytes())
+    return folder
+
+
+def read_one(folder: Path, **settings: object) -> tuple[Capture, list[str]]:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        (capture,) = read_capture(folder=folder, **settings)
+    return capture, notes
+
+
+NAMES = {
+    "led0 to led3 are taken as LEDs 1 to 4": ["led0.png", "led1.png", "led2.png", "led3.png"],
+    "led9 to led12 are taken as LEDs 1 to 4": ["led9.png", "led10.png", "led11.png", "led12.png"],
+    "image0 to image3 are taken as LEDs 1 to 4": [f"image{k}.png" for k in range(4)],
+    "001 to 004 are taken as LEDs 1 to 4": [f"{k:03}.png" for k in range(1, 5)],
+    "image07 to image10 are taken as LEDs 1 to 4": [f"image{k:02}.tif" for k in range(7, 11)],
+    "img_1_l to img_4_l are taken as LEDs 1 to 4": [f"img_{k}_l.bmp" for k in range(1, 5)],
+    "light_0 to light_270 are taken as LEDs 1 to 4": [f"light_{90 * k}.png" for k in range(4)],
+}
+
+
+@pytest.mark.parametrize("said", NAMES)
+def test_images_of_one_name_are_the_leds_in_the_order_of_their_numbers(
+    tmp_path: Path, said: str
+) -> None:
+    capture, notes = read_one(write(tmp_path, NAMES[said]))
+    assert np.array_equal(capture.image, IMAGES / np.float32(255))
+    assert notes == [said]
+
+
+@pytest.mark.parametrize("name", ["LED{}.PNG", "Led{}.png", "led0{}.TIFF"])
+def test_upper_case_and_leading_zeros_are_the_usual_name(tmp_path: Path, name: str) -> None:
+    capture, notes = read_one(write(tmp_path, [name.format(k) for k in range(1, 5)]))
+    assert np.array_equal(capture.image, IMAGES / np.float32(255))
+    assert notes == []
+
+
+def test_images_of_other_names_are_named_as_left_out(tmp_path: Path) -> None:
+    write(tmp_path, [f"led{k}.png" for k in range(1, 5)])
+    write(tmp_path, ["IMG_2041.png", "picture.png"])
+    capture, notes = read_one(tmp_path)
+    assert len(capture.image) == 4
+    assert "not read: IMG_2041.png" in notes[0]
+
+
+def test_two_names_that_may_be_the_leds_are_refused(tmp_path: Path) -> None:
+    write(tmp_path, [f"left{k}.png" for k in range(4)])
+    write(tmp_path, [f"right{k}.png" for k in range(4)])
+    with pytest.raises(InputError, match=r"several names.*left0\.png and right0\.png"):
+        read_one(tmp_path)
+
+
+def test_a_gap_between_numbers_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, ["image0.png", "image1.png", "image3.png", "image4.png"])
+    with pytest.raises(InputError, match="an image is missing"):
+        read_one(tmp_path)
+
+
+def test_one_number_in_two_files_is_refused(tmp_path: Path) -> None:
+    write(tmp_path, ["led1.png", "led01.png", "led2.png", "led3.png"])
+    with pytest.raises(InputError, match=r"led01\.png and led1\.png are both there"):
+        read_one(tmp_path)
+
+
+def test_a_folder_of_captures_of_other_names_is_a_stream(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write(tmp_path / name, [f"image{k}.png" for k in range(4)])
+    assert [capture.name for capture in read_capture(folder=tmp_path)] == ["a", "b"]
+
+
+def test_one_colour_image_alone_is_told_of_its_channels(tmp_path: Path) -> None:
+    write(tmp_path, ["touch.png"], COLOURS)
+    with pytest.raises(InputError, match=r"touch\.png alone.*lights=bgr"):
+        read_one(tmp_path)
+
+
+LEDS = [f"led{k}.png" for k in range(1, 5)]
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_colour_camera_s_light_is_the_mean_of_its_channels(tmp_path: Path, dtype: type) -> None:
+    colours = COLOURS.astype(dtype) * dtype(1 if dtype is np.uint8 else 257)
+    capture, notes = read_one(write(tmp_path, LEDS, colours), whole=True)
+    assert np.allclose(capture.image, COLOURS.mean(axis=-1) / 255, atol=1e-6)
+    assert len(notes) == 1
+    assert "the mean of the three channels; channel=red, green or blue" in notes[0]
+
+
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_a_channel_can_be_chosen(tmp_path: Path, at: int) -> None:
+    channel = ("blue", "green", "red")[at]
+    folder = write(tmp_path / "touch", LEDS, COLOURS)
+    expected = COLOURS[..., at] / np.float32(255)
+    capture, notes = read_one(folder, channel=channel)
+    assert np.array_equal(capture.image, expected)
+    assert notes == []
+    balls = read_balls(folder=folder, radius_mm=4.0, channel=channel)
+    assert np.array_equal(balls.first, expected)
+    image = folder / "led2.png"
+    flat = read_flat(capture.image, dark=image, channel=channel)
+    assert np.array_equal(flat.dark, expected[1])
+    assert np.array_equal(read_grey(file=image, channel=channel), expected[1])
+
+
+def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:
+    write(tmp_path, LEDS, COLOURS)
+    found = read_grey(file=tmp_path / "led1.png")
+    assert np.allclose(found, COLOURS[0].mean(axis=-1) / 255, atol=1e-6)
+
+
+def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Path) -> None:
+    colours = COLOURS.copy()
+    colours[1, :3, :, 0] = 255
+    _, notes = read_one(write(tmp_path, LEDS, colours))
+    assert any("led2.png" in note and "saturated" in note for note in notes)
+
+
+def test_colour_and_grey_images_are_not_of_one_capture(tmp_path: Path) -> None:
+    write(tmp_path, LEDS)
+    write(tmp_path, LEDS[2:3], COLOURS)
+    with pytest.raises(InputError, match=r"led3\.png: a colour image, but led1\.png is grey"):
+        read_one(tmp_path)
+
+
+@pytest.mark.parametrize("bits", [10, 12])
+def test_the_white_of_a_pgm_is_obeyed(tmp_path: Path, bits: int) -> None:
+    images = RNG.integers(1, 1024, (4, 12, 16))
+    for name, image in zip(LEDS, images, strict=True):
+        head = f"P5\n# a camera\n16 12\n{2**bits - 1}\n".encode()
+        (tmp_path / name).with_suffix(".pgm").write_bytes(head + image.astype(">u2").tobytes())
+    capture, notes = read_one(tmp_path, whole=True)
+    assert np.allclose(capture.image, images / (2**bits - 1), atol=1e-6)
+    assert notes == []
+
+
+PLATEAUS = {"12 bits at the top of 16": (65520, np.uint16), "video": (235, np.uint8)}
+
+
+@pytest.mark.parametrize("what", PLATEAUS)
+def test_light_that_is_cut_off_below_full_scale_is_saturated(tmp_path: Path, what: str) -> None:
+    top, dtype = PLATEAUS[what]
+    light = RNG.normal(0.9, 0.2, (4, 40, 50)).clip(0.05, 1)
+    _, notes = read_one(write(tmp_path, LEDS, (light * top).astype(dtype)))
+    assert len(notes) == 4
+    assert f"saturated at {top} of {np.iinfo(dtype).max}; expose shorter" in notes[0]
+
+
+def test_bright_light_that_is_not_cut_off_is_not_saturated(tmp_path: Path) -> None:
+    ramp = np.linspace(0.3, 0.95, 50 * 40).reshape(40, 50)
+    even = np.full((4, 40, 50), 0.94)
+    for light in (np.stack([ramp] * 4), even):
+        assert read_one(write(tmp_path, LEDS, (255 * light).astype(np.uint8)))[1] == []
+
+
+def test_presses_can_be_cropped(tmp_path: Path) -> None:
+    write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
+    write(tmp_path, ["film.png"], COLOURS[1:])
+    part = {"crop": (2, 3, 10, 8), "smooth_px": 0.0}
+    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png", **part)
+    assert np.array_equal(
+        found.image[0], COLOURS[0, 3:8, 2:10].transpose(2, 0, 1) / np.float32(255)
+    )
+    assert found.flat.shape == (3, 5, 8)
+    assert np.isnan(found.circle).all()
+
+
+def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
+    folder = write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
+    (folder / "capture.yaml").write_text("ball_center_px: [7.5, 5]\nball_contact_px: 3\n")
+    write(tmp_path, ["film.png"], COLOURS[1:])
+    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png")
+    assert found.circle.tolist() == [[7.5, 5, 3]]

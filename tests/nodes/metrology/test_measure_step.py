@@ -1,0 +1,85 @@
+"""Grooves and steps of known depth, width and walls."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
+from tactograph.nodes.metrology.measure_step import measure_step
+
+PIXEL = 0.005
+
+
+def groove(depth: float, width: float, wall_deg: float, tilt: float = 0.0) -> F4:
+    """A groove of so many mm across the middle of 60 x 600 px, its width at half depth."""
+    x = PIXEL * (np.arange(600) - 299.5)
+    run = depth / np.tan(np.radians(wall_deg))
+    inside = np.clip((width / 2 + run / 2 - np.abs(x)) / run, 0, 1)
+    return np.tile((tilt * x - depth * inside).astype(np.float32), (60, 1))
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    depth=st.floats(0.02, 0.3),
+    width=st.floats(0.5, 0.9),
+    wall=st.floats(30, 70),
+    tilt=st.floats(-0.005, 0.005),
+)
+def test_a_groove_has_its_depth_width_and_walls(
+    depth: float, width: float, wall: float, tilt: float
+) -> None:
+    assume(depth / np.tan(np.radians(wall)) < 0.6 * width)
+    figures = measure_step(groove(depth, width, wall, tilt), PIXEL, smooth_px=1)
+    assert figures["step_depth_um"] == pytest.approx(1e3 * depth, rel=5e-3, abs=0.2)
+    assert figures["step_width_mm"] == pytest.approx(width, abs=2 * PIXEL)
+    assert figures["wall_1_deg"] == pytest.approx(wall, abs=4)
+    assert figures["wall_2_deg"] == pytest.approx(wall, abs=4)
+
+
+def test_walls_that_reach_into_the_levels_are_told() -> None:
+    told: list[str] = []
+    with collect_warnings(told):
+        measure_step(groove(0.3, 0.5, 32), PIXEL)
+    assert "too narrow for its walls" in told[0]
+
+
+def test_a_ridge_is_a_groove_of_negative_depth() -> None:
+    assert measure_step(-groove(0.1, 0.6, 45), PIXEL)["step_depth_um"] == pytest.approx(-100, abs=1)
+
+
+def test_profiles_along_y_are_those_of_the_turned_map() -> None:
+    z = groove(0.1, 0.6, 45)
+    assert measure_step(np.ascontiguousarray(z.T), PIXEL, along="y") == measure_step(z, PIXEL)
+
+
+def test_a_step_down_has_a_positive_depth() -> None:
+    x = PIXEL * (np.arange(600) - 299.5)
+    z = np.tile(np.float32(-np.clip((x + 0.05) / 0.1, 0, 1) * 0.08 + 0.001 * x), (40, 1))
+    figures = measure_step(z, PIXEL, edges=1)
+    assert figures["step_depth_um"] == pytest.approx(80, rel=0.01)
+    assert figures["wall_1_deg"] == pytest.approx(38.7, abs=3)
+
+
+def test_the_uncertainty_holds_the_spread_and_the_stated_error() -> None:
+    z = groove(0.1, 0.6, 45)
+    noisy = z + np.random.default_rng(1).normal(0, 0.002, z.shape).astype(np.float32)
+    of_spread = measure_step(noisy, PIXEL)
+    assert 0 < of_spread["step_uncertainty_um"] < of_spread["step_spread_um"]
+    stated = measure_step(noisy, PIXEL, np.full_like(z, 0.004))
+    assert stated["step_uncertainty_um"] >= 4
+
+
+def test_unknown_film_is_left_out() -> None:
+    z = groove(0.1, 0.6, 45)
+    z[:30, 290:295] = np.nan
+    assert measure_step(z, PIXEL)["step_depth_um"] == pytest.approx(100, abs=1)
+
+
+def test_a_plane_holds_no_groove() -> None:
+    with pytest.raises(InputError, match="0 of 60 profiles along x show a groove"):
+        measure_step(np.zeros((60, 600), np.float32), PIXEL)

@@ -1,0 +1,102 @@
+"""Light models and scans: what their writer means, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.files.gelsight_scan import read_scan
+from tactograph.nodes.scan.read_light_model import read_light_model
+from tests.conftest import real_data
+from tests.nodes.scan.scans import (
+    GAIN,
+    HEIGHT,
+    LEDS,
+    PIXEL,
+    WIDTH,
+    cap,
+    seen,
+    write_model,
+    write_scan,
+)
+
+
+def test_a_model_is_read_slips_of_its_writer_included(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml", flat=True)
+    found = read_light_model(file=tmp_path / "model.yaml")
+    assert found.pixel_size == PIXEL
+    assert found.model.quadratic.shape == (LEDS, 11, 15)
+    assert found.model.gain is not None
+    np.testing.assert_allclose(found.model.gain, np.full((LEDS, HEIGHT, WIDTH), GAIN), rtol=1e-4)
+
+
+def test_a_scan_names_its_model_with_a_path_of_another_computer(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml")
+    model = read_light_model(file=tmp_path / "model.yaml").model
+    write_scan(tmp_path / "scan", seen(cap(), model), calib="C:\\data\\model.yaml")
+    assert read_light_model(file=tmp_path / "scan").pixel_size == PIXEL
+
+
+def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
+    light = np.linspace(0.2, 0.7, LEDS, dtype=np.float32)[:, None, None] * np.ones((HEIGHT, WIDTH))
+    write_scan(tmp_path / "scan", light)
+    (capture,) = read_capture(folder=tmp_path / "scan")
+    assert capture.image[:, 0, 0] == pytest.approx(light[:, 0, 0], abs=1e-4)
+    (two_left_out,) = read_capture(folder=tmp_path / "scan", leds=(6, 3, 2, 1))
+    assert two_left_out.image[0, 0, 0] == pytest.approx(0.7, abs=1e-4)
+
+
+def test_marked_balls_are_read(tmp_path: Path) -> None:
+    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
+    (circle,) = read_scan(tmp_path / "scan").circles
+    assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("nL: 6", "nL: 2", "has 2 LEDs; a slope needs from 3 to 8"),
+        ("    cols: 18", "    cols: 17", "linfit: 54 values in 3 rows of 17"),
+        ("    rows: 3", "    rows: 4", "has 4 rows; positions of 1, 3, 6, 10, 15 rows are known"),
+        ("quadfit: ", "quadfat: ", "quadfit: is missing; this is not a light model"),
+        ("mmperpixel: 0.02", "mmperpixel: 0", "must be above 0"),
+        ("width: 96", "width: wide", "width: 'wide' is not a number"),
+    ],
+)
+def test_a_damaged_model_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    file = tmp_path / "model.yaml"
+    write_model(file)
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        read_light_model(file=file)
+
+
+def test_a_scan_without_its_model_says_what_to_give(tmp_path: Path) -> None:
+    write_scan(
+        tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32), calib="gone.yaml"
+    )
+    with pytest.raises(InputError, match=r"light model gone.yaml is not there; give it as model="):
+        read_light_model(file=tmp_path / "scan")
+
+
+def test_images_outside_the_scan_are_refused(tmp_path: Path) -> None:
+    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
+    file = tmp_path / "scan" / "scan.yaml"
+    file.write_text(file.read_text().replace("image07.png", "../image07.png"))
+    with pytest.raises(InputError, match="must be the name of a file beside"):
+        list(read_capture(folder=tmp_path / "scan"))
+
+
+def test_every_model_of_real_sensors_is_read() -> None:
+    scans = real_data("gelsight_scans")
+    for file in ("oem/demo-calibration", "handheld/model-test1", "finger/finger-model"):
+        found = read_light_model(file=scans / f"{file}.yaml")
+        assert 0.001 < found.pixel_size < 0.1
+    series = read_light_model(file=scans / "devices" / "series2_2EF6_4JNW.yaml").model
+    assert series.degree == 2
+    assert series.gain is not None
+    assert series.gain.shape == (6, 2056, 2464)

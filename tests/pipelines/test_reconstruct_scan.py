@@ -1,0 +1,46 @@
+"""A scan, by its sensor's light model alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import load
+from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.scan.read_light_model import read_light_model
+from tests.conftest import real_data
+from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen, write_model, write_scan
+
+
+def test_a_cap_has_its_height(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml", flat=True)
+    model = read_light_model(file=tmp_path / "model.yaml").model
+    z = cap(radius=0.9, depth=0.06)
+    write_scan(tmp_path / "scan", seen(z, model), calib="model.yaml")
+    (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=tmp_path / "scan").items()
+    assert found["height"].shape == (HEIGHT, WIDTH)
+    assert found["pixel"] == PIXEL
+    assert found["height"].max() == pytest.approx(z.max(), rel=0.02)
+    assert np.sqrt(np.mean((found["height"] - z) ** 2)) < 2e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", ["series1_1587_M6G0", "series2_2EF6_4JNW"])
+def test_a_groove_seen_through_a_real_sensors_model_has_its_depth(device: str) -> None:
+    """500 um with walls of 30 degrees, 1 % of noise."""
+    file = real_data("gelsight_scans") / "devices" / f"{device}.yaml"
+    crop = (600, 900, 1800, 960)
+    sensor = read_light_model(file=file, crop=crop)
+    x = sensor.pixel_size * (np.arange(crop[2] - crop[0]) - 600)
+    run = 0.5 / np.tan(np.radians(30))
+    profile = -0.5 * np.clip((1 + run / 2 - np.abs(x) + 0.5) / run, 0, 1)
+    z = np.tile(profile.astype(np.float32), (crop[3] - crop[1], 1))
+    rng = np.random.default_rng(0)
+    light = seen(z, sensor.model, sensor.pixel_size)
+    light = (light * (1 + 0.01 * rng.normal(size=light.shape))).astype(np.float32)
+    pipeline = load("reconstruct_scan", model=file, changes={"sensor.crop": list(crop)})
+    found = pipeline(frames=np.clip(light, 0, 1))
+    figures = measure_step(found["height"], sensor.pixel_size)
+    assert figures["step_depth_um"] == pytest.approx(500, abs=1)
