@@ -72,14 +72,8 @@ def follow_contacts(
     Returns
     -------
     FollowedContacts
-<<<<<<< HEAD
-        Contacts H x W, tracks 254 x 6, and figures: ``contacts``, their number;
-        ``contact_age/c1`` in frames; ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm
-        per frame.
-=======
         Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
         ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
->>>>>>> main
     """
     known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
     found = np.unique(contact[contact > 0])
@@ -142,11 +136,7 @@ def _go_on(track: F4, place: NDArray[np.float64]) -> None:
 
 
 def _figures(known: F4, seen: NDArray[np.intp], pixel: float) -> Metrics:
-<<<<<<< HEAD
-    figures: Metrics = {"contacts": float(len(seen))}
-=======
     figures: Metrics = {}
->>>>>>> main
     for row in seen:
         name = f"c{row + 1}"
         figures[f"contact_age/{name}"] = float(known[row, AGE])
