@@ -71,7 +71,7 @@ def track_pose(
     anew at zero.  All contacts count as one rigid object.
 
     A motion that leaves no trace (a ball turns unseen, a cylinder slides) stays as it was, and
-    has a standard deviation of 100 mm; a warning names it.
+    has a standard deviation of 100 mm; a warning and ``pose_open`` say so.
 
     Parameters
     ----------
@@ -185,8 +185,9 @@ def _tracked(
     figures["pose_overlap"] = shared
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[COUNTS, :2])
     if count:
+        # The same words in each frame, so that a stream says it once.
         warn(
-            f"track_pose: the shape leaves {count} of 6 motions open ({', '.join(names)}): they "
-            "stay as they were"
+            "track_pose: the shape leaves motions open, which stay as they were; the figures "
+            "'pose_open' say which"
         )
     return TrackedPose(pose.astype(np.float32), covariance.astype(np.float32), key, memory, figures)

@@ -101,7 +101,7 @@ def test_a_motion_that_leaves_no_trace_is_told(shape: Shape, still: set[str]) ->
     told: list[str] = []
     with collect_warnings(told):
         _, found = track(surfaces)
-    assert f"leaves {len(still)} of 6 motions open" in told[0]
+    assert "leaves motions open" in told[0]
     assert {name for name in found.figures if "/" in name} == {f"pose_open/{n}" for n in still}
     assert found.figures["pose_open"] == len(still)
     for name in still:
