@@ -61,6 +61,24 @@ def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
     _draw_plane(confidence, pixel, "shadow labels: probability of all", "", "gray", file)
 
 
+def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
+    """The surface lit from the upper left, and the seams between the touches it is made of."""
+    down, right = np.gradient(height, pixel)
+    lit = (1 - right - down) / np.sqrt(1 + right**2 + down**2)
+    figure, axes = _one_plane()
+    extent = _extent(height, pixel)
+    axes.imshow(lit, cmap="gray", extent=extent)
+    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (
+        np.diff(source.astype(int))[1:] != 0
+    )
+    axes.imshow(
+        np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none"
+    )
+    count = len(np.unique(source[source > 0]))
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{count} touches and their seams")
+    FigureCanvasAgg(figure).print_png(file)
+
+
 def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
     figure, axes = _one_plane()
     picture = axes.imshow(plane, cmap=colours, extent=_extent(plane, pixel))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.motion.track_pose import track_pose
 from tests.conftest import SHARED, MadeOnce, Raytraced
 from tests.pipelines.test_accuracy import run
 
@@ -81,6 +82,8 @@ class Sensor(NamedTuple):
     scan: Path
     calibration: Path
     centres: F4
+    first_centres: F4
+    """Of the scan that calibrates."""
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +109,15 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Sensor:
         ball_center_px=[253.2, 255.4],
         ball_contact_px=65 / SCALE,
     )
-    with (data / "balls_2.csv").open() as file:
-        marks = [(float(m["x_px"]), float(m["y_px"])) for m in csv.DictReader(file)]
-    centres = ((np.array(marks) + 0.5) / SCALE - 0.5).astype(np.float32)
-    return Sensor(folder / "balls_2", folder / "cal.npz", centres)
+    centres = (marked(data / f"{name}.csv") for name in ("balls_2", "balls_1"))
+    return Sensor(folder / "balls_2", folder / "cal.npz", *centres)
+
+
+def marked(file: Path) -> F4:
+    """The vendor's marks, in px of the smaller images."""
+    with file.open() as opened:
+        marks = [(float(m["x_px"]), float(m["y_px"])) for m in csv.DictReader(opened)]
+    return ((np.array(marks) + 0.5) / SCALE - 0.5).astype(np.float32)
 
 
 def degrees(height: F4, centres: F4) -> float:
@@ -141,3 +149,39 @@ def test_one_ball_calibrates_a_real_sensor(sensor: Sensor) -> None:
     assert found["reconstruct"] < 2.3
     assert found["precise"] < 2.0
     assert found["paper"] > max(found["reconstruct"], found["precise"])
+
+
+@pytest.mark.slow
+def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(sensor: Sensor) -> None:
+    """Shift and turn from one scan to the other, with the first one's calibration; each ball of a
+    grid is like the next.
+    """
+    folder = sensor.scan.parent
+    run(
+        "calibrate",
+        folder / "scan.npz",
+        capture=folder / "balls_1",
+        flat=folder / "flat",
+        ball_radius_mm=RADIUS_MM,
+        pixel_size_mm=PIXEL_MM,
+        ball_pitch_mm=1.0,
+    )
+    first, second = (
+        run("reconstruct", capture=folder / name, calibration=folder / "scan.npz")
+        for name in ("balls_1", "balls_2")
+    )
+    key = track_pose(first["height"], first["contact"], PIXEL_MM)
+    found = track_pose(second["height"], second["contact"], PIXEL_MM, None, key.key, key.memory)
+    turn = np.radians(found.pose[5])
+    middle = (np.array(first["height"].shape[::-1]) - 1) / 2
+    one, two = (PIXEL_MM * (c - middle) for c in (sensor.first_centres, sensor.centres))
+    moved = one @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    moved += found.pose[:2]
+    away = np.linalg.norm(moved[:, None] - two, axis=2)
+    alike = away.min(axis=1) < 0.1
+    apart = (two[away.argmin(axis=1)] - moved)[alike]
+    at = moved[alike] - moved[alike].mean(axis=0)
+    turned = np.degrees(np.sum(at[:, 0] * apart[:, 1] - at[:, 1] * apart[:, 0]) / np.sum(at**2))
+    assert alike.sum() > 40
+    assert np.all(np.abs(apart.mean(axis=0)) < 0.003)
+    assert abs(turned) < 0.02

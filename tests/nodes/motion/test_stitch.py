@@ -1,0 +1,150 @@
+"""A surface larger than the film, from touches of its parts."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.motion._surface import F8, IN_DEGREES, six_numbers, small_motion
+from tactograph.nodes.motion.read_touches import read_touches
+from tactograph.nodes.motion.stitch import StitchedSurface, stitch
+from tests.nodes.motion.moved_objects import PIXEL, height_at, plate, pressed, seen
+
+COUNT = 9
+NAMES = [str(number) for number in range(COUNT)]
+AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
+
+
+def motions() -> list[F8]:
+    """Three by three places of the object on the film, each turned and tilted a little."""
+    rng, found = np.random.default_rng(4), []
+    for row in (-1, 0, 1):
+        for column in (-1, 0, 1):
+            shift = np.array([8.0 * column, 6.0 * row, 0.0]) + rng.normal(0, 0.3, 3) * [1, 1, 0.1]
+            turn = rng.normal(0, 1, 3) * np.radians([0.3, 0.3, 3])
+            found.append(small_motion(np.concatenate([shift, turn])))
+    return found
+
+
+@pytest.fixture(scope="module")
+def touches() -> tuple[F4, F4]:
+    """Heights with noise, and their errors."""
+    rng = np.random.default_rng(6)
+    true = np.array([pressed(plate, motion) for motion in motions()])
+    heights = np.array([seen(z, rng)[0] for z in true])
+    return heights, np.full_like(heights, np.sqrt(np.square(heights - true).mean()))
+
+
+@pytest.fixture(scope="module")
+def whole(touches: tuple[F4, F4]) -> StitchedSurface:
+    return stitch(*touches, PIXEL, NAMES)
+
+
+def root_of(whole: StitchedSurface) -> int:
+    """The touch in whose coordinates the surface is."""
+    zeros = [name for name in NAMES if not whole.figures[f"stitched_x_mm/{name}"]]
+    return int(zeros[0])
+
+
+def departure(whole: StitchedSurface) -> F8:
+    """Height less truth; where the surface lies and how it leans is a choice of the root's."""
+    root = root_of(whole)
+    rows, columns = whole.height.shape
+    # The grid begins where the object's touched part does, in the root's coordinates.
+    y, x = np.indices((rows, columns)) * PIXEL
+    x, y = x + whole.figures["stitched_left_mm"], y + whole.figures["stitched_top_mm"]
+    apart = whole.height - height_at(plate, motions()[root], x, y)
+    known = np.isfinite(apart)
+    plane = np.stack([x[known], y[known], np.ones(known.sum())], axis=1)
+    apart[known] -= plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0]
+    return apart
+
+
+def test_nine_touches_are_as_true_as_one(whole: StitchedSurface, touches: tuple[F4, F4]) -> None:
+    assert whole.figures["stitched_touches"] == COUNT
+    assert whole.figures["stitched_pairs"] >= 12
+    assert whole.figures["stitched_area_mm2"] > 2.5 * touches[0][0].size * PIXEL**2
+    assert np.sqrt(np.nanmean(departure(whole) ** 2)) < 1.3 * touches[1].mean()
+
+
+def test_the_error_holds(whole: StitchedSurface) -> None:
+    apart = departure(whole)
+    known = np.isfinite(apart)
+    held = np.abs(apart[known]) < 1.645 * whole.error[known]
+    assert 0.8 < held.mean() < 0.97
+    assert whole.figures["stitched_difference"] == pytest.approx(1, abs=0.3)
+
+
+def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
+    root = motions()[root_of(whole)]
+    for name, motion in zip(NAMES, motions(), strict=True):
+        pose = np.array([whole.figures[f"stitched_{axis}/{name}"] for axis in AXES]) / IN_DEGREES
+        apart = six_numbers(small_motion(pose) @ motion @ np.linalg.inv(root)) * IN_DEGREES
+        assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
+
+
+def test_each_touch_has_its_part(whole: StitchedSurface) -> None:
+    assert set(np.unique(whole.source)) == {*range(COUNT + 1)}
+    assert np.array_equal(whole.source > 0, np.isfinite(whole.height))
+
+
+def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4]) -> None:
+    rng = np.random.default_rng(8)
+    other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)[0]
+    told: list[str] = []
+    heights = np.stack([*touches[0][:2], other])
+    with collect_warnings(told):
+        found = stitch(heights, touches[1][:3], PIXEL, ["one", "two", "stranger"])
+    assert found.figures["stitched_touches"] == 2
+    assert told == ["stitch: touches that fit no other are left out: stranger"]
+
+
+def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) -> None:
+    heights = touches[0][:2]
+    found = stitch(heights, np.full_like(heights, np.nan), PIXEL, ["one", "two"])
+    single = found.error[(found.source > 0) & np.isfinite(found.error)].max()
+    assert single == pytest.approx(touches[1].mean(), rel=0.5)
+
+
+def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) -> None:
+    heights, errors = touches[0][[0, 8]], touches[1][:2]
+    with pytest.raises(InputError, match="no two of 2 touches fit together"):
+        stitch(heights, errors, PIXEL, ["one", "two"])
+
+
+def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    for number, name in enumerate(("one", "two")):
+        folder = tmp_path / "results" / name
+        folder.mkdir(parents=True)
+        np.save(folder / "height.npy", touches[0][number])
+        np.save(folder / "error.npy", touches[1][number])
+        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+    given = {"over": str(tmp_path / "results"), "out": str(tmp_path / "whole")}
+    (found,) = open_pipeline(read_graph("stitch"), given).items()
+    about = json.loads((tmp_path / "whole/result.json").read_text())
+    assert about["metrics"]["stitched_touches"] == 2
+    assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
+    assert {"error.npy", "height.ply", "source.png", "seams.png"} <= {*about["files"]}
+
+
+def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds 0 results, and 2 to 255 are needed"):
+        read_touches(folder=tmp_path)
+
+
+def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:
+    for size in (20, 21):
+        folder = tmp_path / str(size)
+        folder.mkdir()
+        np.save(folder / "height.npy", np.zeros((size, 20), np.float32))
+        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+    with pytest.raises(InputError, match=r"21: differs in size or pixel size from .*20"):
+        read_touches(folder=tmp_path)

@@ -1,0 +1,152 @@
+"""Poses of objects that move by known steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph, with_overlays
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.motion._surface import six_numbers, small_motion
+from tactograph.nodes.motion.track_pose import TrackedPose, track_pose
+from tests.conftest import Calibration, Raytraced
+from tests.nodes.motion.moved_objects import (
+    F8,
+    PIXEL,
+    SHAPE,
+    SIGMA,
+    Shape,
+    ball,
+    coin,
+    cylinder,
+    plate,
+    pressed,
+    seen,
+)
+
+STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
+STEP = np.array([0.12, -0.08, 0.02, 0.003, -0.005, 0.02])
+"""mm and rad a frame."""
+GOAL = np.array([0.05, 0.05, 0.05, 0.3, 0.3, 0.3])
+"""mm and degrees."""
+
+
+def track(surfaces: Iterable[F8], variance: F4 | None = STATED) -> Iterator[TrackedPose]:
+    rng, before = np.random.default_rng(3), None
+    for surface in surfaces:
+        state = (None, None) if before is None else before[2:4]
+        before = track_pose(*seen(surface, rng), PIXEL, variance, *state)
+        yield before
+
+
+def way(shape: Shape, step: F8, count: int) -> tuple[list[F8], list[F8]]:
+    """Motions, and the surfaces that they give."""
+    motions = [np.eye(4)]
+    for _ in range(count):
+        motions.append(motions[-1] @ small_motion(step))
+    return motions, [pressed(shape, motion) for motion in motions]
+
+
+def astray(found: TrackedPose, motion: F8) -> F8:
+    """Pose less truth, in mm and degrees."""
+    pose = small_motion(np.array([*found.pose[:3], *np.radians(found.pose[3:])]))
+    return six_numbers(pose @ np.linalg.inv(motion)) * [1, 1, 1, *[np.degrees(1)] * 3]
+
+
+def test_steps_of_a_textured_object() -> None:
+    motions, surfaces = way(coin, STEP, 8)
+    for found, motion in zip(track(surfaces), motions, strict=True):
+        assert np.all(np.abs(astray(found, motion)) < GOAL / 3)
+        assert found.figures["pose_open"] == 0
+
+
+def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
+    motions, surfaces = way(plate, np.array([0.6, 0.3, 0, 0, 0, 0.01]), 24)
+    *_, last = track(surfaces)
+    length = float(np.hypot(*motions[-1][:2, 3]))
+    assert last.figures["pose_keys"] > 2
+    assert np.hypot(*astray(last, motions[-1])[:2]) < 0.01 * length
+    assert abs(astray(last, motions[-1])[5]) < GOAL[5]
+    assert last.figures["pose_sd_x_mm"] < 0.01 * length
+
+
+@pytest.mark.parametrize("variance", [STATED, None], ids=["stated", "not stated"])
+def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
+    (_, motion), (first, second) = way(coin, STEP, 1)
+    rng, kept, found = np.random.default_rng(5), [0, 1, 3, 4, 5], []
+    for _ in range(40):
+        key = track_pose(*seen(first, rng), PIXEL, variance)
+        now = track_pose(*seen(second, rng), PIXEL, variance, *key[2:4])
+        error, spread = astray(now, motion)[kept], now.covariance[np.ix_(kept, kept)]
+        found.append(error @ np.linalg.solve(spread, error) / len(kept))
+    assert 0.5 < np.mean(found) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("shape", "still"),
+    [
+        (ball, {"turn_x", "turn_y", "turn_z"}),
+        (cylinder, {"x", "turn_x"}),
+        (lambda x, y: np.full_like(x, 0.4), {"x", "y", "turn_z"}),
+    ],
+    ids=["ball", "cylinder", "plate"],
+)
+def test_a_motion_that_leaves_no_trace_is_told(shape: Shape, still: set[str]) -> None:
+    _, surfaces = way(shape, np.array([0.1, 0.1, 0.02, 0, 0, 0.02]), 1)
+    told: list[str] = []
+    with collect_warnings(told):
+        _, found = track(surfaces)
+    assert "leaves motions open" in told[0]
+    assert {name for name in found.figures if "/" in name} == {f"pose_open/{n}" for n in still}
+    assert found.figures["pose_open"] == len(still)
+    for name in still:
+        unit = "deg" if "turn" in name else "mm"
+        assert found.figures[f"pose_sd_{name}_{unit}"] > 10
+
+
+def test_a_ball_is_followed_though_it_may_turn() -> None:
+    """Its middle is where it is, and turns are not guessed."""
+    _, surfaces = way(ball, np.array([0.2, 0.1, 0, 0, 0, 0.0]), 5)
+    *_, last = track(surfaces)
+    assert last.pose[:2] == pytest.approx([1.0, 0.5], abs=0.05)
+    assert np.abs(last.pose[3:]).max() < 1
+
+
+def test_a_touch_that_ends_begins_anew() -> None:
+    surface, nothing = pressed(coin, np.eye(4)), np.zeros(SHAPE)
+    frames = [found.figures["pose_frames"] for found in track([surface, surface, nothing, surface])]
+    assert frames == [1, 2, 0, 1]
+
+
+def test_a_jump_begins_anew() -> None:
+    surfaces = [pressed(coin, small_motion(np.array([x, 0, 0, 0, 0, 0]))) for x in (-3.5, 3.5)]
+    _, second = track(surfaces)
+    assert second.figures["pose_frames"] == 1
+    assert not second.pose.any()
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
+def test_the_overlay_fits_graphs_of_flashed_lights(graph: str) -> None:
+    posed = with_overlays(read_graph(graph), ["pose"])
+    assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
+    assert "pose" in posed.nodes["figures"].inputs
+
+
+@pytest.mark.slow
+def test_a_touch_at_rest_does_not_move(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """Two captures that are the same, through the whole graph."""
+    for name in ("0", "1"):
+        (tmp_path / name).symlink_to(raytraced / "near33" / "cat_film")
+    given = {"calibration": calibration("near33"), "capture": str(tmp_path)}
+    posed = with_overlays(read_graph("reconstruct"), ["pose"])
+    _, second = open_pipeline(posed, given, sinks=False).items()
+    assert second["metrics"]["pose_frames"] == 2
+    assert np.abs(second["pose"]).max() < 1e-3
+    assert np.all(np.linalg.eigvalsh(second["covariance"]) > 0)
