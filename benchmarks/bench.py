@@ -157,6 +157,7 @@ def calibration(out: Path, size: str, entries: int) -> str:
     width, height = map(int, size.split("x"))
     cal["pixel_size"] = np.float32(WIDTH_MM / width)
     cal["flat"] = np.stack([cv2.resize(plane, (width, height)) for plane in cal["flat"]])
+    cal["area"] = np.ones((height, width), np.uint8)
     cal["dark"] = cv2.resize(cal["dark"], (width, height))
     file = out / f"cal_{size}_{entries}.npz"
     np.savez(file, **cal)

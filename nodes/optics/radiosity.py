@@ -13,7 +13,7 @@ import numpy as np
 
 from tactograph.nodes import F4
 from tactograph.nodes.optics.between_cells import between_cells
-from tactograph.nodes.slope.height_slopes import difference
+from tactograph.nodes.optics.difference import difference
 
 FARTHEST = 64
 """Cells beyond the frame after which the film's light is negligible."""

@@ -8,7 +8,8 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Close, node
-from tactograph.nodes import F4, Height, KnownSlopes, PixelSize
+from tactograph.nodes import Height, KnownSlopes, PixelSize
+from tactograph.nodes.optics.difference import difference
 
 
 @node(tolerance=Close(1e-5, 1e-5, why="division by the pixel size"))
@@ -38,16 +39,6 @@ def height_slopes(
     q = difference(height, 0) / np.float32(pixel)
     mask = p * p + q * q <= np.float32(steepest) * np.float32(steepest)
     return KnownSlopes(np.stack([p, q]), mask.astype(np.uint8))
-
-
-def difference(z: F4, axis: int) -> F4:
-    """Central difference per pixel along `axis`; one-sided at the ends, zero for one pixel."""
-    index = np.arange(z.shape[axis])
-    after = np.minimum(index + 1, index[-1])
-    before = np.maximum(index - 1, 0)
-    span = np.maximum(after - before, 1).astype(np.float32)
-    shape = (-1, 1) if axis == 0 else (1, -1)
-    return (z.take(after, axis) - z.take(before, axis)) / span.reshape(shape)
 
 
 height_slopes.opencl(grid="H W", lanes="rows")
