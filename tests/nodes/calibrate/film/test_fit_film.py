@@ -26,7 +26,7 @@ FOUR = [(-4.0, -2.5), (4.0, -2.0), (-3.5, 2.5), (4.5, 2.5)]
 Y, X = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([47.5, 63.5])[:, None, None]) * PIXEL
 
 
-def press(film: Film, centre: tuple[float, float], seed: int, contact: float) -> F4:
+def press(film: Film, centre: tuple[float, float], seed: int, contact: float = RIM) -> F4:
     """A ball's light relative to the film at rest, with the camera's noise."""
     seen, slope, _ = ball_seen(RADIUS, contact, centre, film.camera, SIZE)
     z = (seen / (1 + film.camera * seen)).ravel()
