@@ -118,7 +118,7 @@ def _launch(run: Launch) -> None:
     of, out = run.inputs, run.outputs
     stretch = STRETCH if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in SHOWN]
-    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
         of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),

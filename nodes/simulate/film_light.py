@@ -88,7 +88,7 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in SHOWN]
-    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
         of["slope"], of["height"], *film, of["pixel"],
