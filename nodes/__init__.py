@@ -64,6 +64,8 @@ Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
 all zero for an ideal lens."""
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
+Wrap = Annotated[float, Port(unit="1", high=0.3)]
+"""w: how far light goes on falling behind the terminator (`optics.near_light.wrapped`)."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
 """Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
 ZeroError = Annotated[float, Port(unit="mm", high=1)]
@@ -133,6 +135,11 @@ class Film(NamedTuple):
         Port("K", "1", high=0.4),
         Stored(0, 0.99, older=0.0),
         "b_k, share of an LED's light that the gel diffuses",
+    ]
+    wrap: Annotated[
+        Wrap,
+        Stored(0, 1, older=0.0),
+        "w, how far light goes on falling behind the terminator, over that from the LED",
     ]
     harmonics: Annotated[
         F4,

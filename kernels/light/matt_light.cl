@@ -6,6 +6,15 @@
 
 #define MOST 8
 
+// Light before `unwrapped`, and its standard deviation.
+static void put(
+    const floats light, floats sigma, const float wrap, __global float *light_,
+    __global float *sigma_, const int i, const int count)
+{
+    store_floats(unwrapped(light, &sigma, wrap), light_ + i, count);
+    store_floats(sigma, sigma_ + i, count);
+}
+
 // The light of a real film converted to that of a matt one.  A work-item does STRETCH pixels of a
 // row, LANES at a time: on CPUs its data of each LED stay in the same memory, near the core.
 LANED __kernel void matt_light(
@@ -15,6 +24,7 @@ LANED __kernel void matt_light(
     __global const float *restrict height,
     __global const float *restrict film_lights,
     __global const float *restrict film_diffuse,
+    const float film_wrap,
     __global const float *restrict film_harmonics,
     __global const float *let_in_curve,
     const float film_flattest, const float film_reach, const float film_gain,
@@ -31,13 +41,12 @@ LANED __kernel void matt_light(
     if (row >= H) return;
     const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
-    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_flattest,
+    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
     const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
-    const floats none = 0.0f;
     RowShades shades[MOST];
     if (harmonic)
         for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
@@ -46,17 +55,17 @@ LANED __kernel void matt_light(
         const int at = row * W + x, count = min(LANES, past - x);
         const floats seen = load_floats(height + at, count);
         const floats per_touch = 1.0f / touch_gain(&film, seen);
-        floats shown[MOST], scale[MOST];
+        floats shown[MOST], scale[MOST], spread[MOST];
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
             shown[k] = load_floats(light + i, count);
             if (bounced) shown[k] -= load_floats(bounced + i, count);
             scale[k] = per_touch * (1.0f / direct_share(&film, k));
-            const floats spread = load_floats(sigma + i, count), grain = film_grain * shown[k];
-            store_floats(sqrt(spread * spread + grain * grain) * scale[k], sigma_ + i, count);
+            const floats noise = load_floats(sigma + i, count), grain = film_grain * shown[k];
+            spread[k] = sqrt(noise * noise + grain * grain) * scale[k];
             if (affine) {
                 const float share = film_diffuse[k] / direct_share(&film, k);
-                store_floats(shown[k] * scale[k] - share, light_ + i, count);
+                put(shown[k] * scale[k] - share, spread[k], film_wrap, light_, sigma_, i, count);
             }
         }
         if (affine) continue;
@@ -80,16 +89,18 @@ LANED __kernel void matt_light(
         for (int step = 0; step < turns; ++step) n = turned(&film, shown, weight, known, n, eye);
         const Facing facing = facing_of(&film, n, eye);
         for (int k = 0; k < K; ++k) {
-            __global float *made = light_ + k * size + at;
+            const int i = k * size + at;
             if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
                 // What a matt film has there, the harmonics stand beside.
                 const floats beside = shaded(&film, known + k, &facing);
-                store_floats((shown[k] - beside) * scale[k], made, count);
+                const floats found = (shown[k] - beside) * scale[k];
+                put(found, spread[k], film_wrap, light_, sigma_, i, count);
                 continue;
             }
             const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
-            const floats matt = dot_of(to, n), real = predicted(&film, known + k, &facing);
-            store_floats((shown[k] - real) * scale[k] + MORE_OF(matt, none), made, count);
+            const floats matt = wrapped(dot_of(to, n), film_wrap);
+            const floats left = (shown[k] - predicted(&film, known + k, &facing)) * scale[k];
+            put(left + matt, spread[k], film_wrap, light_, sigma_, i, count);
         }
     }
 }

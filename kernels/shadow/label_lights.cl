@@ -13,6 +13,7 @@
 #define STRAY 0.015f
 #define SHADE 0.1f
 #define EVEN 0.05f
+#define TIE 1e-3f
 #define ANY_BRIGHTNESS 1e3f
 #define UNKNOWN 1e12f
 #define TINY 1e-20f
@@ -32,6 +33,7 @@
 // them that must be left out.
 typedef struct {
     int K;
+    float wrap;
     floats light[MOST], sigma[MOST], weight[MOST];
     Vector vector[MOST], believed;
     ints below, forced;
@@ -83,7 +85,7 @@ typedef struct {
 
 typedef struct {
     int pair, dark;
-    float floor_, price, one_sided, steepest, dimmed, uneven;
+    float floor_, price, one_sided, steepest, dimmed, uneven, wrap;
 } Rules;
 
 // Pixels that another set of LEDs may explain better: what all LEDs cost there, and a number that
@@ -298,6 +300,13 @@ static Slope slope_of(const Vector n, const float steepest)
     return slope;
 }
 
+// Light above that of a shadow.
+static floats shown_by(const Pixels *pixels, const floats light)
+{
+    if (pixels->wrap == 0.0f) return at_least(0.0f, light);
+    return wrapped(light, pixels->wrap) + pixels->wrap;
+}
+
 // Variance of p and q: (J' W J)^-1 of the tangent plane, carried to the slope (S4).
 static Slope variance_of(
     const Pixels *pixels, const ints used, const Vector n, const Slope slope, const float uneven)
@@ -341,8 +350,8 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     ints dim = 0;
     for (int k = 0; k < pixels->K; ++k) {
         const ints bit = 1 << k;
-        const floats due = at_least(FAINTEST, dot_of(pixels->vector[k], n));
-        dim |= pixels->light[k] < 0.5f * due ? bit : nothing;
+        const floats due = at_least(FAINTEST, shown_by(pixels, dot_of(pixels->vector[k], n)));
+        dim |= shown_by(pixels, pixels->light[k]) < 0.5f * due ? bit : nothing;
     }
     return dim;
 }
@@ -373,8 +382,8 @@ static floats excess_of(
     floats excess = 0.0f;
     for (int k = 0; k < pixels->K; ++k)
         if (!(lit >> k & 1)) {
-            const floats light = pixels->light[k], sigma = pixels->sigma[k];
-            const floats over = light - at_least(0.0f, dot_of(pixels->vector[k], normal));
+            const floats light = shown_by(pixels, pixels->light[k]), sigma = pixels->sigma[k];
+            const floats over = light - shown_by(pixels, dot_of(pixels->vector[k], normal));
             const floats spread = sqrt(sigma * sigma + STRAY * STRAY);
             const floats bright = at_least(0.0f, over / spread + one_sided);
             const floats much = light * (1.0f / SHADE);
@@ -387,7 +396,7 @@ static floats excess_of(
 // the floor is dark and costs nothing here.
 static floats light_of_one(const Pixels *pixels, const int k)
 {
-    const floats none = 0.0f, much = pixels->light[k] * (1.0f / SHADE);
+    const floats none = 0.0f, much = shown_by(pixels, pixels->light[k]) * (1.0f / SHADE);
     return (pixels->below & (1 << k)) != 0 ? none : much * much;
 }
 
@@ -406,16 +415,18 @@ static void prepare(
 {
     const ints nothing = 0;
     ints below = 0;
+    here->K = frame->K;
+    here->wrap = rules->wrap;
     for (int k = 0; k < frame->K; ++k) {
         const ints bit = 1 << k;
         here->sigma[k] = at_least(1e-5f, here->sigma[k]);
         here->weight[k] = 1.0f / (here->sigma[k] * here->sigma[k]);
         here->vector[k] = light_vector(frame->lights + 3 * k, x, y, z);
-        below |= here->light[k] < rules->floor_ * here->sigma[k] ? bit : nothing;
+        const floats shown = shown_by(here, here->light[k]);
+        below |= shown < rules->floor_ * here->sigma[k] ? bit : nothing;
     }
-    here->K = frame->K;
-    here->below = below;
-    here->forced = rules->dark > 0 ? below : nothing;
+    here->below = rules->dark > 0 ? below : nothing;
+    here->forced = rules->wrap == 0.0f ? here->below : nothing;
 }
 
 // Pixels that follow one another, `count` of them.
@@ -498,12 +509,13 @@ static void put_choice(
         put(spread.p, made->variance, first, count, at);
         put(spread.q, made->variance + size, first, count, at);
     }
-    if (made->used) put_bytes(best->used, made->used, first, count, at);
+    const ints used = best->used & ~here->below;
+    if (made->used) put_bytes(used, made->used, first, count, at);
     if (made->shadow) {
         ints dim = 0;
-        if (ANY(best->used != all)) {
-            dim = dim_of(here, normal) & ~best->used;
-            dim = best->used == 0 ? here->forced : dim;
+        if (ANY(used != all)) {
+            dim = dim_of(here, normal) & ~used;
+            dim = best->used == 0 ? here->below : dim;
         }
         put_bytes(dim, made->shadow, first, count, at);
     }
@@ -611,7 +623,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
     }
     // Three LEDs are explained exactly.
     if (here->K > 3) cost += squares_of(here, all, normal, ANY_BRIGHTNESS);
-    const ints better = open & (missing > 0.0f) & (cost < best->cost), labels = all;
+    const ints better = open & (missing > 0.0f) & (cost < best->cost - TIE), labels = all;
     best->cost = better ? cost : best->cost;
     best->misfit = better ? squares_of(here, all, normal, rules->uneven) : best->misfit;
     best->used = better ? labels : best->used;
@@ -634,7 +646,7 @@ static void any_set(
     }
     Pixels here;
     load_list(&here, frame, rules, at);
-    const ints most = popcount(here.forced) + rules->dark, whole = all, nothing = 0;
+    const ints most = popcount(here.below) + rules->dark, whole = all, nothing = 0;
     Choice best = {{{0.0f, 0.0f, 1.0f}, {0.0f, 0.0f, 1.0f}}, 0, LOAD_LANES(costs), 0.0f};
     best.used = best.cost < INFINITY ? whole : nothing;
     for (int number = 1; number <= K - 2 && ANY(best.cost > rules->price * number); ++number) {
@@ -658,7 +670,7 @@ static void any_set(
             const floats squares = squares_of(&here, lit, judged, rules->uneven);
             const floats excess = excess_of(&here, lit, judged, rules->one_sided);
             const floats cost = squares + rules->price * number + excess;
-            const ints better = open & (cost < best.cost);
+            const ints better = open & (cost < best.cost - TIE);
             best.cost = better ? cost : best.cost;
             best.misfit = better ? squares : best.misfit;
             best.used = better ? labels : best.used;
@@ -689,6 +701,7 @@ LANED __kernel void label_lights(
     __global const float *restrict prior,
     const float pixel,
     const float uneven,
+    const float wrap,
     __global float *restrict slope,
     __global float *restrict twin,
     __global float *restrict variance,
@@ -709,7 +722,7 @@ LANED __kernel void label_lights(
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
     const Made made = {slope, twin, variance, misfit, used, shadow};
-    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven, wrap};
     Doubtful doubtful;
     doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)

@@ -12,6 +12,7 @@ LANED __kernel void film_light(
     __global const float *restrict height,
     __global const float *restrict film_lights,
     __global const float *restrict film_diffuse,
+    const float film_wrap,
     __global const float *restrict film_harmonics,
     __global const float *let_in_curve,
     const float film_flattest, const float film_reach, const float film_gain,
@@ -27,7 +28,7 @@ LANED __kernel void film_light(
     if (row >= H) return;
     const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
-    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_flattest,
+    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
@@ -51,8 +52,8 @@ LANED __kernel void film_light(
         for (int k = 0; k < K; ++k) {
             AtPlace known;
             set_place(&known, &film, k, eye, &here, touched, shades + k);
-            const floats left = touched * film_diffuse[k];
-            const floats lit = left + predicted(&film, &known, &facing);
+            const floats diffused = touched * film_diffuse[k], left = diffused - known.wrap;
+            const floats lit = diffused + predicted(&film, &known, &facing);
             floats light = (dark >> k & 1) == 0 ? lit : left;
             if (bounced) light += load_floats(bounced + k * size + at, count);
             store_floats(light, out + k * size + at, count);

@@ -19,7 +19,7 @@ from tactograph.nodes.optics.film import (
     touch_gain,
     turned,
 )
-from tactograph.nodes.optics.near_light import places, vectors_at
+from tactograph.nodes.optics.near_light import places, unwrapped, vectors_at, wrapped
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 STRETCH = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
 SHOWN = (
-    "lights", "diffuse", "harmonics", "flattest", "reach", "gain", "contact", "base", "roughness",
-    "refraction", "camera", "grain",
+    "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
+    "roughness", "refraction", "camera", "grain",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
 
@@ -105,7 +105,8 @@ def matt_light(
         else:
             made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, turns)
         grain = np.float32(film.grain) * m
-        made[1][:, part] = np.sqrt(spread * spread + grain * grain) * scale
+        noise = np.sqrt(spread * spread + grain * grain) * scale
+        made[0][:, part], made[1][:, part] = unwrapped(made[0][:, part], noise, film.wrap)
 
     in_blocks(convert, height.size)
     return MattLight(*(plane.reshape(light.shape) for plane in made))
@@ -117,7 +118,7 @@ def _launch(run: Launch) -> None:
     of, out = run.inputs, run.outputs
     stretch = STRETCH if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in SHOWN]
-    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
         of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),
@@ -129,13 +130,17 @@ def _launch(run: Launch) -> None:
 
 @matt_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and light that a film may have; one in three films is matt."""
+    """LEDs around the film, and light that a film may have.
+
+    One in three films is matt; every other one has a soft light.
+    """
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
     matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
     return (matt if rng.random() < 1 / 3 else {}) | {
         "film.lights": lights.astype(np.float32),
+        "film.wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
         "light": rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32),
         "slope": rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32),
     }
@@ -165,7 +170,7 @@ def _by_normal(
         n = turned(film, light, n, (x, y, z), rest=rest)
     left = light - predict(film, n, x, y, z, rest)
     matt = np.einsum("kcn,cn->kn", vectors, n)
-    return np.asarray(left * scale + np.maximum(matt, 0), np.float32)
+    return np.asarray(left * scale + wrapped(matt, film.wrap), np.float32)
 
 
 def _normal(slope: F4) -> F4:

@@ -7,7 +7,7 @@ from tactograph.nodes import Film
 from tactograph.nodes.optics.film import FilmPart, matt_film
 
 PARTS: dict[FilmPart, tuple[str, ...]] = {
-    "diffuse": ("diffuse", "gain"),
+    "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
     "harmonics": ("harmonics",),
     "bounce": ("albedo",),

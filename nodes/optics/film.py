@@ -4,20 +4,22 @@ A matt film under point lights has the light n.v relative to the film at rest (`
 N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
 pupil at (0, 0, D), with unit normal n and LED k at L::
 
-    m_k = s(z) [b_k + (1 - b_k) e_k(n, P) / e_k(z, P_0)] + w(n) sum_b c_kb(x, y) B_b(n)     (F1)
+    m_k = s(z) (b_k + (1 - b_k) [e_k(n, P) / e_k(z, P_0)]_w)
+          + fade(n) sum_b c_kb(x, y) B_b(n)                                             (F1)
 
 b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
+[.]_w is `wrapped`: scattered light reaches a little behind the terminator.
 s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
 irradiance times the reflectance of a rough dielectric coat over a matt base (`coat`)::
 
-    e(n, P) = max(n.l, 0) / |L - P|^2 [k_d T(n.l) T(n.v) / pi
+    e(n, P) = n.l / |L - P|^2 [k_d T(n.l) T(n.v) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
 with h between the direction l to the light and v to the pupil, T what the coat lets through
 (`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
 the normal (the paper's equation 4), each less its value at rest, and c are polynomials of degree 2
-in the place.  w fades the harmonics out where n_z is below that of all presses, so that only the
-physical part remains.  P_0 is the film at rest that the same pixel sees.
+in the place.  They fade out where n_z is below that of all presses, so that only the physical part
+remains.  P_0 is the film at rest that the same pixel sees.
 ``kernels/headers/film.clh`` holds the same.
 """
 
@@ -38,6 +40,7 @@ from tactograph.nodes.optics.coat import (
     let_in_curve,
     masking,
 )
+from tactograph.nodes.optics.near_light import wrapped
 from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
@@ -70,7 +73,7 @@ def matt_film(lights: Array) -> Film:
 
 
 def is_affine(film: Film) -> bool:
-    """Whether light is a linear function of the normal, apart from the diffuse share."""
+    """Whether light, but for its end at the terminator, is a linear function of the normal."""
     return film.refraction == 1 and film.camera == 0 and not film.harmonics.any()
 
 
@@ -105,7 +108,7 @@ def _light(film: Film, n: Array, place: Place, rest: Array, reflected: Iterable[
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
     for k, direct in enumerate(reflected):
         b = film.diffuse[k]
-        made[k] = touched * (b + (1 - b) * direct / rest[k])
+        made[k] = touched * (b + (1 - b) * wrapped(direct / rest[k], film.wrap))
     if film.harmonics.any():
         shade = shades(n) * _fade(film, n)
         for k, strength in enumerate(_strengths(film, x, y, z)):
@@ -122,7 +125,7 @@ def _strengths(film: Film, x: Array, y: Array, z: Array) -> Iterator[Array]:
 
 
 def _fade(film: Film, n: Array) -> Array:
-    """Return w of equation F1."""
+    """Return the fade of equation F1."""
     return np.asarray(np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1))
 
 
@@ -287,7 +290,7 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
         let_out = let_in_by(curve, c_o)
     for light in film.lights:
         dx, dy, dz, square, away = _way(light, x, y, z)
-        lit = np.maximum(n[0] * dx + n[1] * dy + n[2] * dz, 0) / (square * away)
+        lit = (n[0] * dx + n[1] * dy + n[2] * dz) / (square * away)
         if not coated:
             yield np.asarray(lit)
             continue

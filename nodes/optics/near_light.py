@@ -17,6 +17,13 @@ import numpy as np
 
 from tactograph.nodes import F4
 
+DOUBT = 0.5
+"""Standard deviation of the light behind the terminator, as a share of what it is below 0."""
+DARK = 0.1
+"""Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
+LEAST_WRAP = 1e-9
+"""What a w of 0 is divided by."""
+
 
 def places(count: int, pixel: np.float32) -> F4:
     """Return the pixels' x, or y, in mm from the middle of the image."""
@@ -51,6 +58,30 @@ def expected_light(vectors: F4, slope: F4) -> F4:
     p, q = slope
     nz = np.float32(1) / np.sqrt(np.float32(1) + p * p + q * q)
     return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
+
+
+def wrapped(light: Any, wrap: float) -> Any:
+    """Return the light of a film that light reaches from around an LED, too: [.]_w of F1.
+
+    In front of the terminator it is n.v.  Behind it, it goes on falling, ever less, to -w at
+    n.v = -2 w, where the film is in shadow.  An LED that is a point has w = 0.
+    """
+    behind = np.clip(light, -2 * wrap, 0)
+    return np.maximum(light, 0) + behind * (1 + behind / max(4 * wrap, LEAST_WRAP))
+
+
+def unwrapped(light: F4, sigma: F4, wrap: float) -> tuple[F4, F4]:
+    """Return the n.v that `wrapped` makes this light of, and its standard deviation.
+
+    Behind the terminator that of the light grows to `DOUBT` of what it is below 0, for w differs
+    from place to place.  In shadow hardly anything is known.
+    """
+    if wrap == 0:
+        return light, sigma
+    behind = np.maximum(np.minimum(light, 0), np.float32(-wrap))
+    root = np.sqrt(np.maximum(1 + behind / np.float32(wrap), np.float32(DARK)))
+    found = np.maximum(light, 0) + np.float32(2 * wrap) * (root - 1)
+    return found, np.asarray(np.hypot(sigma, np.float32(DOUBT) * behind) / root, np.float32)
 
 
 def brightness_share(

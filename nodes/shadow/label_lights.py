@@ -20,9 +20,17 @@ from tactograph.nodes import (
     Slope,
     SlopeVariance,
     Uneven,
+    Wrap,
 )
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.near_light import places, vectors_at
+from tactograph.nodes.optics.near_light import (
+    expected_light,
+    light_vectors,
+    places,
+    unwrapped,
+    vectors_at,
+    wrapped,
+)
 from tactograph.nodes.optics.normals import (
     dot,
     linear_normal,
@@ -46,6 +54,8 @@ SHADE = 0.1
 at a grazing angle, and the bright LEDs as shadows of still brighter light."""
 EVEN = np.float32(0.05)
 """Light of the darkest LED over that of the brightest, above which none may be in shadow."""
+TIE = np.float32(1e-3)
+"""Costs that differ by less are equal: the set that was tried first is kept."""
 ANY_BRIGHTNESS = 1e3
 """Standard deviation of a brightness of which nothing is known."""
 UP = np.array([[0], [0], [1]], np.float32)
@@ -65,10 +75,11 @@ class Labelled(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """N pixels: light and one over its variance (K x N), the LEDs below the floor, the vectors of
-    equation N1 (3 x K x N), and the prior slope (2 x N)."""
+    """N pixels: light, that above a shadow's, and one over its variance (K x N), the LEDs below
+    the floor, the vectors of equation N1 (3 x K x N), and the prior slope (2 x N)."""
 
     light: F4
+    shown: F4
     weight: F4
     below: Leds
     vectors: F4
@@ -90,7 +101,7 @@ class Choice(NamedTuple):
 
     def improve(self, tried: Choice, where: NDArray[np.intp]) -> None:
         """Take what was tried on some pixels, where it costs less."""
-        better = np.flatnonzero(tried.cost < self.cost[where])
+        better = np.flatnonzero(tried.cost < self.cost[where] - TIE)
         parts: Any = zip(self, tried, strict=True)
         for part, other in parts:
             part[..., where[better]] = other.take(better, axis=-1)
@@ -98,7 +109,7 @@ class Choice(NamedTuple):
 
 @node(
     tolerance=Flips(
-        2e-3, 2e-3, 2e-3, why="sets of LEDs that explain a pixel equally well, nearly singular sets"
+        5e-3, 5e-3, 5e-3, why="sets of LEDs that explain a pixel equally well, nearly singular sets"
     ),
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
 )
@@ -110,6 +121,7 @@ def label_lights(
     prior: Slope,
     pixel: PixelSize,
     uneven: Uneven,
+    wrap: Wrap,
     *,
     pair: Literal["prior", "attached"] = "attached",
     dark: Annotated[int, Interval(ge=0, le=2)] = 2,
@@ -125,7 +137,8 @@ def label_lights(
     The light of an LED k that reaches the pixel, relative to the film at rest, is n.v_k with
     |n| = 1 (`near_light`, N1).  LEDs darker than ``floor`` standard deviations are excluded.
     Among the remaining LEDs, every subset that leaves out none, one or two (``dark``) is
-    tried.  The subset of least cost wins::
+    tried.  The subset of least cost wins, with what light exceeds a shadow's as m and n.v in the
+    second sum::
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
         + sum over left out max((m_k - max(n.v_k, 0)) / spread_k + one_sided, 0)^2
@@ -136,6 +149,10 @@ def label_lights(
     black: spread_k adds 1.5 % of the film's light to sigma_k, in quadrature.  Three or more
     LEDs give n by linear least squares, scaled to |n| = 1, and a Gauss-Newton step in the
     tangent plane.  Two LEDs give the two unit normals that fit exactly.
+
+    In a gel that scatters light, film behind the terminator still tells its slope (``wrap``,
+    `near_light.wrapped`), though less surely.  There LEDs below the floor are not excluded, and
+    count as what `matt_light` says they are known to.  `used` does not name them.
 
     Touch brightens the film unevenly, but by the same factor for all LEDs.  So three or more
     LEDs share an unknown factor with standard deviation ``uneven``, and the normal follows
@@ -161,6 +178,8 @@ def label_lights(
         mm per px.
     uneven
         Standard deviation of the film's brightness, as a share.
+    wrap
+        How far light goes on falling behind the terminator; 0: not at all.
     pair
         How to choose between a pair's two normals, unless one is the film at rest:
         ``prior`` takes the one nearer to the prior; ``attached`` the one that turns away from
@@ -195,13 +214,15 @@ def label_lights(
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        below = (m < floor * spread) & (dark > 0)
-        pixels = Pixels(m, np.reciprocal(spread * spread), below, v, expected)
-        best = _cheapest(pixels, pair, dark, price, one_sided, uneven)
+        shown = wrapped(m, wrap) + wrap
+        below = (shown < floor * spread) & (dark > 0)
+        pixels = Pixels(m, shown, np.reciprocal(spread * spread), below, v, expected)
+        best = _cheapest(pixels, pair, dark, price, one_sided, uneven, wrap)
         _allow_dimmed(pixels, best, dimmed, uneven)
         slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
-        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best)
-        made: Any = slope, twin, variance, best.used, shadow, best.misfit
+        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best, wrap)
+        used = best.used & ~_labels(below)
+        made: Any = slope, twin, variance, used, shadow, best.misfit
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
@@ -213,16 +234,31 @@ label_lights.opencl(grid="H W", lanes="grid")
 
 @label_lights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and moderate noise."""
+    """LEDs around the film, and moderate noise; every other film is tilted in a soft light."""
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
-    sigma = rng.uniform(0.005, 0.02, (K, H, W))
-    return {"lights": lights.astype(np.float32), "sigma": sigma.astype(np.float32)}
+    sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
+    made: dict[str, Any] = {"wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)]))}
+    if made["wrap"]:
+        sigma = rng.uniform(0.015, 0.03, (K, H, W)).astype(np.float32)
+        slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
+        vectors = light_vectors(lights.astype(np.float32), np.zeros((H, W), np.float32), 0.05)
+        shown = wrapped(expected_light(vectors, slope), made["wrap"])
+        shown = np.where(rng.random(shown.shape) < 0.05, -made["wrap"], shown)
+        seen = np.asarray(shown + rng.normal(0, sigma), np.float32)
+        made["light"], sigma = unwrapped(seen, sigma, made["wrap"])
+    return made | {"lights": lights.astype(np.float32), "sigma": sigma}
 
 
 def _cheapest(
-    pixels: Pixels, pair: str, dark: int, price: float, one_sided: float, uneven: float
+    pixels: Pixels,
+    pair: str,
+    dark: int,
+    price: float,
+    one_sided: float,
+    uneven: float,
+    wrap: float,
 ) -> Choice:
     """For each set of LEDs: solve, find the cost; take the least.
 
@@ -232,23 +268,29 @@ def _cheapest(
     leds, size = pixels.light.shape
     level, none = np.repeat(UP, size, axis=1), np.zeros(size, np.float32)
     best = Choice(np.zeros(size, np.uint8), none + np.inf, none, level, level.copy())
-    glow = np.where(pixels.below, 0, np.square(pixels.light / SHADE))
-    forced = _labels(pixels.below)
-    most = np.bitwise_count(forced) + np.uint8(dark)
+    glow = np.where(pixels.below, 0, np.square(pixels.shown / SHADE))
+    below = _labels(pixels.below)
+    most, forced = np.bitwise_count(below) + np.uint8(dark), below * (wrap == 0)
     for number in range(leds - 1):
-        for left_out in combinations(range(leds), number):
+        for left_out in sorted(combinations(range(leds), number), key=lambda out: out[::-1]):
             lit = np.array([k not in left_out for k in range(leds)])
             least = price * number + ~lit @ glow
             allowed = (forced & _labels(lit) == 0) & (number <= most)
             where = np.flatnonzero(allowed & (best.cost > least))
             if where.size:
-                tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven)
+                tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven, wrap)
                 best.improve(tried, where)
     return best
 
 
 def _explain(
-    pixels: Pixels, lit: Leds, pair: str, price: float, one_sided: float, uneven: float
+    pixels: Pixels,
+    lit: Leds,
+    pair: str,
+    price: float,
+    one_sided: float,
+    uneven: float,
+    wrap: float,
 ) -> Choice:
     """Solve for the normal by the LEDs that are lit, and find what leaving out the others costs."""
     number, v, light = np.count_nonzero(lit), pixels.vectors, pixels.light
@@ -263,8 +305,8 @@ def _explain(
         if number == 3:
             judged = turned_normal(v, light, weight, start, 0)
     misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
-    dark, spread = light[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY**2)
-    over = (dark - np.maximum(dot(v[:, ~lit], judged), 0)) / spread
+    dark, spread = pixels.shown[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY**2)
+    over = (dark - wrapped(dot(v[:, ~lit], judged), wrap) - wrap) / spread
     bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / SHADE)
     cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
     return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
@@ -310,11 +352,12 @@ def _lit_behind(vectors: F4, n: F4) -> F4:
     return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.float32(10) * (n[2] < 0.05)
 
 
-def _shadow(pixels: Pixels, best: Choice) -> Labels:
+def _shadow(pixels: Pixels, best: Choice, wrap: float) -> Labels:
     """The LEDs whose light is missing; where the slope is not known, those below the floor."""
-    expected = np.maximum(dot(pixels.vectors, best.normal), FAINTEST)
-    missing = _labels(pixels.light < expected / 2) & ~best.used
-    return np.where(best.used == 0, _labels(pixels.below), missing)
+    expected = np.maximum(wrapped(dot(pixels.vectors, best.normal), wrap) + wrap, FAINTEST)
+    below = _labels(pixels.below)
+    missing = _labels(pixels.shown < expected / 2) & (~best.used | below)
+    return np.where(best.used == 0, below, missing)
 
 
 def _variance(pixels: Pixels, best: Choice, slope: F4, uneven: float) -> F4:

@@ -16,8 +16,8 @@ from tactograph.nodes.optics.film import predict, touch_gain
 from tactograph.nodes.optics.near_light import places
 
 SHOWN = (
-    "lights", "diffuse", "harmonics", "flattest", "reach", "gain", "contact", "base", "roughness",
-    "refraction", "camera",
+    "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
+    "roughness", "refraction", "camera",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
 
@@ -37,7 +37,7 @@ def film_light(
     """Return the light of a film relative to the film at rest (equation F1).
 
     Where something stands between a place and an LED, the light that the gel diffuses is left:
-    s b of equation F1.
+    s (b - (1 - b) w) of equation F1.
 
     Parameters
     ----------
@@ -73,7 +73,8 @@ def film_light(
         nearer = 1 - np.float32(film.camera) * z
         made[:, part] = predict(film, n, x[part] * nearer, y[part] * nearer, z)
         if shadow is not None:
-            left = touch_gain(film, z)[None] * film.diffuse[:, None]
+            left = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
+            left = touch_gain(film, z)[None] * left[:, None]
             dark = shadow.ravel()[None, part] >> np.arange(len(left))[:, None] & 1
             made[:, part] = np.where(dark > 0, left, made[:, part])
 
@@ -87,7 +88,7 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in SHOWN]
-    film.insert(3, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
         of["slope"], of["height"], *film, of["pixel"],
@@ -98,11 +99,12 @@ def _launch(run: Launch) -> None:
 
 @film_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film; one film in three is matt."""
+    """LEDs around the film; one film in three is matt, and every other one has a soft light."""
     azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
     matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
     slope: F4 = rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32)
     chosen = matt if rng.random() < 1 / 3 else {}
+    chosen = {"film.wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])), **chosen}
     return chosen | {"film.lights": lights.astype(np.float32), "slope": slope}

@@ -22,11 +22,13 @@ def harmonics(strength: float = 0.02, seed: int = 5) -> F4:
 MATT = matt_film(LEDS)
 FILMS: dict[str, Film] = {
     "diffuse": MATT._replace(diffuse=np.array([0.3, 0.25, 0.35, 0.3], np.float32), gain=1.05),
+    "soft": MATT._replace(diffuse=np.full(4, 0.4, np.float32), wrap=0.2),
     "lobe": MATT._replace(base=0.6, roughness=0.3, refraction=1.4),
     "camera": MATT._replace(camera=1 / 65),
     "harmonics": MATT._replace(harmonics=harmonics(), flattest=0.5, reach=10.0),
 }
 FILMS["all"] = FILMS["diffuse"]._replace(
+    wrap=0.2,
     base=0.6,
     roughness=0.3,
     refraction=1.4,

@@ -141,7 +141,7 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
     start = _start(balls)
     width = pixel * light.shape[2]
     shift = 0.1 * radius_px * pixel
-    fitted = fit(balls, rest, frozenset({"diffuse"}), start, shift, width)
+    fitted = fit(balls, rest, frozenset({"plain"}), start, shift, width)
     placed = circle.copy()
     placed[:, :2] += fitted.shifts[:, :2] / pixel
     placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px

@@ -25,6 +25,7 @@ class Unknown(NamedTuple):
 
 SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
+    "wrap": Unknown(0.0, 0.2, 0.0, 0.5, 1e-3),
     "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
     "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
     "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
@@ -47,15 +48,17 @@ UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
 """Number of unknowns of an LED."""
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
-UNKNOWNS_OF_TOUCH_ALONE = "gain", "diffuse", "albedo", "rim"
+UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim"
 """Unknowns without effect on the film at rest."""
 PARTS = {
-    "diffuse": ("diffuse", "gain"),
+    "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
     "bounce": ("albedo", "rim"),
     "camera": ("camera",),
 }
 """The unknowns of each part of the model."""
+UNKNOWNS = PARTS | {"plain": ("diffuse", "gain")}
+"""Those of `PARTS`, and of a plain film, on which light ends sharply, for finding balls."""
 
 
 def opened(start: Fitted, names: list[str]) -> Fitted:

@@ -16,7 +16,7 @@ from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
-    PARTS,
+    UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
     UNKNOWNS_OF_TOUCH_ALONE,
     UNKNOWNS_PER_LED,
@@ -112,7 +112,7 @@ def fit(
     rest
         The flat frame in blocks, if there is one.
     parts
-        Which of `PARTS` are fitted; all other parameters stay as in `start`.
+        Which of `UNKNOWNS` are fitted; all other parameters stay as in `start`.
     start
         Start values of the descent.
     shift_mm
@@ -120,7 +120,7 @@ def fit(
     width_mm
         Width of the film that the camera sees.
     """
-    names = [name for part in sorted(parts) for name in PARTS[part]]
+    names = [name for part in sorted(parts) for name in UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
     cost = _cost(problem, now)
@@ -154,7 +154,7 @@ def other_places(
 
     The uncertainty accounts for all other free parameters, such as coat and albedo.
     """
-    names = [name for part in sorted(parts) for name in PARTS[part]]
+    names = [name for part in sorted(parts) for name in UNKNOWNS[part]]
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(fitted)
     left = _weighted(balls, predicted(balls, fitted) - balls.light)
     known = _equations(problem._replace(scale=_robust_spread(left)), fitted)

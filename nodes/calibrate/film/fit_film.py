@@ -54,6 +54,11 @@ MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
 
+MIN_WRAP = 0.05
+"""Fall of the light behind the terminator that noise may feign: with less, it ends there."""
+UNEVEN_OF_ONE = 0.03
+"""Least unevenness after one ball, which does not tell how the gain of touched film varies."""
+
 
 class FilmEvidence(NamedTuple):
     """Inputs of a fit: presses, film at rest, and the LEDs as placed for a matt film."""
@@ -175,6 +180,8 @@ def fit_film(
         best = bend(trial, best, errors)
     best, balls, bad = without_bad(trial, best)
     film = best.fitted.film
+    if film.wrap < MIN_WRAP:
+        film = film._replace(wrap=0.0)
     if not best.parts and best.degree is None and camera_mm is None:
         # A plain matt film keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
@@ -187,7 +194,10 @@ def fit_film(
         for name, value in film._asdict().items()
     }
     held = held_out_of(trial, best, whole, bad)
-    typed["uneven"] = uneven = unevenness(held, pixel)
+    uneven = unevenness(held, pixel)
+    if len(balls.centre) == 1 and "diffuse" in best.parts:
+        uneven = max(uneven, UNEVEN_OF_ONE)
+    typed["uneven"] = uneven
     typed["grain"] = grain(balls, left, flat, noise)
     typed["pressed_slope"] = pressed_slope(balls, steepest)
     typed["others"] = others
@@ -213,6 +223,7 @@ def _properties(best: Model, rest: Rest | None) -> Metrics:
     if film.diffuse.any():
         figures["diffuse_percent"] = float(100 * film.diffuse.mean())
         figures["touched_gain"] = film.gain
+        figures["soft_terminator"] = film.wrap if film.wrap >= MIN_WRAP else 0.0
     if film.refraction > 1:
         figures["coat_roughness"], figures["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:

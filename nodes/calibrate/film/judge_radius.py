@@ -32,7 +32,7 @@ FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
-PLAIN_PARTS = frozenset({"diffuse"})
+PLAIN_PARTS = frozenset({"plain"})
 """Parts of the plain model: a lobe, or light from film to film, can hide a wrong radius."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED from which each fit starts."""

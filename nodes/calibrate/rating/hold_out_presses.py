@@ -175,6 +175,7 @@ def _measure(
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven).slope
+    # As if light ended at the terminator: what LEDs tell behind it is not judged here.
+    measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven, 0.0).slope
     slope = np.where(inside & ~judged, press.slope, measured)
     return slope, integrate_dct(slope, pixel)

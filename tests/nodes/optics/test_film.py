@@ -37,7 +37,7 @@ def test_the_film_at_rest_has_the_flat_frames_light(name: str) -> None:
 
 @pytest.mark.parametrize("name", FILMS)
 def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
-    assert is_affine(FILMS[name]) == (name == "diffuse")
+    assert is_affine(FILMS[name]) == (name in {"diffuse", "soft"})
 
 
 def test_a_coat_that_does_not_refract_is_none() -> None:

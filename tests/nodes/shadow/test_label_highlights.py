@@ -61,7 +61,7 @@ def test_the_slope_is_right_under_the_highlight() -> None:
     light, mirrored, slope = glossy(0.5)
     flat, level = np.zeros((2, *SHAPE), np.float32), np.zeros(SHAPE, np.float32)
     seen = (mirrored > 20 * SIGMA).any(axis=0)
-    labelled = label_lights(light, found(light)[1], FAR, level, flat, PIXEL, 0.03)
+    labelled = label_lights(light, found(light)[1], FAR, level, flat, PIXEL, 0.03, 0.0)
     assert not labelled.shadow[seen].any()
     assert np.abs(labelled.slope - slope)[:, seen].mean() < 0.008
 

@@ -12,7 +12,7 @@ from tactograph.graph.backends.parity import Case, compare
 from tactograph.nodes import F4
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
 from tactograph.nodes.optics import cache_blocks
-from tactograph.nodes.optics.near_light import light_vectors
+from tactograph.nodes.optics.near_light import light_vectors, unwrapped, wrapped
 from tactograph.nodes.shadow.label_lights import Labelled, label_lights
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -20,6 +20,7 @@ from tactograph.nodes.slope.height_slopes import height_slopes
 
 PIXEL, NOISE = 0.07, 0.003
 UNEVEN = 0.03
+WRAP = 0.2
 LIGHTS = np.array([[20, 18, 45], [-19, 21, 45], [-20, -18, 46], [19, -20, 45]], np.float32)
 FILM = np.zeros((6, 8), np.float32)
 LEVEL = np.zeros((2, 6, 8), np.float32)
@@ -39,10 +40,11 @@ def label(
     height: F4 = FILM,
     prior: F4 = LEVEL,
     uneven: float = UNEVEN,
+    wrap: float = 0.0,
     **with_,
 ) -> Labelled:
     sigma = np.full_like(light, NOISE)
-    return label_lights(light, sigma, lights, height, prior, PIXEL, uneven, **with_)
+    return label_lights(light, sigma, lights, height, prior, PIXEL, uneven, wrap, **with_)
 
 
 def level(p: float, q: float) -> F4:
@@ -71,7 +73,7 @@ def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> Non
     light = light_of(level, height=film)
     light += np.random.default_rng(0).normal(0, noise, light.shape).astype(np.float32)
     sigma = np.full_like(light, noise)
-    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, UNEVEN, dark=0).slope
+    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, UNEVEN, 0.0, dark=0).slope
     right, down = found[0, :, 160:], found[1, 120:]
     assert abs(right.mean() - found[0, :, :160].mean()) < 1e-3
     assert abs(down.mean() - found[1, :120].mean()) < 1e-3
@@ -204,6 +206,35 @@ def test_film_brighter_than_a_normal_explains_is_no_dirt() -> None:
     light = np.float32(1.6) * light_of(level(0.3, -0.2))
     alike = label(light, dimmed=1e9)
     assert (label(light).used == alike.used).all()
+
+
+def in_gel(slope: F4) -> tuple[F4, F4]:
+    """Matt light, and its standard deviation, of film that light reaches from around the LEDs."""
+    p, q = slope
+    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    seen = wrapped((light_vectors(LIGHTS, FILM, PIXEL) * normal).sum(axis=1), WRAP)
+    return unwrapped(seen, np.full_like(seen, NOISE), WRAP)
+
+
+@pytest.mark.parametrize("slope", [level(1.3, 1.3), level(-1.4, 0.9), level(1.2, -1.5)])
+def test_leds_behind_a_soft_terminator_tell_the_slope(slope: F4) -> None:
+    light, sigma = in_gel(slope)
+    behind = (light < 0).any(axis=(1, 2))
+    assert behind.any()
+    found = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
+    assert np.abs(found.slope - slope).max() < 0.02
+    assert not (found.shadow & ~np.uint8(behind @ (1 << np.arange(4)))).any()
+
+
+@pytest.mark.parametrize("led", range(4))
+def test_a_cast_shadow_under_a_soft_terminator_is_told(led: int) -> None:
+    light, sigma = in_gel(level(0.2, -0.1))
+    dark = np.full_like(light[0], -WRAP)
+    light[led], sigma[led] = unwrapped(dark, np.full_like(dark, NOISE), WRAP)
+    found = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
+    assert (found.shadow == 1 << led).all()
+    assert (found.used == 0b1111 & ~(1 << led)).all()
+    assert np.abs(found.slope - level(0.2, -0.1)).max() < 5e-3
 
 
 def test_without_labels_every_led_is_used() -> None:

@@ -26,9 +26,9 @@ FOUR = [(-4.0, -2.5), (4.0, -2.0), (-3.5, 2.5), (4.5, 2.5)]
 Y, X = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([47.5, 63.5])[:, None, None]) * PIXEL
 
 
-def press(film: Film, centre: tuple[float, float], seed: int) -> F4:
+def press(film: Film, centre: tuple[float, float], seed: int, contact: float = RIM) -> F4:
     """A ball's light relative to the film at rest, with the camera's noise."""
-    seen, slope, _ = ball_seen(RADIUS, RIM, centre, film.camera, SIZE)
+    seen, slope, _ = ball_seen(RADIUS, contact, centre, film.camera, SIZE)
     z = (seen / (1 + film.camera * seen)).ravel()
     nearer = 1 - film.camera * z
     n = normals(slope).reshape(3, -1)
@@ -45,15 +45,19 @@ def fitted(
     film: Film,
     centres: list[tuple[float, float]],
     *,
-    rim: float = RIM,
+    contact: float = RIM,
+    rim: float | None = None,
     emission: float = 0,
     **more: object,
 ) -> FilmFit:
     """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off.
 
-    `rim` is the contacts' radius as it was found, `emission` that of LEDs that face the middle.
+    `contact` is the contacts' radius, `rim` that which was found, `emission` that of LEDs which
+    face the middle.
     """
-    light = np.concatenate([press(film, c, seed) for seed, c in enumerate(centres)], axis=1)
+    light = np.concatenate(
+        [press(film, c, seed, contact) for seed, c in enumerate(centres)], axis=1
+    )
     flat = rest_light(film, X, Y)
     for plane, led in zip(flat, film.lights, strict=True):
         away = led[:, None, None] - np.stack([X, Y, np.zeros_like(X)])
@@ -61,7 +65,9 @@ def fitted(
         plane *= (cosine / np.linalg.norm(led)) ** emission
     flat = (0.6 * flat / flat.mean(axis=(1, 2), keepdims=True)).astype(np.float32)
     places = np.array(centres) / PIXEL + [63.5, 47.5] + [0.2, -0.25]
-    circle = np.column_stack([places, np.full(len(centres), rim / PIXEL)]).astype(np.float32)
+    circle = np.column_stack([places, np.full(len(centres), (rim or contact) / PIXEL)]).astype(
+        np.float32
+    )
     lights = LEDS * np.float32(1.03)
     return fit_film(
         light,
@@ -108,6 +114,16 @@ def test_the_share_that_the_gel_diffuses_is_found() -> None:
     assert found.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
     errors = found.quality
     assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
+
+
+def test_how_far_light_reaches_behind_the_terminator_is_found() -> None:
+    shares = np.array([0.4, 0.38, 0.42, 0.4], np.float32)
+    soft, apart = MATT._replace(diffuse=shares, gain=1.05, wrap=0.2), [(-4.9, 0.0), (4.9, 0.2)]
+    found = fitted(soft, apart, contact=4.7).film
+    assert found.diffuse == pytest.approx(shares, abs=0.02)
+    assert found.wrap == pytest.approx(0.2, abs=0.05)
+    assert fitted(soft._replace(wrap=0.0), apart, contact=4.7).film.wrap == 0
+    assert fitted(soft, FOUR[:2]).film.wrap == 0, "flat caps do not show the terminator"
 
 
 def test_a_single_ball_tells_diffuse_light() -> None:
