@@ -9,6 +9,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.nodes import ShadowRises
 from tactograph.nodes.height.height_equations import AWAY, REST
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
+from tests.nodes.error.test_height_error import stated_error
 from tests.nodes.height.test_precise_nodes import (
     PIXEL,
     SHAPE,
@@ -16,7 +17,6 @@ from tests.nodes.height.test_precise_nodes import (
     dome,
     equations,
     plateau,
-    stated_error,
 )
 
 
