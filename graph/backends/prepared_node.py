@@ -147,12 +147,15 @@ class Prepared:
     def _arguments(
         self, inputs: Mapping[str, Any], outputs: Mapping[str, DeviceArray]
     ) -> list[Any]:
-        """The arguments of the node's own kernel, in the order of `expected_arguments`."""
+        """The arguments of the node's own kernel, in the order of `expected_arguments`.
+
+        An absent array is a null pointer, an absent number 0.
+        """
         arguments: list[Any] = []
         for name in self._read:
             value = inputs.get(name)
             if self._node.inputs[name].kind == "number":
-                arguments.append(np.float32(value))
+                arguments.append(np.float32(0 if value is None else value))
             else:
                 arguments.append(None if value is None else value.buffer)
         for name in self._node.outputs:

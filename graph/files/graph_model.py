@@ -267,7 +267,9 @@ def _first_error(error: ValidationError, document: Document, whole: type[BaseMod
     first = error.errors()[0]
     kind = first["type"]
     model = _model_at(whole, first["loc"])
-    path: Path_ = tuple(part for part in first["loc"] if part not in _TAGS)
+    # A tag never comes first: there it is a key of the user's own.
+    start, *rest = first["loc"]
+    path: Path_ = (start, *(part for part in rest if part not in _TAGS))
     if path[-1] == "[key]" and kind != "extra_forbidden":
         path = path[:-1]
     place = document.place(path)
@@ -296,9 +298,9 @@ def _short(value: Any) -> str:
 
 def _model_at(whole: type[BaseModel], loc: Path_) -> type[BaseModel]:
     """Return the model at the place of an error."""
-    if _A_GROUP in loc:
+    if _A_GROUP in loc[1:]:
         return UseModel
-    if _AN_OP in loc:
+    if _AN_OP in loc[1:]:
         return NodeModel
     if loc[0] == "variants" and len(loc) > 2:
         return _model_at(VariantModel, loc[2:])

@@ -121,7 +121,7 @@ def label_lights(
     prior: Slope,
     pixel: PixelSize,
     uneven: Uneven,
-    wrap: Wrap,
+    wrap: Wrap | None = None,
     *,
     pair: Literal["prior", "attached"] = "attached",
     dark: Annotated[int, Interval(ge=0, le=2)] = 2,
@@ -179,7 +179,7 @@ def label_lights(
     uneven
         Standard deviation of the film's brightness, as a share.
     wrap
-        How far light goes on falling behind the terminator; 0: not at all.
+        How far light goes on falling behind the terminator; None or 0: not at all.
     pair
         How to choose between a pair's two normals, unless one is the film at rest:
         ``prior`` takes the one nearer to the prior; ``attached`` the one that turns away from
@@ -209,18 +209,19 @@ def label_lights(
         subset.  NumPy makes all, ``wanted`` or not; a kernel leaves out what nobody reads.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
+    soft = wrap or 0.0
 
     def label_rows(rows: slice) -> Labelled:
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        shown = wrapped(m, wrap) + wrap
+        shown = wrapped(m, soft) + soft
         below = (shown < floor * spread) & (dark > 0)
         pixels = Pixels(m, shown, np.reciprocal(spread * spread), below, v, expected)
-        best = _cheapest(pixels, pair, dark, price, one_sided, uneven, wrap)
+        best = _cheapest(pixels, pair, dark, price, one_sided, uneven, soft)
         _allow_dimmed(pixels, best, dimmed, uneven)
         slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
-        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best, wrap)
+        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best, soft)
         used = best.used & ~_labels(below)
         made: Any = slope, twin, variance, used, shadow, best.misfit
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
