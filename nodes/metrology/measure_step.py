@@ -19,6 +19,8 @@ EDGE_SHARE = 0.5
 """Of the depth, where an edge is counted."""
 WALL_SHARES = 0.2, 0.8
 """Of the depth, between which a wall's angle is taken."""
+END_SHARE = 0.05
+"""Of a profile, the ends that tell its tilt: of a groove both lie on one level."""
 MAX_UNEVEN = 0.2
 """Spread of the widths, over their median, above which profiles do not show one groove."""
 MAX_WALL_SHARE = 0.6
@@ -144,6 +146,10 @@ def _measure(line: Line, pixel: float, edges: int, smooth_px: int) -> Profile | 
 
 def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:
     """Where the profile crosses the middle between its two levels, `count` times."""
+    if count == 2:
+        ends = max(1, int(END_SHARE * len(x)))
+        rise = np.median(z[-ends:]) - np.median(z[:ends])
+        z = z - x * (rise / (x[-ends:].mean() - x[:ends].mean()))
     for _ in range(2):  # the second time without the tilt
         middle = (np.percentile(z, 5) + np.percentile(z, 95)) / 2
         above = z > middle

@@ -114,6 +114,8 @@ def plot_calibration(
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
     figure = Figure(figsize=(11 if len(lights) == 1 else 16, 8), dpi=100, layout="constrained")
+    # An image's label does not count in its width where its height sets the scale.
+    figure.set_layout_engine("constrained", w_pad=0.15)
     axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
         _residual(*press, reflectance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import InputError
@@ -30,6 +30,8 @@ def groove(depth: float, width: float, wall_deg: float, tilt: float = 0.0) -> F4
     wall=st.floats(30, 70),
     tilt=st.floats(-0.005, 0.005),
 )
+@example(depth=0.02, width=0.5, wall=30.0, tilt=0.005)
+@example(depth=0.02, width=0.9, wall=45.0, tilt=-0.02)
 def test_a_groove_has_its_depth_width_and_walls(
     depth: float, width: float, wall: float, tilt: float
 ) -> None:
