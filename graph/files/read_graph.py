@@ -269,7 +269,7 @@ def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chai
         variant = _shipped_variant(name)
         if variant is not None:
             return replace(variant, name=name)
-        known = [*variants, *shipped_overlays()]
+        known = list(dict.fromkeys([*variants, *shipped_overlays()]))
         hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
         if name in shipped_graphs():
             hint = "; it is a graph, and only the first of 'extends' can be one"

@@ -18,7 +18,7 @@ def doubt_rest(
     free: Height,
     variance: SlopeVariance,
     pixel: PixelSize,
-    zero: ZeroError = 0.0,
+    zero: ZeroError | None = None,
     *,
     level: Annotated[float, Gt(0)] = 4.5,
     steepest: Annotated[float, Gt(0)] = 1.0,
@@ -50,7 +50,7 @@ def doubt_rest(
     pixel
         mm per px.
     zero
-        As `zero_error` gives it.
+        As `zero_error` gives it; without it the zero is known.
     level
         Standard deviations of the light that `calm_film` counts as noise.
     steepest
@@ -64,7 +64,7 @@ def doubt_rest(
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
     held = np.where(rest != 0, np.sqrt(free * free + hidden), error)
-    return np.asarray(np.hypot(held, np.float32(zero)), np.float32)
+    return np.asarray(np.hypot(held, np.float32(zero or 0)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")

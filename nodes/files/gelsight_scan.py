@@ -89,6 +89,8 @@ def read_scan(folder: Path) -> Scan:
     images = [_image(folder, name, file) for name in _list(entries, "images", file)]
     if not images:
         raise InputError(f"{file}: images: names no file")
+    if len(set(images)) < len(images):
+        raise InputError(f"{file}: images: names a file twice")
     if any(_numbers(entries.get("crop", []), f"{file}: crop")):
         raise InputError(
             f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and crop by "
@@ -156,6 +158,8 @@ def _entries(file: Path) -> dict[str, Any]:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{file}: is not a text file") from None
+    if not text.strip():
+        raise InputError(f"{file}: the file is empty")
     found = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file)).data
     if not isinstance(found, dict):
         raise InputError(f"{file}: holds no entries such as 'images:' or 'quadfit:'")

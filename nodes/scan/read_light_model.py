@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import InputError, node
+from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
     MONOMIALS,
@@ -19,6 +19,7 @@ from tactograph.nodes.files.gelsight_scan import (
     read_light_model_file,
     read_scan,
 )
+from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
 from tactograph.nodes.files.image_files import Crop, read_image
 from tactograph.nodes.optics.light_model import TERMS, LightModel
 
@@ -63,6 +64,11 @@ def read_light_model(
     if is_scan(file):
         stated, file = read_scan(file).pixel_size, find_light_model(file)
     said = read_light_model_file(file)
+    if stated and abs(stated / said.pixel_size - 1) > MAX_SIZE_DIFFERENCE:
+        warn(
+            f"the scan says {stated:.6g} mm per px, its light model {said.pixel_size:.6g}: the "
+            "scan's is taken; pixel_size_mm= settles it"
+        )
     x0, y0 = crop[:2] if crop else (0, 0)
     view = (said.width - 1) / 2 - x0, (said.height - 1) / 2 - y0, 1 / min(said.width, said.height)
     degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])

@@ -54,3 +54,8 @@ def test_two_presses_do_not_tell_the_thickness(tmp_path: Path) -> None:
     (tmp_path / "press2" / "height.tiff").unlink()
     with pytest.raises(InputError, match="do not tell modulus and thickness apart"):
         fit_modulus(results=tmp_path, force_n=forces[:2])
+
+
+def test_a_folder_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no such folder of results"):
+        fit_modulus(results=tmp_path / "nowhere", force_n=(1.0,), thickness_mm=2.0)
