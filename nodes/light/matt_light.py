@@ -12,6 +12,7 @@ from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import (
+    LIGHT_FIELDS,
     direct_share,
     is_affine,
     predict,
@@ -26,11 +27,8 @@ if TYPE_CHECKING:
 
 STRETCH = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
-SHOWN = (
-    "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
-    "roughness", "refraction", "camera", "grain",
-)  # fmt: skip
-"""The fields of `Film` on which its light depends."""
+SHOWN = (*LIGHT_FIELDS, "grain")
+"""The fields of `Film` on which light and its deviation depend."""
 
 
 class MattLight(NamedTuple):

@@ -45,6 +45,11 @@ from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """What equation F1 adds to a matt film, in parts that a model may do without."""
+LIGHT_FIELDS = (
+    "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
+    "roughness", "refraction", "camera",
+)  # fmt: skip
+"""The fields of `Film` on which its light depends."""
 SHADES, TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
 FADE = 0.15

@@ -12,14 +12,8 @@ from tactograph.nodes import F4, Film, Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.light.matt_light import STRETCH
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
-from tactograph.nodes.optics.film import predict, touch_gain
+from tactograph.nodes.optics.film import LIGHT_FIELDS, predict, touch_gain
 from tactograph.nodes.optics.near_light import places
-
-SHOWN = (
-    "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
-    "roughness", "refraction", "camera",
-)  # fmt: skip
-"""The fields of `Film` on which its light depends."""
 
 
 @node(
@@ -87,7 +81,7 @@ def film_light(
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
-    film = [of[f"film.{name}"] for name in SHOWN]
+    film = [of[f"film.{name}"] for name in LIGHT_FIELDS]
     film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
