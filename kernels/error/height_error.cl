@@ -8,21 +8,21 @@
 #include "spring_cells.clh"
 #include "height_system.clh"
 
-#define STEEPEST 3.0f
-#define SINGULAR 1e-4f
-#define SHARPEST 2.0f
-#define SHARP 0.5f
-#define NARROWEST 1e-3f
-#define TILTED 0.1f
-#define FLAT 0.3f
-#define ERRORS 8
+#define MAX_SLOPE 3.0f
+#define MIN_DETERMINANT_SHARE 1e-4f
+#define MAX_BEND 2.0f
+#define RESOLVED_BEND 0.5f
+#define MIN_WAVE_WIDTH_MM 1e-3f
+#define FULL_MISFIT_SLOPE 0.1f
+#define LEVEL_MISFIT_SHARE 0.3f
+#define ERROR_COUNT 8
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
 #define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
-#define MOST LEDS
+#define MAX_LEDS LEDS
 #else
 #define EACH_LED(k) for (int k = 0; k < K; ++k)
-#define MOST 8
+#define MAX_LEDS 8
 #endif
 
 // The hash of nodes/error/_random_errors.py, drawn, of one number or of several in lanes.
@@ -59,7 +59,7 @@ static floats drawn_from(const uint number, const uint key)
 
 // What a small change of each LED's light does to p and to q.
 typedef struct {
-    floats by_p[MOST], by_q[MOST];
+    floats by_p[MAX_LEDS], by_q[MAX_LEDS];
 } Response;
 
 // Nothing on the film at rest.
@@ -70,7 +70,7 @@ static Response respond(
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
     const ints one_more = 1, nothing = 0;
-    floats told_a[MOST], told_b[MOST], shown[MOST], weight[MOST];
+    floats told_a[MAX_LEDS], told_b[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
     floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
     ints leds = 0;
     EACH_LED(k) {
@@ -98,7 +98,7 @@ static Response respond(
         bb += told_b[k] * b;
     }
     const floats determinant = aa * bb - ab * ab;
-    const ints known = (determinant > SINGULAR * aa * bb) & free_;
+    const ints known = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & free_;
     const floats divisor = known ? determinant : one;
     const floats inverse = known ? 1.0f / divisor : none;
     Response found;
@@ -159,13 +159,13 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    floats noise[MOST];
+    floats noise[MAX_LEDS];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
     const ints free_ = load_bytes(state + i, count) == 0;
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
-    floats p[ERRORS], q[ERRORS], pp = 0.0f, pq = 0.0f, qq = 0.0f;
-    for (int n = 0; n < ERRORS; ++n) p[n] = q[n] = 0.0f;
+    floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
+    for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
         const int at = k * frame_size + from;
         const floats flat = flat_noise * load_floats(light + at, count);
@@ -177,7 +177,7 @@ LANED __kernel void err_slopes(
         qq += noise_q * noise_q;
         __global const float *led = lights + 3 * k;
         const Vector by = light_by_place(led, x, y, z, a, b, nz);
-        for (int n = 0; n < ERRORS; ++n) {
+        for (int n = 0; n < ERROR_COUNT; ++n) {
             __global const float *other = others + 3 * (n * K + k);
             const floats change =
                 (other[0] - led[0]) * by.x + (other[1] - led[1]) * by.y + (other[2] - led[2]) * by.z;
@@ -187,7 +187,7 @@ LANED __kernel void err_slopes(
         if (bounced) {
             const floats thrown = load_floats(bounced + at, count);
             const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
-            for (int n = 0; n < ERRORS; ++n) {
+            for (int n = 0; n < ERROR_COUNT; ++n) {
                 const floats change = kind[n].sign * wrong * thrown + kind[n].settling * changed;
                 p[n] += to_p * change;
                 q[n] += to_q * change;
@@ -197,28 +197,29 @@ LANED __kernel void err_slopes(
     // A root of the covariance of p and q.
     const floats tiny = 1e-12f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
     const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
-    for (int n = 0; n < ERRORS; ++n) {
+    for (int n = 0; n < ERROR_COUNT; ++n) {
         const floats first = drawn_from(i, keys[n]);
         const floats second = drawn_from(H * W + i, keys[n]);
         p[n] += alone * first;
         q[n] += along * first + across * second;
     }
     const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
-    const floats level = FLAT, whole = 1.0f, tilt = TILTED, by_tilt = slant / TILTED;
+    const floats level = LEVEL_MISFIT_SHARE, whole = 1.0f, tilt = FULL_MISFIT_SLOPE;
+    const floats by_tilt = slant / FULL_MISFIT_SLOPE;
     const floats above = MORE_OF(by_tilt, level), tilted = LESS_OF(above, whole);
     const floats leans = MORE_OF(slant, tilt);
-    for (int n = 0; n < ERRORS; ++n) {
-        p[n] = within(p[n], STEEPEST);
-        q[n] = within(q[n], STEEPEST);
+    for (int n = 0; n < ERROR_COUNT; ++n) {
+        p[n] = within(p[n], MAX_SLOPE);
+        q[n] = within(q[n], MAX_SLOPE);
         if (misfit) {
             const float right = kind[n].across, down = kind[n].down;
-            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], NARROWEST));
+            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], MIN_WAVE_WIDTH_MM));
             const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
             const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
             const floats steeper = kind[n].leaning * (misfit[4] / leans);
             const floats uphill = lean * (right * a + down * b) + steeper * steep;
-            p[n] = within(p[n] + lean * right + uphill * a, STEEPEST);
-            q[n] = within(q[n] + lean * down + uphill * b, STEEPEST);
+            p[n] = within(p[n] + lean * right + uphill * a, MAX_SLOPE);
+            q[n] = within(q[n] + lean * down + uphill * b, MAX_SLOPE);
         }
         store_floats(p[n], out + 2 * n * H * W + i, count);
         store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
@@ -277,7 +278,7 @@ __kernel void err_rises(
 static floats lacking(
     const floats step_, const floats turn_, const float pixel, const float kink)
 {
-    const floats sharpest = SHARPEST, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
+    const floats sharpest = MAX_BEND, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
     const floats none = 0.0f, up = 1.0f, down = -1.0f;
     const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
     return kink * (bend * bend * bend) * sign_;
@@ -376,7 +377,7 @@ LANED __kernel void bends(
         + load_within_border(row, x - 1, count, W, REPLICATE);
     const floats along = load_floats(height + min(y + 1, H - 1) * W + x, count) - twice
         + load_floats(height + max(y - 1, 0) * W + x, count);
-    const floats found = sqrt(across * across + along * along) - SHARP * pixel;
+    const floats found = sqrt(across * across + along * along) - RESOLVED_BEND * pixel;
     store_floats(MORE_OF(found, none), bent + y * W + x, count);
 }
 

@@ -6,18 +6,18 @@
 #include "cells.clh"
 #include "group.clh"
 
-#define TERMS 6
-#define PAIRS 21
-#define MOST 8
-#define SUMS (PAIRS + MOST * (TERMS + 1))
-#define DARKEST 0.02f
-#define FEWEST 0.05f
-#define HELD 0.003f
-#define AROUND 5
-#define LIFTED 0.003f
-#define SKIRT 5
+#define DRIFT_TERMS 6
+#define TERM_PAIRS 21
+#define MAX_LEDS 8
+#define FIT_SUMS (TERM_PAIRS + MAX_LEDS * (DRIFT_TERMS + 1))
+#define MIN_GAIN 0.02f
+#define MIN_CALM_SHARE 0.05f
+#define SHAPE_REGULARISATION 0.003f
+#define WINDOW_CELLS 5
+#define TOUCH_DEPARTURE 0.003f
+#define SKIRT_CELLS 5
 #define NOT_CALM -1.0f
-#define LEAST 1e-6f
+#define MIN_WEIGHT 1e-6f
 
 // K x H x W cells: light, and noise, which counts times `share`.
 typedef struct {
@@ -54,12 +54,12 @@ LANED __kernel void look_around(
     GRID_PARTS_OF_ROWS(row, x, count, K * H, W)
     const int k = row / H, y = row - k * H;
     floats total = 0.0f;
-    for (int dy = -(AROUND / 2); dy <= AROUND / 2; ++dy) {
+    for (int dy = -(WINDOW_CELLS / 2); dy <= WINDOW_CELLS / 2; ++dy) {
         __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
-        for (int dx = -(AROUND / 2); dx <= AROUND / 2; ++dx)
+        for (int dx = -(WINDOW_CELLS / 2); dx <= WINDOW_CELLS / 2; ++dx)
             total += load_within_border(line, x + dx, count, W, REPLICATE);
     }
-    const floats mean = total / (float)(AROUND * AROUND);
+    const floats mean = total / (float)(WINDOW_CELLS * WINDOW_CELLS);
     store_floats(mean, around + row * W + x, count);
 }
 
@@ -85,7 +85,7 @@ static void terms_at(floats *t, const int i, const int H, const int W)
 static floats gain_of(__global const float *c, const floats *t)
 {
     floats gain = c[0];
-    for (int j = 1; j < TERMS; ++j) gain += c[j] * t[j];
+    for (int j = 1; j < DRIFT_TERMS; ++j) gain += c[j] * t[j];
     return gain;
 }
 
@@ -97,7 +97,7 @@ static ints is_calm(
     ints calm = filled(count);
     for (int k = 0; k < film->K; ++k) {
         const int at = k * film->H * film->W + i;
-        const floats gain = gain_of(drift + TERMS * k, t), none = 0.0f;
+        const floats gain = gain_of(drift + DRIFT_TERMS * k, t), none = 0.0f;
         const floats noise = share > 0.0f ? share * load_floats(film->sigma + at, count) : none;
         calm &= fabs(load_floats(light + at, count) - gain) < gain * (noise + beyond);
     }
@@ -112,7 +112,7 @@ static float count_calm(
     floats calm = none;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
-        floats t[TERMS];
+        floats t[DRIFT_TERMS];
         terms_at(t, i, film->H, film->W);
         calm += is_calm(film, film->light, drift, t, i, count, film->share, beyond) ? one : none;
     }
@@ -135,18 +135,19 @@ LANED __kernel void find_clear(
     GRID_LANES(i, count, H * W)
     const Film film = {light, sigma, K, H, W, share};
     const floats one = 1.0f, none = 0.0f, not_calm = NOT_CALM;
-    const float less = share / AROUND;
-    floats t[TERMS];
+    const float less = share / WINDOW_CELLS;
+    floats t[DRIFT_TERMS];
     terms_at(t, i, H, W);
     const ints calm = is_calm(&film, light, drift, t, i, count, share, beyond);
     const ints wide = is_calm(&film, around, drift, t, i, count, less, beyond);
-    const ints untouched = is_calm(&film, around, drift, t, i, count, less, beyond + LIFTED);
+    const ints untouched = is_calm(&film, around, drift, t, i, count, less,
+        beyond + TOUCH_DEPARTURE);
     store_floats(calm ? (wide ? one : none) : not_calm, clear + i, count);
     store_floats(untouched ? one : none, still + i, count);
 }
 
-// The distance in cells of a clear cell from where a touch shows, at most SKIRT + 1; the others
-// unchanged.
+// The distance in cells of a clear cell from where a touch shows, at most SKIRT_CELLS + 1; the
+// others unchanged.
 LANED __kernel void find_away(
     __global const float *restrict clear,
     __global const float *restrict still,
@@ -155,10 +156,10 @@ LANED __kernel void find_away(
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const floats here = load_floats(clear + y * W + x, count);
-    floats nearest = SKIRT + 1.0f;
-    for (int dy = -SKIRT; dy <= SKIRT; ++dy) {
+    floats nearest = SKIRT_CELLS + 1.0f;
+    for (int dy = -SKIRT_CELLS; dy <= SKIRT_CELLS; ++dy) {
         __global const float *line = still + clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -SKIRT; dx <= SKIRT; ++dx) {
+        for (int dx = -SKIRT_CELLS; dx <= SKIRT_CELLS; ++dx) {
             const floats distance = (float)max(abs(dy), abs(dx));
             const floats there = load_within_border(line, x + dx, count, W, REPLICATE);
             nearest = there > 0.0f ? nearest : LESS_OF(nearest, distance);
@@ -213,12 +214,12 @@ static float border_level(
 {
     const int H = film->H, W = film->W;
     const int size = min(H, W) <= 2 ? H * W : 2 * W + 2 * (H - 2);
-    const floats darkest = DARKEST;
+    const floats darkest = MIN_GAIN;
     EACH_OF_GROUP(j, count, size)
     {
         int at[LANES];
         for (int l = 0; l < LANES; ++l) at[l] = on_ring(min(j + l, size - 1), H, W);
-        floats u, v, t[TERMS];
+        floats u, v, t[DRIFT_TERMS];
         places_of(at, H, W, 2.0f / (float)W, &u, &v);
         terms_of(t, u, v);
         const floats gain = gain_of(drift, t);
@@ -238,7 +239,7 @@ static void weigh_calm(
     const floats one = 1.0f, none = 0.0f;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
-        floats t[TERMS];
+        floats t[DRIFT_TERMS];
         terms_at(t, i, film->H, film->W);
         const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
         store_floats(calm ? one : none, weights + i, count);
@@ -269,30 +270,32 @@ static void tally(
     const int used, __global float *shares, __local float *sums)
 {
     const floats none = 0.0f;
-    floats mine[SUMS];
-    for (int j = 0; j < SUMS; ++j) mine[j] = none;
+    floats mine[FIT_SUMS];
+    for (int j = 0; j < FIT_SUMS; ++j) mine[j] = none;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
         const floats here = load_floats(weights + i, count);
         const floats weight = filled(count) ? here : none;
         if (!ANY(weight > 0.0f)) continue;
-        floats t[TERMS], counted[TERMS];
+        floats t[DRIFT_TERMS], counted[DRIFT_TERMS];
         terms_at(t, i, film->H, film->W);
         for (int a = 0; a < used; ++a) counted[a] = weight * t[a];
         for (int a = 0, j = 0; a < used; ++a)
             for (int b = 0; b <= a; ++b, ++j) mine[j] += counted[a] * t[b];
         for (int k = 0; k < film->K; ++k) {
             const int at = k * film->H * film->W + i;
-            const floats left = load_floats(film->light + at, count) - gain_of(known + TERMS * k, t);
-            for (int a = 0; a < used; ++a) mine[PAIRS + TERMS * k + a] += counted[a] * left;
+            const floats left = load_floats(film->light + at, count)
+                - gain_of(known + DRIFT_TERMS * k, t);
+            for (int a = 0; a < used; ++a)
+                mine[TERM_PAIRS + DRIFT_TERMS * k + a] += counted[a] * left;
             if (film->share <= 0.0f) continue;
             const floats chance = film->share * load_floats(film->sigma + at, count);
-            mine[PAIRS + MOST * TERMS + k] += weight * chance * chance;
+            mine[TERM_PAIRS + MAX_LEDS * DRIFT_TERMS + k] += weight * chance * chance;
         }
     }
-    for (int j = 0; j < SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
+    for (int j = 0; j < FIT_SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int j = get_local_id(0); j < SUMS; j += GROUP) {
+    for (int j = get_local_id(0); j < FIT_SUMS; j += GROUP) {
         float sum = 0.0f;
         for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
         sums[j] = sum;
@@ -303,7 +306,7 @@ static void tally(
 // x with A x = b by Cholesky; A symmetric, its rows below the diagonal.
 static void solve(const float *a, const float *b, float *x, const int n)
 {
-    float l[PAIRS];
+    float l[TERM_PAIRS];
     for (int i = 0; i < n; ++i)
         for (int j = 0; j <= i; ++j) {
             float sum = a[i * (i + 1) / 2 + j];
@@ -328,17 +331,17 @@ static float settle(
     __local const float *sums, __global const float *old, __global float *next, const int k,
     const float held, const int used, const float rate)
 {
-    float a[PAIRS], b[TERMS], change[TERMS], explained = 0.0f;
+    float a[TERM_PAIRS], b[DRIFT_TERMS], change[DRIFT_TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
     // Without calm film the sums are empty, and the result is not used.
-    a[0] = fmax(a[0], LEAST);
+    a[0] = fmax(a[0], MIN_WEIGHT);
     for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
-    for (int j = 0; j < used; ++j) b[j] = sums[PAIRS + TERMS * k + j];
+    for (int j = 0; j < used; ++j) b[j] = sums[TERM_PAIRS + DRIFT_TERMS * k + j];
     solve(a, b, change, used);
-    for (int j = 0; j < TERMS; ++j) {
+    for (int j = 0; j < DRIFT_TERMS; ++j) {
         const float found = j < used ? change[j] : 0.0f;
         explained += j < used ? found * b[j] : 0.0f;
-        next[TERMS * k + j] = old[TERMS * k + j] + (j > 0 ? rate * found : found);
+        next[DRIFT_TERMS * k + j] = old[DRIFT_TERMS * k + j] + (j > 0 ? rate * found : found);
     }
     return explained;
 }
@@ -360,19 +363,20 @@ LANED __kernel ONE_GROUP void begin(
     __local float parts[GROUP];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
-    for (int i = me; i < TERMS * K; i += GROUP)
-        old[i] = has_before ? before[i] : i % TERMS == 0 ? 1.0f : 0.0f;
+    for (int i = me; i < DRIFT_TERMS * K; i += GROUP)
+        old[i] = has_before ? before[i] : i % DRIFT_TERMS == 0 ? 1.0f : 0.0f;
     if (me == 0) few[0] = 0;
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     for (int k = 0; k < K; ++k) {
-        const float level = border_level(&film, k, old + TERMS * k, ring, parts);
-        for (int j = me; j < TERMS; j += GROUP) drift[TERMS * k + j] = level * old[TERMS * k + j];
+        const float level = border_level(&film, k, old + DRIFT_TERMS * k, ring, parts);
+        for (int j = me; j < DRIFT_TERMS; j += GROUP)
+            drift[DRIFT_TERMS * k + j] = level * old[DRIFT_TERMS * k + j];
     }
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     const float calm_before = count_calm(&film, old, beyond, parts);
     const float calm_beside = count_calm(&film, drift, beyond, parts);
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int i = me; i < TERMS * K; i += GROUP)
+    for (int i = me; i < DRIFT_TERMS * K; i += GROUP)
         drift[i] = calm_beside > calm_before ? drift[i] : old[i];
 }
 
@@ -391,13 +395,14 @@ LANED __kernel ONE_GROUP void follow(
     const float share,
     const float beyond)
 {
-    __local float sums[SUMS];
+    __local float sums[FIT_SUMS];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
     weigh_calm(&film, drift, beyond, weights);
     tally(&film, weights, old, used, shares, sums);
-    if (me == 0) few[0] |= sums[0] < FEWEST * (float)(H * W);
-    for (int k = me; k < K; k += GROUP) settle(sums, old, next, k, HELD * (float)(H * W), used, 1.0f);
+    if (me == 0) few[0] |= sums[0] < MIN_CALM_SHARE * (float)(H * W);
+    for (int k = me; k < K; k += GROUP)
+        settle(sums, old, next, k, SHAPE_REGULARISATION * (float)(H * W), used, 1.0f);
 }
 
 // The last round, by clear film away from touches; then the level once more, and the old drift
@@ -419,26 +424,26 @@ LANED __kernel ONE_GROUP void finish(
     const float rate,
     const float doubt)
 {
-    __local float parts[GROUP], sums[SUMS];
+    __local float parts[GROUP], sums[FIT_SUMS];
     const int me = get_local_id(0);
     const Film film = {light, sigma, K, H, W, share};
-    const float fewest = FEWEST * (float)(H * W);
+    const float fewest = MIN_CALM_SHARE * (float)(H * W);
     const float clear = count_clear(away, H * W, parts);
     const int heed = clear >= fewest;
     const float far = furthest(away, H * W, parts);
     weigh_clear(away, heed ? far : 0.0f, H * W, weights);
     tally(&film, weights, old, used, shares, sums);
     const int nothing = few[0] || (!heed && sums[0] < fewest);
-    const float held = HELD * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
+    const float held = SHAPE_REGULARISATION * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
     for (int k = me; k < K; k += GROUP)
         explained[k] = settle(sums, old, drift, k, held, used, rate);
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     tally(&film, weights, drift, used, shares, sums);
-    const float calm = fmax(sums[0], LEAST);
-    for (int i = me; i < TERMS * K; i += GROUP) {
-        const int k = i / TERMS, j = i % TERMS;
-        const float level = j == 0 ? sums[PAIRS + i] / calm : 0.0f;
-        const float chance = doubt * sums[PAIRS + MOST * TERMS + k] / calm;
+    const float calm = fmax(sums[0], MIN_WEIGHT);
+    for (int i = me; i < DRIFT_TERMS * K; i += GROUP) {
+        const int k = i / DRIFT_TERMS, j = i % DRIFT_TERMS;
+        const float level = j == 0 ? sums[TERM_PAIRS + i] / calm : 0.0f;
+        const float chance = doubt * sums[TERM_PAIRS + MAX_LEDS * DRIFT_TERMS + k] / calm;
         out[i] = !nothing && explained[k] > chance ? drift[i] + level : old[i];
     }
 }

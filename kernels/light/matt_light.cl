@@ -4,7 +4,7 @@
 #include "near_light.clh"
 #include "film.clh"
 
-#define MOST 8
+#define MAX_LEDS 8
 
 // Light before `unwrapped`, and its standard deviation.
 static void put(
@@ -15,8 +15,8 @@ static void put(
     store_floats(sigma, sigma_ + i, count);
 }
 
-// The light of a real film converted to that of a matt one.  A work-item does STRETCH pixels of a
-// row, LANES at a time: on CPUs its data of each LED stay in the same memory, near the core.
+// The light of a real film converted to that of a matt one.  A work-item does STRETCH_PX pixels of
+// a row, LANES at a time: on CPUs its data of each LED stay in the same memory, near the core.
 LANED __kernel void matt_light(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -37,9 +37,10 @@ LANED __kernel void matt_light(
     const int K, const int H, const int W,
     const int steps, const int uncoated_steps)
 {
-    const int item = get_global_id(0), across = (W + STRETCH - 1) / STRETCH, row = item / across;
+    const int item = get_global_id(0), across = (W + STRETCH_PX - 1) / STRETCH_PX;
+    const int row = item / across;
     if (row >= H) return;
-    const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
+    const int first = STRETCH_PX * (item - row * across), past = min(first + STRETCH_PX, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
@@ -47,7 +48,7 @@ LANED __kernel void matt_light(
     const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
-    RowShades shades[MOST];
+    RowShades shades[MAX_LEDS];
     if (harmonic)
         for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
 
@@ -55,7 +56,7 @@ LANED __kernel void matt_light(
         const int at = row * W + x, count = min(LANES, past - x);
         const floats seen = load_floats(height + at, count);
         const floats per_touch = 1.0f / touch_gain(&film, seen);
-        floats shown[MOST], scale[MOST], spread[MOST];
+        floats shown[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
             shown[k] = load_floats(light + i, count);
@@ -78,8 +79,8 @@ LANED __kernel void matt_light(
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         Vector n = unit(-p, -q, (floats)1.0f);
-        AtPlace known[MOST];
-        floats weight[MOST];
+        AtPlace known[MAX_LEDS];
+        floats weight[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
             set_place(known + k, &film, k, eye, &here, touched, shades + k);

@@ -3,8 +3,8 @@
 #include "near_light.clh"
 #include "group.clh"
 
-#define TILTED 0.1f
-#define BLOCK 16
+#define MIN_TESTED_SLOPE 0.1f
+#define BLOCK_PX 16
 #define NOISE 0.01f
 
 // The residual of the light under a normal and the film's brightness, and 1 where all LEDs are used
@@ -20,7 +20,7 @@ LANED __kernel void leave(
     GRID_LANES(at, count, size)
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     const floats z = load_floats(height + at, count), none = 0.0f, one = 1.0f;
-    const ints tilted = p * p + q * q > TILTED * TILTED;
+    const ints tilted = p * p + q * q > MIN_TESTED_SLOPE * MIN_TESTED_SLOPE;
     const ints tells = (load_bytes(used + at, count) == (1 << K) - 1) & tilted;
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
     floats x, y;
@@ -49,10 +49,10 @@ LANED __kernel void add_blocks(
     const int W, const int lag, const int rows, const int columns)
 {
     GRID_2(row, column, rows, columns)
-    const int size = H * W, corner = (row * W + column) * BLOCK;
+    const int size = H * W, corner = (row * W + column) * BLOCK_PX;
     floats product = 0.0f, pairs = 0.0f;
-    for (int y = 0; y < BLOCK; ++y)
-        for (int x = 0; x < BLOCK; x += LANES) {
+    for (int y = 0; y < BLOCK_PX; ++y)
+        for (int x = 0; x < BLOCK_PX; x += LANES) {
             const int i = corner + y * W + x;
             for (int k = 0; k < K; ++k) {
                 __global const float *here = left + k * size + i;

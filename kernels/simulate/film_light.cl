@@ -4,9 +4,9 @@
 #include "near_light.clh"
 #include "film.clh"
 
-#define MOST 8
+#define MAX_LEDS 8
 
-// The light of a film of known shape.  A work-item does STRETCH pixels of a row.
+// The light of a film of known shape.  A work-item does STRETCH_PX pixels of a row.
 LANED __kernel void film_light(
     __global const float *restrict slope,
     __global const float *restrict height,
@@ -24,16 +24,17 @@ LANED __kernel void film_light(
     __global float *restrict out,
     const int K, const int H, const int W)
 {
-    const int item = get_global_id(0), across = (W + STRETCH - 1) / STRETCH, row = item / across;
+    const int item = get_global_id(0), across = (W + STRETCH_PX - 1) / STRETCH_PX;
+    const int row = item / across;
     if (row >= H) return;
-    const int first = STRETCH * (item - row * across), past = min(first + STRETCH, W);
+    const int first = STRETCH_PX * (item - row * across), past = min(first + STRETCH_PX, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
                        film_roughness, film_refraction,  film_camera,    K, harmonic};
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats one = 1.0f;
-    RowShades shades[MOST];
+    RowShades shades[MAX_LEDS];
     if (harmonic)
         for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-ERRORS = 8
-"""Number of random errors, each with other LED positions.  The kernel's ERRORS."""
-SIGNS, SETTLING = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
-LEANING = 1, -1, 1, -1, 1, -1, 1, -1
+ERROR_COUNT = 8
+"""Number of random errors, each with other LED positions.  The kernel's ERROR_COUNT."""
+BOUNCE_SIGNS, SETTLING_SIGNS = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
+LEAN_SIGNS = 1, -1, 1, -1, 1, -1, 1, -1
 """Signs of the errors that every random error holds in full, so that they hardly interfere."""
-WAVES = 4.0, 12.0
+WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
 of the first has fallen to a half."""
 
@@ -34,15 +34,15 @@ class Wave(NamedTuple):
 def wave(number: int) -> Wave:
     """The wave of an error; each odd one is a quarter of a wave ahead of the even one before."""
     angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
-    numbers = math.cos(angle), math.sin(angle), phase, WAVES[number // 2 % 2]
+    numbers = math.cos(angle), math.sin(angle), phase, WAVE_LENGTHS[number // 2 % 2]
     return Wave(*map(np.float32, numbers))
 
 
 def kinds() -> F4:
     """Return the parameters of each error for the device (`Kind` of the kernel)."""
-    waves = np.array([wave(number) for number in range(ERRORS)], np.float32)
+    waves = np.array([wave(number) for number in range(ERROR_COUNT)], np.float32)
     waves[:, 2] /= np.float32(2 * math.pi)
-    return np.column_stack([SIGNS, SETTLING, LEANING, waves]).astype(np.float32)
+    return np.column_stack([BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, waves]).astype(np.float32)
 
 
 class Keys(NamedTuple):
@@ -56,7 +56,7 @@ class Keys(NamedTuple):
 
 def keys_of(seed: int, number: int) -> Keys:
     """The keys of an error."""
-    start = 4 * (ERRORS * seed + number)
+    start = 4 * (ERROR_COUNT * seed + number)
     return Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
 
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1, Film, LightPositions, Misfit
 from tactograph.nodes.error._random_errors import (
-    ERRORS,
-    LEANING,
-    SETTLING,
-    SIGNS,
+    BOUNCE_SIGNS,
+    ERROR_COUNT,
+    LEAN_SIGNS,
+    SETTLING_SIGNS,
     drawn,
     keys_of,
     wave,
@@ -29,17 +29,16 @@ from tactograph.nodes.optics.near_light import (
     vectors_at,
 )
 
-ONE = np.float32(1)
-SINGULAR = np.float32(1e-4)
+MIN_DETERMINANT_SHARE = np.float32(1e-4)
 LEAST_VARIANCE = np.float32(1e-10)
 LEAST_NOISE = np.float32(1e-12)
-STEEPEST = np.float32(3)
-TILTED = np.float32(0.1)
+MAX_SLOPE = np.float32(3)
+FULL_MISFIT_SLOPE = np.float32(0.1)
 """Slope from which on the model's error is that of the presses."""
-FLAT = np.float32(0.3)
+LEVEL_MISFIT_SHARE = np.float32(0.3)
 """Share of that error on level film around a touch.  There the flat frame cancels it, except for
 the light that the touch throws on the film."""
-NARROWEST = np.float32(1e-3)
+MIN_WAVE_WIDTH_MM = np.float32(1e-3)
 """Smallest width in mm from which waves are made."""
 
 
@@ -84,9 +83,9 @@ class Causes(NamedTuple):
 
 
 def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
-    """Return all errors of the slopes inside the window, ERRORS x 2 x h x w."""
+    """Return all errors of the slopes inside the window, ERROR_COUNT x 2 x h x w."""
     rows, columns = seen.height.shape
-    errors = np.empty((ERRORS, 2, rows, columns), np.float32)
+    errors = np.empty((ERROR_COUNT, 2, rows, columns), np.float32)
 
     def enter(part: slice) -> None:
         here = seen.rows(part)
@@ -116,14 +115,16 @@ def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     brightness is free; see `label_lights`.
     """
     p, q = seen.slope
-    nz = ONE / np.sqrt(ONE + p * p + q * q)
+    nz = 1 / np.sqrt(1 + p * p + q * q)
     vectors = vectors_at(causes.film.lights, seen.x, seen.y, seen.height)
     shown = expected_light(vectors, seen.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
     counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
     weight = counts / np.maximum(seen.sigma * seen.sigma, LEAST_VARIANCE)
     weighted = weight * shown
-    share = brightness_share((weighted * shown).sum(axis=0), ONE, np.float32(causes.film.uneven))
+    share = brightness_share(
+        (weighted * shown).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
+    )
     share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
     (a, b), (of_a, of_b) = (
         tangents,
@@ -131,10 +132,10 @@ def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     )
     aa, ab, bb = (of_a * a).sum(axis=0), (of_a * b).sum(axis=0), (of_b * b).sum(axis=0)
     determinant = aa * bb - ab * ab
-    known = (determinant > SINGULAR * aa * bb) & seen.free
-    inverse = np.where(known, ONE / np.where(known, determinant, ONE), np.float32(0))
+    known = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & seen.free
+    inverse = np.where(known, 1 / np.where(known, determinant, 1), np.float32(0))
     by_a, by_b = (bb * of_a - ab * of_b) * inverse, (aa * of_b - ab * of_a) * inverse
-    by_p, by_q = (ONE + p * p) * by_a + p * q * by_b, p * q * by_a + (ONE + q * q) * by_b
+    by_p, by_q = (1 + p * p) * by_a + p * q * by_b, p * q * by_a + (1 + q * q) * by_b
     return np.asarray([-by_p, -by_q], np.float32)
 
 
@@ -145,8 +146,8 @@ def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
 
 def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
     """What is wrong of the light that the film throws on itself: a share, and its last change."""
-    wrong = np.float32(0) if misfit is None else SIGNS[number] * misfit[3]
-    return np.asarray(wrong * seen.bounced + np.float32(SETTLING[number]) * seen.changed)
+    wrong = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
+    return np.asarray(wrong * seen.bounced + np.float32(SETTLING_SIGNS[number]) * seen.changed)
 
 
 def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
@@ -155,7 +156,7 @@ def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4,
     The noise of p, the noise of q that is correlated with it, and that which is independent.
     """
     flat = causes.flat_noise * seen.light
-    noise = by_light * (causes.shared * seen.sigma * np.sqrt(ONE + flat * flat))
+    noise = by_light * (causes.shared * seen.sigma * np.sqrt(1 + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
     along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, LEAST_NOISE)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along
@@ -172,17 +173,17 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
 
 def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
     """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
-    (p, q), of = seen.slope, wave(number)
-    per_mm = np.float32(2 * math.pi) / (of.length * np.maximum(misfit[1], NARROWEST))
-    turned = per_mm * (of.across * seen.x + of.down * seen.y) + of.phase
+    (p, q), waves = seen.slope, wave(number)
+    per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], MIN_WAVE_WIDTH_MM))
+    turned = per_mm * (waves.across * seen.x + waves.down * seen.y) + waves.phase
     square = p * p + q * q
     slant = np.sqrt(square)
-    tilted = np.clip(slant / TILTED, FLAT, ONE)
+    tilted = np.clip(slant / FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, 1)
     lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turned)
-    steeper = np.float32(LEANING[number]) * misfit[4] / np.maximum(slant, TILTED)
-    uphill = lean * (of.across * p + of.down * q) + steeper * (ONE + square)
-    return np.asarray([lean * of.across + uphill * p, lean * of.down + uphill * q])
+    steeper = np.float32(LEAN_SIGNS[number]) * misfit[4] / np.maximum(slant, FULL_MISFIT_SLOPE)
+    uphill = lean * (waves.across * p + waves.down * q) + steeper * (1 + square)
+    return np.asarray([lean * waves.across + uphill * p, lean * waves.down + uphill * q])
 
 
 def _bounded(slope: F4) -> F4:
-    return np.clip(slope, -STEEPEST, STEEPEST)
+    return np.clip(slope, -MAX_SLOPE, MAX_SLOPE)

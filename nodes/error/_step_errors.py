@@ -11,10 +11,9 @@ import numpy as np
 from tactograph.nodes import F4, Height
 from tactograph.nodes.error._random_errors import Keys, drawn
 
-HALF = np.float32(0.5)
-SHARPEST = np.float32(2)
+MAX_BEND = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
-SHARP = np.float32(0.5)
+RESOLVED_BEND = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
 
 Steps = tuple[F4, F4]
@@ -39,7 +38,7 @@ def random_steps(slopes: F4, turn: Steps, keys: Keys, pixel: float, aperture: fl
     The latter is random, `aperture` times as large as steps differ.
     """
     p, q = slopes
-    size, times = HALF * np.float32(pixel), np.float32(aperture)
+    size, times = 0.5 * np.float32(pixel), np.float32(aperture)
     of_right, of_down = drawn(keys.right, p.shape), drawn(keys.down, p.shape)
     return (
         (p[:, 1:] + p[:, :-1]) * size + times * turn[0] * of_right[:, :-1],
@@ -54,18 +53,19 @@ def kinks(steps: Steps, turn: Steps, kink: float, pixel: float) -> Steps:
 
 
 def _lacking(step: F4, turn: F4, kink: float, pixel: float) -> F4:
-    bend = np.minimum(turn / np.float32(pixel), SHARPEST)
+    bend = np.minimum(turn / np.float32(pixel), MAX_BEND)
     return np.asarray(np.float32(kink * pixel) * (bend * bend * bend) * np.sign(step), np.float32)
 
 
 def unresolved(height: Height, pixel: float) -> F4:
-    """Return half of the height's second difference beyond `SHARP`, the largest of 3 x 3 pixels.
+    """Return half of the height's second difference beyond `RESOLVED_BEND`.
 
-    An edge that a pixel does not resolve may equally lie in the next pixel.
+    The result is the largest of 3 x 3 pixels: an edge that a pixel does not resolve may equally
+    lie in the next pixel.
     """
     around = np.pad(height, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
     along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
-    bend = np.sqrt(across * across + along * along) - SHARP * np.float32(pixel)
-    beyond = np.maximum(bend, np.float32(0)) * HALF
+    bend = np.sqrt(across * across + along * along) - RESOLVED_BEND * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
     return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)

@@ -28,7 +28,7 @@ from tactograph.nodes import (
     NoiseCorrelation,
     Slope,
 )
-from tactograph.nodes.error._random_errors import ERRORS, Keys, drawn, keys_of, kinds
+from tactograph.nodes.error._random_errors import ERROR_COUNT, Keys, drawn, keys_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.error._step_errors import kinks, random_steps, turns, unresolved
 from tactograph.nodes.height.height_equations import FREE, HeightSystem
@@ -41,23 +41,23 @@ from tactograph.nodes.optics.near_light import places
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-DEEPEST = 2
+MAX_COARSENINGS = 2
 """Number of coarsenings by 2 x 2: random errors are integrated on cells of 4 x 4 pixels."""
-FINE = 2
+PIXEL_ERRORS = 2
 """Number of errors that are also integrated on the pixels.  Their excess over the result on cells
 estimates what cells do not resolve of any error (multilevel Monte Carlo; Giles, "Multilevel Monte
 Carlo path simulation", 2008)."""
-AGAIN = 4
+CG_STEPS_AFTER_COARSE = 4
 """Conjugate-gradient steps for such an error, starting from the result on cells."""
-FEW = 4
+CPU_GROUP_ITEMS = 4
 """Work-items per group on a CPU, where each keeps much data."""
 SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
-ENOUGH = 1e-6
+MIN_ENERGY_SHARE = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
 Wants = tuple[F4, F4, F4]
 """The steps to the right and down and the rises that the springs aim at, in mm."""
-BESIDE = 0.1
+KINK_ENERGY_SHARE = 0.1
 """Share of a random error's energy: kinks of less energy are solved only as exactly as that."""
 
 
@@ -213,7 +213,7 @@ def _variance(
 ) -> F4:
     """The variance of the height by the random loads and by the common one, in mm^2."""
     levels = hierarchy(springs)
-    cells = coarsened(springs, min(DEEPEST, len(levels) - 1))
+    cells = coarsened(springs, min(MAX_COARSENINGS, len(levels) - 1))
     coarse = hierarchy(cells[-1].springs) if cells else levels
 
     def send(number: int) -> tuple[F4, F4 | None]:
@@ -223,29 +223,29 @@ def _variance(
             wants_there = network.wants(*wants_there)
         there = np.zeros(coarse[0].shape, np.float32)
         change = _moved(coarse, wants_there, there, steps)
-        if not cells or number >= FINE:
+        if not cells or number >= PIXEL_ERRORS:
             return change, None
-        return change, _moved(levels, wants, on_pixels(cells, change), AGAIN)
+        return change, _moved(levels, wants, on_pixels(cells, change), CG_STEPS_AFTER_COARSE)
 
-    beside = BESIDE * springs.energy(*random_load(0)[:2])
+    kink_energy = KINK_ENERGY_SHARE * springs.energy(*random_load(0)[:2])
     total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
     with ThreadPoolExecutor(cores()) as threads:
-        by_kinks = threads.submit(_moved, levels, common, np.zeros_like(total), steps, beside)
-        changes = enumerate(threads.map(send, range(ERRORS)))
+        by_kinks = threads.submit(_moved, levels, common, np.zeros_like(total), steps, kink_energy)
+        changes = enumerate(threads.map(send, range(ERROR_COUNT)))
         for number, (change, fine) in changes:
             of_cells += _share(number, len(cells)) * change * change
             if fine is not None:
-                total += fine * fine / np.float32(FINE)
+                total += fine * fine / np.float32(PIXEL_ERRORS)
     total += on_pixels(cells, of_cells)
     total += by_kinks.result() * by_kinks.result()
     return total
 
 
 def _moved(
-    levels: Sequence[Springs], wants: Wants, start: F4, steps: int, beside: float = 0.0
+    levels: Sequence[Springs], wants: Wants, start: F4, steps: int, kink_energy: float = 0.0
 ) -> F4:
     """The change of height by a load, in mm, found from a first one."""
-    enough = ENOUGH * max(levels[0].energy(*wants[:2]), beside)
+    enough = MIN_ENERGY_SHARE * max(levels[0].energy(*wants[:2]), kink_energy)
     return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
 
 
@@ -255,7 +255,9 @@ def _share(number: int, deepest: int) -> np.float32:
     An error that is also integrated on pixels counts there instead: its result on cells is
     subtracted with the same weight.
     """
-    return np.float32(1 / ERRORS - (1 / FINE if deepest and number < FINE else 0))
+    return np.float32(
+        1 / ERROR_COUNT - (1 / PIXEL_ERRORS if deepest and number < PIXEL_ERRORS else 0)
+    )
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
@@ -268,14 +270,14 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 @height_error.opencl()
 def _launch(run: Launch) -> None:
     """Send the same errors through the same networks; no pixel comes to the host."""
-    of, settings = run.inputs, run.settings
-    solver = HeightSolver(run, DEEPEST)
+    inputs, settings = run.inputs, run.settings
+    solver = HeightSolver(run, MAX_COARSENINGS)
     pixel = solver.pixel
-    solver.weigh(solver.cut(of["height"]), solver.robust)
+    solver.weigh(solver.cut(inputs["height"]), solver.robust)
     shape, ties, cells = solver.shape, solver.rises, solver.cells
     coarse = solver.pixels if cells is None else cells
-    wants = solver.room(solver.pixels, ERRORS if cells is None else FINE)
-    wanted = wants if cells is None else solver.room(cells, ERRORS)
+    wants = solver.room(solver.pixels, ERROR_COUNT if cells is None else PIXEL_ERRORS)
+    wanted = wants if cells is None else solver.room(cells, ERROR_COUNT)
     moved, total = (run.scratch((1, *shape)) for _ in range(2))
 
     def clear(plane: DeviceArray) -> None:
@@ -290,11 +292,11 @@ def _launch(run: Launch) -> None:
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
-    drawn = [keys_of(settings["seed"], number) for number in range(ERRORS)]
+    drawn = [keys_of(settings["seed"], number) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, solver, drawn)
     # In reverse order: the first errors' steps between pixels must remain afterwards.
-    for number in reversed(range(ERRORS)):
+    for number in reversed(range(ERROR_COUNT)):
         to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
         run.kernel(
             "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
@@ -304,22 +306,24 @@ def _launch(run: Launch) -> None:
         err_rises(to, solver.rise_error, keys.rises)
         if cells is not None:
             solver.wants_of_cells(wants, to, wanted, number)
-    beside = solver.energies(solver.pixels, wants)
-    enough = solver.enough(ENOUGH, solver.energies(coarse, wanted, ERRORS))
-    there, of_cells = run.scratch((ERRORS, *coarse.shape)), run.scratch(coarse.shape)
+    first_energy = solver.energies(solver.pixels, wants)
+    enough = solver.enough(MIN_ENERGY_SHARE, solver.energies(coarse, wanted, ERROR_COUNT))
+    there, of_cells = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     clear(of_cells)
-    deepest = 0 if cells is None else DEEPEST
-    add_squares(there, of_cells, [_share(number, deepest) for number in range(ERRORS)])
+    deepest = 0 if cells is None else MAX_COARSENINGS
+    add_squares(there, of_cells, [_share(number, deepest) for number in range(ERROR_COUNT)])
     if cells is None:
         total = of_cells
     else:
         solver.on_pixels(of_cells, 0, total)
-        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants, FINE))
-        for number in range(FINE):
+        enough = solver.enough(
+            MIN_ENERGY_SHARE, solver.energies(solver.pixels, wants, PIXEL_ERRORS)
+        )
+        for number in range(PIXEL_ERRORS):
             solver.on_pixels(there, number, moved)
-            solver.solve(solver.pixels, wants, moved, AGAIN, enough, number)
-            add_squares(moved, total, [np.float32(1 / FINE)])
+            solver.solve(solver.pixels, wants, moved, CG_STEPS_AFTER_COARSE, enough, number)
+            add_squares(moved, total, [np.float32(1 / PIXEL_ERRORS)])
     kink = settings["kink"] * pixel
     by_rows = run.in_row_lanes(*shape)
     run.kernel(
@@ -327,27 +331,30 @@ def _launch(run: Launch) -> None:
     )
     err_rises(0, 0.0, 0)
     clear(moved)
-    enough = solver.enough(ENOUGH, solver.energies(solver.pixels, wants), beside, BESIDE)
+    enough = solver.enough(
+        MIN_ENERGY_SHARE, solver.energies(solver.pixels, wants), first_energy, KINK_ENERGY_SHARE
+    )
     solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
     add_squares(moved, total, [np.float32(1)])
     _deviate(run, solver, total)
 
 
 def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> DeviceArray:
-    """All errors of the slopes inside the window: ERRORS x 2 x rows x columns."""
-    of, settings = run.inputs, run.settings
+    """All errors of the slopes inside the window: ERROR_COUNT x 2 x rows x columns."""
+    inputs, settings = run.inputs, run.settings
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
-    slopes = run.scratch((ERRORS, 2, *solver.shape))
+    slopes = run.scratch((ERROR_COUNT, 2, *solver.shape))
     told = run.keep("kinds", lambda: run.upload(kinds()))
     keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
-        "err_slopes", run.in_row_lanes(*solver.shape), of["light"], of["sigma"], of["height"],
-        of["slope"], solver.state, of["used"], of["film.lights"], of["film.others"], slopes,
+        "err_slopes", run.in_row_lanes(*solver.shape),
+        *(inputs[name] for name in ("light", "sigma", "height", "slope")), solver.state,
+        *(inputs[name] for name in ("used", "film.lights", "film.others")), slopes,
         *frame, *solver.place, solver.pixel, settings["flat_noise"],
-        math.sqrt(of.get("correlation") or 1.0), of["film.uneven"],
-        told, keys, *(of.get(name) for name in ("misfit", "bounced", "earlier")),
+        math.sqrt(inputs.get("correlation") or 1.0), inputs["film.uneven"],
+        told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
-        local=(FEW,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
+        local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
     return slopes
 
@@ -391,6 +398,6 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "sigma": rng.uniform(1e-3, 1e-2, (lights, *shape)).astype(np.float32),
         "used": rng.integers(0, 1 << lights, shape).astype(np.uint8),
         "film.lights": places.astype(np.float32),
-        "film.others": (places * rng.uniform(0.99, 1.01, (ERRORS, lights, 3))).astype(np.float32),
+        "film.others": np.float32(places * rng.uniform(0.99, 1.01, (ERROR_COUNT, lights, 3))),
         "correlation": float(rng.uniform(1, 4)),
     }

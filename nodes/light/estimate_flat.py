@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import Light
 
-ROUNDS = 8
-PIXELS = 20_000
-REJECT = 2.5
+FIT_ROUNDS = 8
+MAX_FIT_PIXELS = 20_000
+OUTLIER_SIGMAS = 2.5
 """Residuals beyond this many robust standard deviations are not film at rest."""
 
 
@@ -42,24 +42,24 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
     height, width = image.shape[1:]
     v = np.linspace(-1, 1, height)
     u = np.linspace(-1, 1, width)
-    stride = max(1, int(np.sqrt(height * width / PIXELS)))
+    stride = max(1, int(np.sqrt(height * width / MAX_FIT_PIXELS)))
     sampled = chebvander2d(*np.meshgrid(u[::stride], v[::stride]), [degree, degree])
     basis = sampled.reshape(-1, (degree + 1) ** 2)
     across = np.polynomial.chebyshev.chebvander(u, degree)
     down = np.polynomial.chebyshev.chebvander(v, degree)
     planes = []
     for plane in image:
-        found = _robust(basis, plane[::stride, ::stride].ravel().astype(np.float64))
-        planes.append(down @ found.reshape(degree + 1, degree + 1).T @ across.T)
+        coefficients = _robust(basis, plane[::stride, ::stride].ravel().astype(np.float64))
+        planes.append(down @ coefficients.reshape(degree + 1, degree + 1).T @ across.T)
     return np.maximum(np.stack(planes), 1e-3).astype(np.float32)
 
 
 def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     """Repeated least squares that excludes outliers."""
     kept = np.ones(len(values), bool)
-    for _ in range(ROUNDS):
-        found, *_ = np.linalg.lstsq(basis[kept], values[kept], rcond=None)
-        residual = np.abs(values - basis @ found)
+    for _ in range(FIT_ROUNDS):
+        coefficients, *_ = np.linalg.lstsq(basis[kept], values[kept], rcond=None)
+        residual = np.abs(values - basis @ coefficients)
         spread = 1.4826 * np.median(residual[kept])
-        kept = residual <= max(REJECT * spread, 1e-6)
-    return np.asarray(found)
+        kept = residual <= max(OUTLIER_SIGMAS * spread, 1e-6)
+    return np.asarray(coefficients)

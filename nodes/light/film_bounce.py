@@ -26,10 +26,10 @@ from tactograph.nodes.optics.sweep import sight
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-MOST_ALBEDO = 0.95
-CELLS = 4800
+MAX_ALBEDO = 0.95
+DEFAULT_MAX_CELLS = 4800
 """Default for the largest number of cells in a frame."""
-COAT = "lights", "diffuse", "base", "roughness", "refraction", "camera"
+COAT_FIELDS = "lights", "diffuse", "base", "roughness", "refraction", "camera"
 """The fields of `Film` on which the light of a coat depends."""
 
 
@@ -45,7 +45,7 @@ def film_bounce(
     before: Light | None = None,
     slope: Slope | None = None,
     *,
-    cells: Annotated[int, Interval(ge=1, le=20000)] = CELLS,
+    cells: Annotated[int, Interval(ge=1, le=20000)] = DEFAULT_MAX_CELLS,
     azimuths: Annotated[int, Interval(ge=2, le=64)] = AZIMUTHS,
     share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
 ) -> Light | None:
@@ -103,15 +103,15 @@ def film_bounce(
         return None
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope)
-    found = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
-    return found if before is None else before + np.float32(share) * (found - before)
+    bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
+    return bounced if before is None else before + np.float32(share) * (bounced - before)
 
 
 def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
     """The bounced light of the cells of one grid."""
-    of = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    seen = partial(sight, of, grid, film.camera)
-    return bounce(means(light, grid.factor), film, of, grid, seen)
+    cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
+    seen = partial(sight, cells, grid, film.camera)
+    return bounce(means(light, grid.factor), film, cells, grid, seen)
 
 
 @film_bounce.idle
@@ -122,15 +122,15 @@ def _throws_nothing(film_albedo: float) -> bool:
 @film_bounce.opencl()
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
-    of, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
-    pixel, albedo = of["pixel"], of["film.albedo"]
+    inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
+    pixel, albedo = inputs["pixel"], inputs["film.albedo"]
     _check(albedo)
-    film = of["film.rim"], of["film.refraction"]
+    film = inputs["film.rim"], inputs["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
     constants = {"LEDS": count, "COATED": int(film[1] != 1), "AZIMUTHS": grid.azimuths}
     larger = _launch_on_cells(run, larger_cells(grid), constants)
     bounced = _launch_on_cells(run, grid, constants, larger)
-    arguments = bounced, of.get("before"), out, *size, grid.factor, grid.rows, grid.columns
+    arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
     work = run.in_row_lanes(count, *size)
     run.kernel("interpolate", work, *arguments, settings["share"], constants=constants)
 
@@ -139,12 +139,12 @@ def _launch_on_cells(
     run: Launch, grid: Grid, constants: dict[str, int], larger: DeviceArray | None = None
 ) -> DeviceArray:
     """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
-    of, camera = run.inputs, run.inputs["film.camera"]
-    film = of["light"], of.get("slope"), of["film.lights"], camera
+    inputs, camera = run.inputs, run.inputs["film.camera"]
+    film = inputs["light"], inputs.get("slope"), inputs["film.lights"], camera
     table = launch_cells(run, grid, constants, *film)
     bounced = run.scratch((run.sizes["K"], grid.rows, grid.columns))
-    coat = [of[f"film.{name}"] for name in COAT]
-    launch_bounce(run, grid, constants, table, coat, camera, of["film.albedo"], bounced, larger)
+    coat = [inputs[f"film.{name}"] for name in COAT_FIELDS]
+    launch_bounce(run, grid, constants, table, coat, camera, inputs["film.albedo"], bounced, larger)
     return bounced
 
 
@@ -159,8 +159,8 @@ def _example(rng: np.random.Generator, K: int, **_: int) -> dict[str, Any]:
 
 
 def _check(albedo: float) -> None:
-    if not 0 <= albedo <= MOST_ALBEDO:
+    if not 0 <= albedo <= MAX_ALBEDO:
         raise InputError(
             f"film_bounce: albedo is {albedo:g}; give the share of the light that the film "
-            f"reflects, 0 to {MOST_ALBEDO:g}"
+            f"reflects, 0 to {MAX_ALBEDO:g}"
         )

@@ -15,24 +15,24 @@ from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
 
-TERMS, TERMS_OF, SUMS = 6, (1, 3, 6), 21 + 8 * 7
+DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 21 + 8 * 7
 """The number of terms 1, u, v, u^2, u v, v^2; how many each degree has; the kernels' sums."""
-DARKEST = np.float32(0.02)
-SEARCH = (0.03, 0.01, 0.0)
+MIN_GAIN = np.float32(0.02)
+CALM_DEPARTURES = (0.03, 0.01, 0.0)
 """Departure beyond the noise that counts as calm, round by round."""
-FEWEST = 0.05
+MIN_CALM_SHARE = 0.05
 """Least share of calm cells; a film that is touched everywhere shows no drift."""
-MOST_CELLS = 8000
+MAX_CELLS = 8000
 """More cells add no information; they are averaged, four into one, down to this number."""
-COARSE = 0.5
+COARSE_GRAIN_SHARE = 0.5
 """Share of the film's grain that is wider than a cell."""
-AROUND = 5
-"""Side in cells of the window around a cell; its mean has 1 / AROUND of a cell's noise."""
-LIFTED = 0.003
+WINDOW_CELLS = 5
+"""Side in cells of the window around a cell; its mean has 1 / WINDOW_CELLS of a cell's noise."""
+TOUCH_DEPARTURE = 0.003
 """Departure of the mean around a cell, beyond noise, that shows a touch."""
-SKIRT = 5
+SKIRT_CELLS = 5
 """Cells within this many cells of a touch count less, by the square of their distance to it."""
-HELD = 0.003
+SHAPE_REGULARISATION = 0.003
 """Regularisation of the drift's shape where little film is calm, as a share of all cells."""
 
 Drift = Annotated[F4, Port("K 6", "1")]
@@ -110,7 +110,7 @@ def film_drift(
     """
     if bounced is not None:
         light = light - bounced
-    while light[0].size > MOST_CELLS:
+    while light[0].size > MAX_CELLS:
         light = coarsen(light, factor=2)
         sigma = None if sigma is None else coarsen(sigma, factor=2)
         factor *= 2
@@ -120,24 +120,24 @@ def film_drift(
     share = np.float32(level) / np.float32(factor)
     noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
     if before is None:
-        before = np.zeros((count, TERMS), np.float32)
+        before = np.zeros((count, DRIFT_TERMS), np.float32)
         before[:, 0] = 1
-    lit = np.asarray(cells / np.maximum(_gain(before, basis), DARKEST), np.float32)
+    lit = np.asarray(cells / np.maximum(_gain(before, basis), MIN_GAIN), np.float32)
     other = before * border_level(lit.reshape(light.shape))[:, None]
-    rough += COARSE * (grain or 0.0)
-    widest = np.float32(rough + SEARCH[0])
+    rough += COARSE_GRAIN_SHARE * (grain or 0.0)
+    widest = np.float32(rough + CALM_DEPARTURES[0])
     better = _calm(cells, noise, basis, other, widest).sum()
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
-    used = TERMS_OF[degree]
-    for beyond in SEARCH:
+    used = TERMS_BY_DEGREE[degree]
+    for beyond in CALM_DEPARTURES:
         weight = calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
-        if calm.mean() < FEWEST:
+        if calm.mean() < MIN_CALM_SHARE:
             return before
-        if beyond == SEARCH[-1]:
-            less = noise * np.float32(1 / AROUND)
+        if beyond == CALM_DEPARTURES[-1]:
+            less = noise * np.float32(1 / WINDOW_CELLS)
             clear = calm * _calm(around, less, basis, drift, np.float32(rough))
-            still = _calm(around, less, basis, drift, np.float32(rough + LIFTED))
-            if clear.mean() >= FEWEST:
+            still = _calm(around, less, basis, drift, np.float32(rough + TOUCH_DEPARTURE))
+            if clear.mean() >= MIN_CALM_SHARE:
                 weight = _beside_skirt(clear, still.reshape(rows, columns))
         drift, explained = _fit(cells, weight, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
@@ -169,17 +169,17 @@ def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
     rows, columns = size
     c = drift[:, :, None, None]
     if not drift[:, 1:].any():
-        return np.maximum(c[:, 0], DARKEST)
+        return np.maximum(c[:, 0], MIN_GAIN)
     u, v = _axes(np.arange(rows), np.arange(columns), size)
     gain = c[:, 0] + c[:, 1] * u + c[:, 2] * v
     gain = gain + c[:, 3] * u * u + c[:, 4] * u * v + c[:, 5] * v * v
-    return np.asarray(np.maximum(gain, DARKEST), np.float32)
+    return np.asarray(np.maximum(gain, MIN_GAIN), np.float32)
 
 
 @lru_cache(maxsize=4)
 def _basis(rows: int, columns: int) -> F4:
     """The terms at each of N cells: 6 x N."""
-    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(TERMS, -1)
+    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(DRIFT_TERMS, -1)
     basis.flags.writeable = False
     return basis
 
@@ -191,7 +191,7 @@ def _gain(drift: F4, basis: F4) -> F4:
 
 def _around(light: F4) -> F4:
     """The mean over the window around each cell; beyond the frame the border repeats."""
-    window = (AROUND, AROUND)
+    window = (WINDOW_CELLS, WINDOW_CELLS)
     planes = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     return np.asarray(planes, np.float32)
 
@@ -209,7 +209,7 @@ def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
 def _beside_skirt(clear: F4, still: F4) -> F4:
     """The weight of each of N clear cells by its distance to the nearest touch: at most 1."""
     away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
-    far = clear * np.minimum(away, SKIRT + 1)
+    far = clear * np.minimum(away, SKIRT_CELLS + 1)
     return np.asarray(np.square(far / far.max()), np.float32)
 
 
@@ -231,7 +231,7 @@ def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F
     known = basis[:used] * weight
     seen = known @ (light - _gain(before, basis)).T
     share = weight.sum() / max(np.count_nonzero(weight), 1)
-    held = np.full(used, HELD * share * weight.size, np.float32)
+    held = np.full(used, SHAPE_REGULARISATION * share * weight.size, np.float32)
     held[0] = 0
     change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
     drift = before.copy()
@@ -252,33 +252,33 @@ def _launch(run: Launch) -> None:
         run.kernel("take_off", work, light, bounced, direct, everything)
         light = direct
     noisy = light if sigma is None else sigma
-    while height * width > MOST_CELLS:
+    while height * width > MAX_CELLS:
         light, noisy = (_launch_halved(run, plane, height, width) for plane in (light, noisy))
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
-    used, rough = TERMS_OF[run.settings["degree"]], float(run.settings["rough"])
-    rough += COARSE * float(run.inputs.get("grain") or 0.0)
+    used, rough = TERMS_BY_DEGREE[run.settings["degree"]], float(run.settings["rough"])
+    rough += COARSE_GRAIN_SHARE * float(run.inputs.get("grain") or 0.0)
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
-    old, drift, spare = (run.scratch((lights, TERMS)) for _ in range(3))
-    shares, explained = run.scratch((SUMS, run.group)), run.scratch((lights,))
+    old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))
+    shares, explained = run.scratch((FIT_SUMS, run.group)), run.scratch((lights,))
     few = run.scratch((1,), np.int32)
     clear, still, away, weights = (run.scratch((height, width)) for _ in range(4))
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, few
-    begin = int(before is not None), share, rough + SEARCH[0]
+    begin = int(before is not None), share, rough + CALM_DEPARTURES[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
-    for beyond in SEARCH[:-1]:
+    for beyond in CALM_DEPARTURES[:-1]:
         planes = light, noisy, old, drift, spare, weights, shares, few
         run.kernel("follow", group, *planes, *sizes, used, share, rough + beyond, local=group)
         drift, spare = spare, drift
     judged = light, around, noisy, drift, clear, still
     cells, lanes = run.in_lanes(height, width), run.in_row_lanes(height, width)
-    run.kernel("find_clear", cells, *judged, *sizes, share, rough + SEARCH[-1])
+    run.kernel("find_clear", cells, *judged, *sizes, share, rough + CALM_DEPARTURES[-1])
     run.kernel("find_away", lanes, clear, still, away, height, width)
-    found = light, noisy, away, old, drift, weights, shares, few, explained, out
-    run.kernel("finish", group, *found, *sizes, used, share, rate, doubt, local=group)
+    finished = light, noisy, away, old, drift, weights, shares, few, explained, out
+    run.kernel("finish", group, *finished, *sizes, used, share, rate, doubt, local=group)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
@@ -291,10 +291,10 @@ def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> 
 @film_drift.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """A film at rest whose LEDs have drifted, with a touch in a quarter of it."""
-    before = np.zeros((K, TERMS))
+    before = np.zeros((K, DRIFT_TERMS))
     before[:, 0] = rng.uniform(0.95, 1.05, K)
-    before[:, 1:] = rng.uniform(-0.02, 0.02, (K, TERMS - 1))
-    drift = before + rng.uniform(-0.01, 0.01, (K, TERMS))
+    before[:, 1:] = rng.uniform(-0.02, 0.02, (K, DRIFT_TERMS - 1))
+    drift = before + rng.uniform(-0.01, 0.01, (K, DRIFT_TERMS))
     light = np.tensordot(drift, terms(np.arange(H), np.arange(W), (H, W)), axes=1)
     light += rng.normal(0, 0.002, light.shape)
     bounced = rng.uniform(0, 0.03, light.shape)

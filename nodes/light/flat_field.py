@@ -43,12 +43,12 @@ def flat_field(
     """
     light = np.empty_like(image)
     gains = [None] * len(image) if drift is None else drift_gain(drift, dark.shape)
-    for captured, rest, gain, found in zip(image, flat, gains, light, strict=True):
+    for captured, rest, gain, relative in zip(image, flat, gains, light, strict=True):
         level = np.maximum(rest, np.float32(floor))
         if gain is not None:
             level *= gain
-        np.subtract(captured, dark, out=found)
-        found /= level
+        np.subtract(captured, dark, out=relative)
+        relative /= level
     return light
 
 

@@ -37,9 +37,9 @@ def light_noise(
     """
     shot, read = noise
     sigma = np.empty_like(image)
-    for captured, rest, found in zip(image, flat, sigma, strict=True):
-        np.sqrt(shot * np.maximum(captured, np.float32(0)) + read, out=found)
-        found /= np.maximum(rest, np.float32(floor))
+    for captured, rest, deviation in zip(image, flat, sigma, strict=True):
+        np.sqrt(shot * np.maximum(captured, np.float32(0)) + read, out=deviation)
+        deviation /= np.maximum(rest, np.float32(floor))
     return sigma
 
 

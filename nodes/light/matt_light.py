@@ -25,9 +25,9 @@ from tactograph.nodes.optics.near_light import places, unwrapped, vectors_at, wr
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-STRETCH = 64
+STRETCH_PX = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
-SHOWN = (*LIGHT_FIELDS, "grain")
+NOISY_LIGHT_FIELDS = (*LIGHT_FIELDS, "grain")
 """The fields of `Film` on which light and its deviation depend."""
 
 
@@ -113,16 +113,17 @@ def matt_light(
 @matt_light.opencl()
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
-    of, out = run.inputs, run.outputs
-    stretch = STRETCH if run.lanes > 1 else 1
-    film = [of[f"film.{name}"] for name in SHOWN]
-    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    inputs, out = run.inputs, run.outputs
+    stretch = STRETCH_PX if run.lanes > 1 else 1
+    film = [inputs[f"film.{name}"] for name in NOISY_LIGHT_FIELDS]
+    film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
-        of["light"], of["sigma"], of["slope"], of["height"], *film, of["pixel"], of.get("bounced"),
+        inputs["light"], inputs["sigma"], inputs["slope"], inputs["height"],
+        *film, inputs["pixel"], inputs.get("bounced"),
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
-        local=(run.group,), constants={"STRETCH": stretch},
+        local=(run.group,), constants={"STRETCH_PX": stretch},
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.nodes import Mask, PixelSize
 
-REACHED = 2
+FLOODED_VALUE = 2
 
 
 @node
@@ -43,8 +43,8 @@ def rest_mask(
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     # A flood fill from a ring around the frame reaches all calm film that touches the border.
     ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
-    cv2.floodFill(ringed, None, (0, 0), REACHED, flags=4)
-    joined = (ringed[1:-1, 1:-1] == REACHED).astype(np.uint8)
+    cv2.floodFill(ringed, None, (0, 0), FLOODED_VALUE, flags=4)
+    joined = (ringed[1:-1, 1:-1] == FLOODED_VALUE).astype(np.uint8)
     margin = round(margin_mm / pixel)
     square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)

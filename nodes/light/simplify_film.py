@@ -6,7 +6,7 @@ from tactograph.graph import node
 from tactograph.nodes import Film
 from tactograph.nodes.optics.film import FilmPart, matt_film
 
-PARTS: dict[FilmPart, tuple[str, ...]] = {
+PART_FIELDS: dict[FilmPart, tuple[str, ...]] = {
     "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
     "harmonics": ("harmonics",),
@@ -36,5 +36,5 @@ def simplify_film(
         ``camera``.
     """
     matt = matt_film(film.lights)
-    off = {name: getattr(matt, name) for part in without for name in PARTS[part]}
+    off = {name: getattr(matt, name) for part in without for name in PART_FIELDS[part]}
     return film._replace(**off)

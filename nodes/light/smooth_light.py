@@ -8,9 +8,9 @@ from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light
 
-TAPS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
+BINOMIAL_WEIGHTS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
 """Binomial: close to a Gaussian of one pixel's standard deviation."""
-TALL = 4
+ITEM_ROWS = 4
 """Rows per work-item of the kernel."""
 
 
@@ -34,15 +34,15 @@ def _along(light: F4, axis: int) -> F4:
     last = light.shape[axis] - 1
     at = np.arange(light.shape[axis])
     total = np.zeros_like(light)
-    for shift, tap in enumerate(TAPS, -2):
+    for shift, tap in enumerate(BINOMIAL_WEIGHTS, -2):
         total = total + np.float32(tap) * np.take(light, np.clip(at + shift, 0, last), axis)
     return np.asarray(total, np.float32)
 
 
 @smooth_light.opencl()
 def _launch(run: Launch) -> None:
-    """Each work-item computes `TALL` rows."""
+    """Each work-item computes `ITEM_ROWS` rows."""
     count, rows, columns = (run.sizes[name] for name in "KHW")
     arguments = run.inputs["light"], run.outputs["smooth_light"], count, rows, columns
-    grid = run.in_row_lanes(count, -(-rows // TALL), columns)
-    run.kernel("smooth_light", grid, *arguments, constants={"TALL": TALL})
+    grid = run.in_row_lanes(count, -(-rows // ITEM_ROWS), columns)
+    run.kernel("smooth_light", grid, *arguments, constants={"ITEM_ROWS": ITEM_ROWS})

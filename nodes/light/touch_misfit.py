@@ -32,15 +32,15 @@ from tactograph.nodes.optics.near_light import (
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-TILTED = np.float32(0.1)
+MIN_TESTED_SLOPE = np.float32(0.1)
 """Only pixels steeper than this test the model."""
 NEAREST_PX = 2
 """The noise of pixels this far apart is independent."""
-BLOCK = 16
+BLOCK_PX = 16
 """Side of a block in pixels; single places that depart, dirt or an edge, are no model error."""
-LEAST_SHARE, MOST_SHARE = 0.5, 1.5
+MIN_SHARE, MAX_SHARE = 0.5, 1.5
 """Limits of a normal's error per residual light: on the presses either may be all noise."""
-CLEARLY, LEAST = 2.0, 0.005
+WARN_MISFIT_RATIO, MIN_WARN_MISFIT = 2.0, 0.005
 """Multiple of the calibration's residual, and light, above which a departure gives a warning."""
 
 
@@ -94,25 +94,25 @@ def touch_misfit(
 def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
     """The misfit of a touch, from the sums over its blocks and the pairs that they hold."""
     level, width, pressed, bounce, tilt = (float(v) for v in misfit)
-    found = _typical(total, known)
-    if found <= pressed:
+    residual = _typical(total, known)
+    if residual <= pressed:
         return misfit
-    share = min(max(level / pressed, LEAST_SHARE), MOST_SHARE) if pressed > 0 else LEAST_SHARE
-    beyond = share**2 * (found**2 - pressed**2)
+    share = min(max(level / pressed, MIN_SHARE), MAX_SHARE) if pressed > 0 else MIN_SHARE
+    beyond = share**2 * (residual**2 - pressed**2)
     wider, tilt = (float(np.sqrt(before**2 + beyond)) for before in (level, tilt))
-    if found > CLEARLY * pressed and found > LEAST:
+    if residual > WARN_MISFIT_RATIO * pressed and residual > MIN_WARN_MISFIT:
         times = wider / max(level, pressed)
         warn(
-            f"the light departs from the film's model by {100 * found:.1f} %, on the "
+            f"the light departs from the film's model by {100 * residual:.1f} %, on the "
             f"calibration's presses by {100 * pressed:.1f} %: the model's part of the stated "
             f"error is {times:.1f} times as wide"
         )
-    return np.asarray([wider, width, found, bounce, tilt], np.float32)
+    return np.asarray([wider, width, residual, bounce, tilt], np.float32)
 
 
 def _typical(total: F4, known: F4) -> float:
     """The root mean square of the residual that neighbours share, in the median block."""
-    plenty = known > BLOCK * BLOCK
+    plenty = known > BLOCK_PX * BLOCK_PX
     return float(np.sqrt(max(np.median(total[plenty] / known[plenty]), 0))) if plenty.any() else 0.0
 
 
@@ -133,7 +133,9 @@ def _left(
 ) -> tuple[F4, F4]:
     """Per block, the sum of products of neighbouring residuals, and the number of pairs."""
     p, q = slope
-    counts = (used == (1 << len(lights)) - 1) & (p * p + q * q > TILTED * TILTED)
+    counts = (used == (1 << len(lights)) - 1) & (
+        p * p + q * q > MIN_TESTED_SLOPE * MIN_TESTED_SLOPE
+    )
     rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
     counts, slopes = counts[rows, columns], slope[:, rows, columns]
     x = places(height.shape[1], np.float32(pixel))[None, columns]
@@ -147,7 +149,7 @@ def _left(
         product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
-    return block_sums(mean, BLOCK), block_sums(pairs, BLOCK)
+    return block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX)
 
 
 def brighter(departs: F4, shown: F4, uneven: float) -> F4:
@@ -157,35 +159,35 @@ def brighter(departs: F4, shown: F4, uneven: float) -> F4:
     return np.asarray((departs * shown).sum(axis=0) * share)
 
 
-def _reach(found: NDArray[np.bool_], lag: int) -> slice:
-    """The span of whole blocks around all finds, plus `lag`; the first block if there is none."""
-    there = np.flatnonzero(found)
+def _reach(counts: NDArray[np.bool_], lag: int) -> slice:
+    """The span of whole blocks around all that count, plus `lag`; the first block if none does."""
+    there = np.flatnonzero(counts)
     first, last = (int(there[0]), int(there[-1])) if there.size else (0, 0)
-    return slice(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK + lag)
+    return slice(first // BLOCK_PX * BLOCK_PX, (last // BLOCK_PX + 1) * BLOCK_PX + lag)
 
 
 @touch_misfit.opencl()
 def _launch(run: Launch) -> None:
     """Sum over blocks on the device; find the median on the host."""
-    of, pixel = run.inputs, run.inputs["pixel"]
+    inputs, pixel = run.inputs, run.inputs["pixel"]
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
-    misfit = run.download(of["misfit"])
+    misfit = run.download(inputs["misfit"])
     lag = _lag(misfit, pixel)
     left, counts = run.scratch((count, height, width)), run.scratch((height, width))
     run.kernel(
-        "leave", run.in_lanes(height, width), of["light"], of["slope"], of["height"], of["used"],
-        of["lights"], left, counts, count, height, width, pixel,
-        of["uneven"],
+        "leave", run.in_lanes(height, width),
+        *(inputs[name] for name in ("light", "slope", "height", "used", "lights")),
+        left, counts, count, height, width, pixel, inputs["uneven"],
     )  # fmt: skip
-    rows, columns = blocks = tuple(max(side - lag, 0) // BLOCK for side in (height, width))
+    rows, columns = blocks = tuple(max(side - lag, 0) // BLOCK_PX for side in (height, width))
     total, known = run.scratch(blocks), run.scratch(blocks)
     if rows * columns:
         run.kernel(
             "add_blocks", blocks,
             left, counts, total, known, count, height, width, lag, rows, columns,
         )  # fmt: skip
-    found = _widened(misfit, run.download(total), run.download(known))
-    run.kernel("give", (1,), run.outputs["touch_misfit"], *(float(v) for v in found))
+    widened = _widened(misfit, run.download(total), run.download(known))
+    run.kernel("give", (1,), run.outputs["touch_misfit"], *(float(v) for v in widened))
 
 
 @touch_misfit.example

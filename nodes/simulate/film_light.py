@@ -9,7 +9,7 @@ import numpy as np
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Film, Height, Labels, Light, PixelSize, Slope
-from tactograph.nodes.light.matt_light import STRETCH
+from tactograph.nodes.light.matt_light import STRETCH_PX
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import LIGHT_FIELDS, predict, touch_gain
@@ -80,14 +80,14 @@ def film_light(
 @film_light.opencl()
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
-    of, stretch = run.inputs, STRETCH if run.lanes > 1 else 1
+    of, stretch = run.inputs, STRETCH_PX if run.lanes > 1 else 1
     film = [of[f"film.{name}"] for name in LIGHT_FIELDS]
     film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
         of["slope"], of["height"], *film, of["pixel"],
         of.get("shadow"), of.get("bounced"), run.outputs["film_light"], count, height, width,
-        local=(run.group,), constants={"STRETCH": stretch},
+        local=(run.group,), constants={"STRETCH_PX": stretch},
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contac
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.light.film_bounce import CELLS, film_bounce
+from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.near_light import places
@@ -25,7 +25,7 @@ MIN_SAMPLES = 30
 """Fewest samples of each ball."""
 USUAL_ALBEDO = 0.6
 """Albedo of the film for which a bounce is computed."""
-FINE_CELLS = 4 * CELLS
+FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
 LIFT_SHARE = 0.02
@@ -251,9 +251,9 @@ def _thrown_on(
     if film.refraction == 1:
         by_rim = thrown(wider, FINE_CELLS).left - bounced.left
     else:
-        bounced = thrown(film, CELLS)
+        bounced = thrown(film, DEFAULT_MAX_CELLS)
         by_lift *= bounced.left.mean() / on_matt.left.mean()
-        by_rim = thrown(wider, CELLS).left - bounced.left
+        by_rim = thrown(wider, DEFAULT_MAX_CELLS).left - bounced.left
         bounced = thrown(film, FINE_CELLS) if fine else bounced
     if film.albedo > 0:
         press = _levelled(press, sigma, bounced, film.albedo)

@@ -43,7 +43,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import PARTS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.light.film_bounce import CELLS
+from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS
 from tactograph.nodes.optics.film import FilmPart, matt_film
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
@@ -172,7 +172,7 @@ def fit_film(
         closed.add("camera")
     if (
         np.median(balls.rim)
-        < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, CELLS, 0).factor * pixel
+        < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     ):
         closed.add("bounce")
     trial, best, whole, errors = search(trial, start, [p for p in PARTS if p not in closed])

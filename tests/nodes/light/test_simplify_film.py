@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.nodes.light.simplify_film import PARTS, simplify_film
+from tactograph.nodes.light.simplify_film import PART_FIELDS, simplify_film
 from tactograph.nodes.optics.film import matt_film
 from tests.nodes.films import FILMS
 
 FILM = FILMS["all"]._replace(albedo=0.6, grain=0.01)
 
 
-@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("part", PART_FIELDS)
 def test_what_is_switched_off_is_that_of_a_matt_film(part: str) -> None:
     found, matt = simplify_film(FILM, without=(part,)), matt_film(FILM.lights)
     for name, value in found._asdict().items():
-        kept = matt if name in PARTS[part] else FILM
+        kept = matt if name in PART_FIELDS[part] else FILM
         assert np.array_equal(value, getattr(kept, name)), name
 
 
@@ -25,7 +25,7 @@ def test_without_any_part_off_the_film_stays() -> None:
 
 
 def test_without_all_parts_it_is_matt() -> None:
-    found = simplify_film(FILM, without=tuple(PARTS))
+    found = simplify_film(FILM, without=tuple(PART_FIELDS))
     assert not found.diffuse.any()
     assert not found.harmonics.any()
     assert (found.gain, found.refraction, found.albedo, found.camera) == (1, 1, 0, 0)
