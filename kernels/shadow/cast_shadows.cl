@@ -2,28 +2,28 @@
 #include "lanes.clh"
 #include "border.clh"
 
-#define GROUP 64
+#define GROUP_ITEMS 64
 
 // The largest height, by one work-group.
-__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1)))
+__kernel __attribute__((reqd_work_group_size(GROUP_ITEMS, 1, 1)))
 void highest(
     __global const float *restrict height,
     __global float *restrict top,
     const int size)
 {
-    __local float tops[GROUP];
+    __local float tops[GROUP_ITEMS];
     const int me = get_local_id(0);
     float found = height[0];
-    for (int i = me; i < size; i += GROUP) found = fmax(found, height[i]);
+    for (int i = me; i < size; i += GROUP_ITEMS) found = fmax(found, height[i]);
     tops[me] = found;
     barrier(CLK_LOCAL_MEM_FENCE);
     if (me == 0) {
-        for (int i = 1; i < GROUP; ++i) found = fmax(found, tops[i]);
+        for (int i = 1; i < GROUP_ITEMS; ++i) found = fmax(found, tops[i]);
         top[0] = found;
     }
 }
 
-#define BLOCK 16
+#define BLOCK_PX 16
 
 // The largest height of each block of pixels and of those that begin the next blocks, so that no
 // interpolated height in the block is larger.
@@ -34,8 +34,8 @@ __kernel void block_tops(
 {
     GRID_2(row, column, rows, columns)
     float found = -INFINITY;
-    for (int y = row * BLOCK; y <= min((row + 1) * BLOCK, H - 1); ++y)
-        for (int x = column * BLOCK; x <= min((column + 1) * BLOCK, W - 1); ++x)
+    for (int y = row * BLOCK_PX; y <= min((row + 1) * BLOCK_PX, H - 1); ++y)
+        for (int x = column * BLOCK_PX; x <= min((column + 1) * BLOCK_PX, W - 1); ++x)
             found = fmax(found, height[y * W + x]);
     tops[row * columns + column] = found;
 }
@@ -43,8 +43,8 @@ __kernel void block_tops(
 // How far along a line a ray that begins at `at` and goes `u` per step stays in block `block`.
 static float way_out(const float at, const float u, const int block)
 {
-    if (u > 0.0f) return ((float)((block + 1) * BLOCK) - at) / u;
-    return u < 0.0f ? ((float)(block * BLOCK) - at) / u : INFINITY;
+    if (u > 0.0f) return ((float)((block + 1) * BLOCK_PX) - at) / u;
+    return u < 0.0f ? ((float)(block * BLOCK_PX) - at) / u : INFINITY;
 }
 
 static float bilinear(
@@ -77,8 +77,8 @@ static int is_blocked(
         const float px = x + ux * t, py = y + uy * t;
         if (px < 0.0f || px > W - 1 || py < 0.0f || py > H - 1) return 0;
         ray = z + climb * t;
-        const int across = (int)px / BLOCK, along = (int)py / BLOCK;
-        if (tops[along * ((W + BLOCK - 1) / BLOCK) + across] > ray) {
+        const int across = (int)px / BLOCK_PX, along = (int)py / BLOCK_PX;
+        if (tops[along * ((W + BLOCK_PX - 1) / BLOCK_PX) + across] > ray) {
             if (bilinear(height, H, W, px, py) > ray) return 1;
         } else if (climb >= 0.0f) {
             const float way = fmin(way_out(x, ux, across), way_out(y, uy, along));

@@ -2,15 +2,15 @@
 #include "lanes.clh"
 #include "near_light.clh"
 
-#define MOST 8
-#define SOFTLY 1e-6f
-#define UNKNOWN 1e3f
-#define NONE (-1)
+#define MAX_LEDS 8
+#define RIDGE_TRACE_SHARE 1e-6f
+#define UNUSED_SIGMA 1e3f
+#define NO_LED (-1)
 
 // LANES pixels: light and weight of each LED, and the vectors of equation N1.
 typedef struct {
-    floats light[MOST], weight[MOST];
-    Vector towards[MOST];
+    floats light[MAX_LEDS], weight[MAX_LEDS];
+    Vector towards[MAX_LEDS];
 } Seen;
 
 // A symmetric 3 x 3 matrix taken apart into L D L^T: one over D, then L.
@@ -60,7 +60,7 @@ static Fit fit(const Seen *seen, const int K, const int without)
         right.y += weighted * v.y;
         right.z += weighted * v.z;
     }
-    const floats share = SOFTLY * (xx + yy + zz), soft = MORE_OF(share, tiny);
+    const floats share = RIDGE_TRACE_SHARE * (xx + yy + zz), soft = MORE_OF(share, tiny);
     Fit found;
     Moments *m = &found.moments;
     m->first = 1.0f / (xx + soft);
@@ -137,7 +137,7 @@ LANED __kernel void label_highlights(
     }
     ints marked = 0, doubted = level > unlikely;
     // If level film explains the light, the best normal explains it, too.
-    if (K > 3 && ANY(doubted)) doubted &= fit(&seen, K, NONE).misfit > unlikely;
+    if (K > 3 && ANY(doubted)) doubted &= fit(&seen, K, NO_LED).misfit > unlikely;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;
         for (int k = 0; k < K; ++k) {
@@ -159,7 +159,7 @@ LANED __kernel void label_highlights(
         marked = doubted ? marked : none;
     }
     store_bytes(marked, highlight + i, count);
-    const floats unknown = UNKNOWN;
+    const floats unknown = UNUSED_SIGMA;
     for (int k = 0; k < K; ++k) {
         const floats noise = load_floats(sigma + k * size + i, count);
         store_floats((marked & (1 << k)) != 0 ? unknown : noise, sigma_ + k * size + i, count);

@@ -3,20 +3,20 @@
 #include "lanes.clh"
 #include "near_light.clh"
 
-#define MOST 8
-#define LONGEST 0.3f
+#define MAX_LEDS 8
+#define MAX_TURN_RAD 0.3f
 #define AT_REST 0.999f
-#define ALIKE 0.02f
-#define MILD 0.01f
-#define SINGULAR 1e-4f
-#define FAINTEST 0.08f
-#define STRAY 0.015f
-#define SHADE 0.1f
-#define EVEN 0.05f
-#define TIE 1e-3f
+#define MIN_TWIN_DIFFERENCE 0.02f
+#define FULL_BIAS_VARIANCE 0.01f
+#define MIN_SINE_SQUARED 1e-4f
+#define MIN_EXPECTED_LIGHT 0.08f
+#define STRAY_LIGHT 0.015f
+#define MAX_SHADE_LIGHT 0.1f
+#define MIN_EVEN_SHARE 0.05f
+#define TIE_COST 1e-3f
 #define ANY_BRIGHTNESS 1e3f
-#define UNKNOWN 1e12f
-#define TINY 1e-20f
+#define UNKNOWN_VARIANCE 1e12f
+#define MIN_DIVISOR 1e-20f
 
 // Vectors of LANES pixels that are done side by side, because a long chain of operations waits
 // less if others are under way; and vectors per work-item.
@@ -34,8 +34,8 @@
 typedef struct {
     int K;
     float wrap;
-    floats light[MOST], sigma[MOST], weight[MOST];
-    Vector vector[MOST], believed;
+    floats light[MAX_LEDS], sigma[MAX_LEDS], weight[MAX_LEDS];
+    Vector vector[MAX_LEDS], believed;
     ints below, forced;
 } Pixels;
 
@@ -116,7 +116,7 @@ static Vector scaled(const Vector n, const floats by)
 
 static Vector unit(const Vector n)
 {
-    return scaled(n, 1.0f / (sqrt(dot_of(n, n)) + TINY));
+    return scaled(n, 1.0f / (sqrt(dot_of(n, n)) + MIN_DIVISOR));
 }
 
 static floats at_least(const float least, const floats value)
@@ -127,7 +127,7 @@ static floats at_least(const float least, const floats value)
 
 static Vector visible(const Vector n)
 {
-    const Vector v = {n.x, n.y, at_least(FLATTEST, n.z)};
+    const Vector v = {n.x, n.y, at_least(MIN_NORMAL_Z, n.z)};
     return v;
 }
 
@@ -158,10 +158,10 @@ static Vector gauss_newton(
     const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
     const floats h11 = ux * n.z - uz * n.x, h12 = uy * n.z - uz * n.y, h22 = vy * n.z - vz * n.y;
     const floats trace = h11 + h22;
-    const floats inverse = 1.0f / (h11 * h22 - h12 * h12 + 1e-6f * trace * trace + TINY);
+    const floats inverse = 1.0f / (h11 * h22 - h12 * h12 + 1e-6f * trace * trace + MIN_DIVISOR);
     const floats g11 = n.z * n.z + n.x * n.x, g12 = n.x * n.y, g22 = n.z * n.z + n.y * n.y;
     const floats spread = scale * inverse * (h22 * g11 + h11 * g22 - (h12 + h12) * g12);
-    const floats limit = MILD * n.z * n.z;
+    const floats limit = FULL_BIAS_VARIANCE * n.z * n.z;
     floats mild = 1.0f;
     if (ANY(spread > limit)) mild = limit / MORE_OF(spread, limit);
     const floats half_ = 0.5f * mild * spread, part = mild * scale, steep = 1.0f / n.z;
@@ -174,8 +174,8 @@ static Vector gauss_newton(
         - part * (g12 * f1 + g22 * f2 + n.y * steep);
     floats s = (h22 * g1 - h12 * g2) * inverse, t = (h11 * g2 - h12 * g1) * inverse;
     const floats square = s * s + t * t;
-    if (ANY(!(square <= LONGEST * LONGEST))) {
-        const floats shrink = LONGEST / at_least(LONGEST, sqrt(square));
+    if (ANY(!(square <= MAX_TURN_RAD * MAX_TURN_RAD))) {
+        const floats shrink = MAX_TURN_RAD / at_least(MAX_TURN_RAD, sqrt(square));
         s *= shrink;
         t *= shrink;
     }
@@ -276,7 +276,7 @@ static Normals pair_of(const Pixels *pixels, const int used, const int attached)
     ints take;
     if (attached) {
         const floats a = lit_behind(pixels, used, first), b = lit_behind(pixels, used, second);
-        take = fabs(a - b) < ALIKE ? flatter : a < b;
+        take = fabs(a - b) < MIN_TWIN_DIFFERENCE ? flatter : a < b;
     } else {
         take = dot_of(first, pixels->believed) >= dot_of(second, pixels->believed);
     }
@@ -311,7 +311,7 @@ static floats shown_by(const Pixels *pixels, const floats light)
 static Slope variance_of(
     const Pixels *pixels, const ints used, const Vector n, const Slope slope, const float uneven)
 {
-    const floats none = 0.0f, one = 1.0f, unknown = UNKNOWN;
+    const floats none = 0.0f, one = 1.0f, unknown = UNKNOWN_VARIANCE;
     floats h11 = 0.0f, h12 = 0.0f, h22 = 0.0f, u1 = 0.0f, u2 = 0.0f, whole = 0.0f;
     const ints one_more = 1, nothing = 0;
     ints count = 0;
@@ -334,7 +334,7 @@ static Slope variance_of(
     h12 -= share * u1 * u2;
     h22 -= share * u2 * u2;
     const floats determinant = h11 * h22 - h12 * h12;
-    const ints known = determinant > SINGULAR * h11 * h22;
+    const ints known = determinant > MIN_SINE_SQUARED * h11 * h22;
     const floats a = 1.0f + slope.p * slope.p, b = slope.p * slope.q;
     const floats c = 1.0f + slope.q * slope.q;
     const floats by_p = (a * a * h22 - 2.0f * a * b * h12 + b * b * h11) / determinant;
@@ -350,7 +350,8 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     ints dim = 0;
     for (int k = 0; k < pixels->K; ++k) {
         const ints bit = 1 << k;
-        const floats due = at_least(FAINTEST, shown_by(pixels, dot_of(pixels->vector[k], n)));
+        const floats due = at_least(MIN_EXPECTED_LIGHT,
+            shown_by(pixels, dot_of(pixels->vector[k], n)));
         dim |= shown_by(pixels, pixels->light[k]) < 0.5f * due ? bit : nothing;
     }
     return dim;
@@ -384,9 +385,9 @@ static floats excess_of(
         if (!(lit >> k & 1)) {
             const floats light = shown_by(pixels, pixels->light[k]), sigma = pixels->sigma[k];
             const floats over = light - shown_by(pixels, dot_of(pixels->vector[k], normal));
-            const floats spread = sqrt(sigma * sigma + STRAY * STRAY);
+            const floats spread = sqrt(sigma * sigma + STRAY_LIGHT * STRAY_LIGHT);
             const floats bright = at_least(0.0f, over / spread + one_sided);
-            const floats much = light * (1.0f / SHADE);
+            const floats much = light * (1.0f / MAX_SHADE_LIGHT);
             excess += (pixels->below & (1 << k)) != 0 ? none : bright * bright + much * much;
         }
     return excess;
@@ -396,7 +397,7 @@ static floats excess_of(
 // the floor is dark and costs nothing here.
 static floats light_of_one(const Pixels *pixels, const int k)
 {
-    const floats none = 0.0f, much = shown_by(pixels, pixels->light[k]) * (1.0f / SHADE);
+    const floats none = 0.0f, much = shown_by(pixels, pixels->light[k]) * (1.0f / MAX_SHADE_LIGHT);
     return (pixels->below & (1 << k)) != 0 ? none : much * much;
 }
 
@@ -590,7 +591,7 @@ static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
 #if LANES == 1
     order[0] = 0;
 #else
-    int ends[2 << MOST];
+    int ends[2 << MAX_LEDS];
     const int kinds = 2 << K;
     for (int kind = 0; kind < kinds; ++kind) ends[kind] = 0;
     for (int i = 0; i < doubtful->number; ++i) ++ends[doubtful->kind[i]];
@@ -609,7 +610,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
         brightest = MORE_OF(brightest, here->light[k]);
     }
     const ints open = (best->cost > rules->dimmed) & (here->forced == 0)
-        & (darkest > EVEN * brightest);
+        & (darkest > MIN_EVEN_SHARE * brightest);
     if (!ANY(open)) return open;
     const int all = (1 << here->K) - 1;
     const Equations equations = normal_equations(here, all);
@@ -623,7 +624,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
     }
     // Three LEDs are explained exactly.
     if (here->K > 3) cost += squares_of(here, all, normal, ANY_BRIGHTNESS);
-    const ints better = open & (missing > 0.0f) & (cost < best->cost - TIE), labels = all;
+    const ints better = open & (missing > 0.0f) & (cost < best->cost - TIE_COST), labels = all;
     best->cost = better ? cost : best->cost;
     best->misfit = better ? squares_of(here, all, normal, rules->uneven) : best->misfit;
     best->used = better ? labels : best->used;
@@ -670,7 +671,7 @@ static void any_set(
             const floats squares = squares_of(&here, lit, judged, rules->uneven);
             const floats excess = excess_of(&here, lit, judged, rules->one_sided);
             const floats cost = squares + rules->price * number + excess;
-            const ints better = open & (cost < best.cost - TIE);
+            const ints better = open & (cost < best.cost - TIE_COST);
             best.cost = better ? cost : best.cost;
             best.misfit = better ? squares : best.misfit;
             best.used = better ? labels : best.used;

@@ -3,7 +3,7 @@
 #include "near_light.clh"
 #include "border.clh"
 
-#define FAINTEST 0.02f
+#define MIN_EXPECTED_LIGHT 0.02f
 
 // The LEDs whose label varies among the pixels within `reach` along each axis.
 static ints edges(
@@ -25,7 +25,8 @@ static ints edges(
 // The share of the expected light that is present, less a half; noisy light counts less.
 static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)
 {
-    const floats none = 0.0f, one = 1.0f, faintest = FAINTEST, expected = MORE_OF(shown, faintest);
+    const floats none = 0.0f, one = 1.0f, faintest = MIN_EXPECTED_LIGHT;
+    const floats expected = MORE_OF(shown, faintest);
     const floats square = expected * expected, doubt = noisy * sigma, there = light / expected;
     return (LESS_OF(MORE_OF(there, none), one) - 0.5f) * (square / (square + doubt * doubt));
 }

@@ -3,13 +3,13 @@
 #include "lanes.clh"
 #include "near_light.clh"
 
-#define HALF 0.5f
-#define FAINTEST 0.02f
-#define STEEPEST 3.0f
+#define HALF_LIGHT 0.5f
+#define MIN_EXPECTED_LIGHT 0.02f
+#define MAX_SLOPE 3.0f
 #define FARTHEST_END 1.5f
 #define NEAREST_EDGE 1.2f
-#define NOTHING -1
-#define MOST 8
+#define NO_PIXEL -1
+#define MAX_LEDS 8
 // All light that shows where a shadow ends lies within this many pixels of it.
 #define AROUND_END 4
 
@@ -55,7 +55,7 @@ __kernel void lit_part(
     const int i = row * W + column;
     const floats p = load_floats(slope + i, count), q = load_floats(slope + size + i, count);
     const floats steep = sqrt(1.0f + p * p + q * q), nothing = 0.0f, all = 1.0f;
-    const floats z = load_floats(height + i, count), faintest = FAINTEST;
+    const floats z = load_floats(height + i, count), faintest = MIN_EXPECTED_LIGHT;
     floats x, y;
     places(i, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
@@ -115,11 +115,11 @@ static float darkness_at(__global const uchar *shadow, const int k, const Around
         is_dark(shadow, k, at.d));
 }
 
-// The pixel nearest to a point; NOTHING outside the frame.
+// The pixel nearest to a point; NO_PIXEL outside the frame.
 static int nearest(const float x, const float y, const int H, const int W)
 {
     const int column = convert_int(rint(x)), row = convert_int(rint(y));
-    return column >= 0 && column < W && row >= 0 && row < H ? row * W + column : NOTHING;
+    return column >= 0 && column < W && row >= 0 && row < H ? row * W + column : NO_PIXEL;
 }
 
 // The distances along a ray of the shadow's end and its casting edge; negative if there is no edge.
@@ -128,21 +128,21 @@ static float2 march(
     const float row, const float ux, const float uy, const int H, const int W, const float step_,
     const float longest)
 {
-    float end = HALF, before = part_at(part, around(column, row, H, W));
+    float end = HALF_LIGHT, before = part_at(part, around(column, row, H, W));
     for (float t = step_; t <= longest; t += step_) {
         const float x = column + ux * t, y = row + uy * t;
         if (!(x >= 0.0f && x <= (float)(W - 1) && y >= 0.0f && y <= (float)(H - 1))) break;
         const Around at = around(x, y, H, W);
         if (t - step_ < FARTHEST_END) {
             const float now = part_at(part, at);
-            if (now < HALF && before >= HALF) {
-                const float back = step_ * (HALF - now) / fmax(before - now, 1e-6f);
+            if (now < HALF_LIGHT && before >= HALF_LIGHT) {
+                const float back = step_ * (HALF_LIGHT - now) / fmax(before - now, 1e-6f);
                 end = clamp(t - back, 0.0f, FARTHEST_END);
             }
             before = now;
         }
         if (t <= NEAREST_EDGE || are_dark(shadow, k, at)) continue;
-        if (darkness_at(shadow, k, at) < HALF) return (float2)(end, t);
+        if (darkness_at(shadow, k, at) < HALF_LIGHT) return (float2)(end, t);
     }
     return (float2)(end, -1.0f);
 }
@@ -167,7 +167,7 @@ static int measure_at(
     const float plan = fmax(sqrt(dx * dx + dy * dy), 1e-6f);
     const float ux = dx / plan, uy = dy / plan;
     const int next = nearest((float)column + ux, (float)row + uy, H, W);
-    if (next == NOTHING || !is_dark(shadow, k, next)) return 0;
+    if (next == NO_PIXEL || !is_dark(shadow, k, next)) return 0;
 
     const float2 ends = march(
         shadow, part + k * size, k, (float)column, (float)row, ux, uy, H, W, step_, longest);
@@ -175,10 +175,10 @@ static int measure_at(
     const float end = ends.x, beyond = ends.y + 0.25f;
     const float x = (float)column + ux * beyond, y = (float)row + uy * beyond;
     const int edge = nearest(x, y, H, W);
-    if (edge == NOTHING || is_dark(shadow, k, edge) || popcount(used[edge]) < 2) return 0;
+    if (edge == NO_PIXEL || is_dark(shadow, k, edge) || popcount(used[edge]) < 2) return 0;
 
     const float downhill = slope[i] * ux + slope[size + i] * uy;
-    const float to_end = pixel * end * clamp(downhill, -STEEPEST, STEEPEST);
+    const float to_end = pixel * end * clamp(downhill, -MAX_SLOPE, MAX_SLOPE);
     const float length_ =
         (rint(x) - (float)column) * ux + (rint(y) - (float)row) * uy - end;
     const float tangent =
@@ -203,7 +203,7 @@ __kernel void measure(
     GRID_1(n, H * across)
     const int row = n / across, start = span * (n - row * across), end = min(start + span, W);
     const Measured to = {top, foot, rise};
-    int found[MOST];
+    int found[MAX_LEDS];
     for (int k = 0; k < K; ++k) found[k] = 0;
     for (int x = start; x < end; x += LANES) {
         const int count = min(LANES, end - x);

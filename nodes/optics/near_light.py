@@ -17,9 +17,9 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-DOUBT = 0.5
+UNLIT_LIGHT_SIGMA = 0.5
 """Standard deviation of the light behind the terminator, as a share of what it is below 0."""
-DARK = 0.1
+MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
 LEAST_WRAP = 1e-9
 """What a w of 0 is divided by."""
@@ -73,15 +73,16 @@ def wrapped(light: Any, wrap: float) -> Any:
 def unwrapped(light: F4, sigma: F4, wrap: float) -> tuple[F4, F4]:
     """Return the n.v that `wrapped` makes this light of, and its standard deviation.
 
-    Behind the terminator that of the light grows to `DOUBT` of what it is below 0, for w differs
-    from place to place.  In shadow hardly anything is known.
+    Behind the terminator the deviation of the light grows to `UNLIT_LIGHT_SIGMA` of what the light
+    is below 0, because w differs from place to place.  In shadow hardly anything is known.
     """
     if wrap == 0:
         return light, sigma
     behind = np.maximum(np.minimum(light, 0), np.float32(-wrap))
-    root = np.sqrt(np.maximum(1 + behind / np.float32(wrap), np.float32(DARK)))
-    found = np.maximum(light, 0) + np.float32(2 * wrap) * (root - 1)
-    return found, np.asarray(np.hypot(sigma, np.float32(DOUBT) * behind) / root, np.float32)
+    root = np.sqrt(np.maximum(1 + behind / np.float32(wrap), np.float32(MIN_LIT_SHARE)))
+    deviation = np.hypot(sigma, np.float32(UNLIT_LIGHT_SIGMA) * behind) / root
+    unwrapped_light = np.maximum(light, 0) + np.float32(2 * wrap) * (root - 1)
+    return unwrapped_light, np.asarray(deviation, np.float32)
 
 
 def brightness_share(

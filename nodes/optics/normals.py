@@ -17,16 +17,16 @@ import numpy as np
 from tactograph.nodes import F4
 from tactograph.nodes.optics.near_light import brightness_share
 
-FLATTEST = 0.02
+MIN_NORMAL_Z = 0.02
 """Smallest n_z of a normal: the camera sees no steeper film."""
-LONGEST = 0.3
+MAX_TURN_RAD = 0.3
 """Longest Gauss-Newton step, in radians."""
-MILD = 0.01
+FULL_BIAS_VARIANCE = 0.01
 """Variance of a normal, over n_z^2, up to which the bias by noise is fully corrected."""
-SINGULAR = 1e-4
+MIN_SINE_SQUARED = 1e-4
 """Sine squared of the angle between two lights' gradients below which they count as one."""
-UNKNOWN = 1e12
-TINY = 1e-20
+UNKNOWN_VARIANCE = 1e12
+MIN_DIVISOR = 1e-20
 
 
 def linear_normal(v: F4, light: F4, weight: F4) -> F4:
@@ -66,9 +66,9 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
     g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
     spread = np.einsum("abn,abn->n", c, g)
     bias = times(g, times(c, shown)) + spread * shown / 2 + n[:2] / z
-    mild = MILD * z * z / np.maximum(spread, MILD * z * z)
+    mild = FULL_BIAS_VARIANCE * z * z / np.maximum(spread, FULL_BIAS_VARIANCE * z * z)
     turn = times(c, residual - mild * bias)
-    s, t = turn * (LONGEST / np.maximum(np.hypot(*turn), LONGEST))
+    s, t = turn * (MAX_TURN_RAD / np.maximum(np.hypot(*turn), MAX_TURN_RAD))
     return _unit(visible(np.array([x + s * z, y + t * z, z - s * x - t * y])))
 
 
@@ -86,16 +86,18 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
     """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
     h = tangent_products(v, light, weight, n, uneven)[:2, :2]
-    known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > SINGULAR * h[0, 0] * h[1, 1]
+    known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > MIN_SINE_SQUARED * h[0, 0] * h[1, 1]
     p, q = slope
     carry = np.array([[1 + p * p, p * q], [p * q, 1 + q * q]])
     c = _inverse(np.where(known, h, np.eye(2, dtype=np.float32)[..., None]), 0)
-    return np.where(known, np.einsum("abn,bcn,acn->an", carry, c, carry), np.float32(UNKNOWN))
+    return np.where(
+        known, np.einsum("abn,bcn,acn->an", carry, c, carry), np.float32(UNKNOWN_VARIANCE)
+    )
 
 
 def visible(n: F4) -> F4:
     """Normals that the camera can see."""
-    return np.array([n[0], n[1], np.maximum(n[2], FLATTEST)])
+    return np.array([n[0], n[1], np.maximum(n[2], MIN_NORMAL_Z)])
 
 
 def dot(a: Any, b: Any) -> F4:
@@ -108,13 +110,13 @@ def _cross(a: F4, b: F4) -> F4:
 
 
 def _unit(n: F4) -> F4:
-    return n * np.reciprocal(np.sqrt(dot(n, n)) + TINY)
+    return n * np.reciprocal(np.sqrt(dot(n, n)) + MIN_DIVISOR)
 
 
 def _inverse(h: F4, soft: float) -> F4:
     """The inverse of symmetric 2 x 2 matrices, kept finite by a share of the trace."""
     (xx, xy), (_, yy) = h
-    determinant = xx * yy - xy * xy + soft * np.square(xx + yy) + TINY
+    determinant = xx * yy - xy * xy + soft * np.square(xx + yy) + MIN_DIVISOR
     return np.array([[yy, -xy], [-xy, xx]]) / determinant
 
 

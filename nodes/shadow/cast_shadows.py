@@ -15,10 +15,10 @@ from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
 from tactograph.nodes.optics.bilinear import bilinear
 from tactograph.nodes.optics.cache_blocks import in_blocks
 
-GROUP, BLOCK = 64, 16
-STEP = 0.5
+GROUP_ITEMS, BLOCK_PX = 64, 16
+RAY_STEP_PX = 0.5
 """Along a ray, in px."""
-TINY = 1e-6
+MIN_PLAN_PX = 1e-6
 
 
 @node(
@@ -88,10 +88,10 @@ def _is_blocked(
     x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
     dx = led[0] - (x - np.float32(0.5) * (columns - 1))
     dy = led[1] - (y - np.float32(0.5) * (rows - 1))
-    plan = np.sqrt(dx * dx + dy * dy) + TINY
+    plan = np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX
     ux, uy, climb = dx / plan, dy / plan, (led[2] - z) / plan
     blocked, going, top = np.zeros(row.size, bool), np.arange(row.size), height.max()
-    for t in np.arange(STEP, rows + columns, STEP, dtype=np.float32):
+    for t in np.arange(RAY_STEP_PX, rows + columns, RAY_STEP_PX, dtype=np.float32):
         px, py, ray = (start[going] + t * by[going] for start, by in ((x, ux), (y, uy), (z, climb)))
         inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
         hit = inside & (bilinear(height, px, py) > ray)
@@ -107,9 +107,9 @@ def _launch(run: Launch) -> None:
     """Find the highest point of the surface, where rays end, and of each block; cast the rays."""
     height, out = run.inputs["height"], run.outputs["cast_shadows"]
     rows, columns = shape = run.sizes["H"], run.sizes["W"]
-    top, blocks = run.scratch((1,)), (-(-rows // BLOCK), -(-columns // BLOCK))
+    top, blocks = run.scratch((1,)), (-(-rows // BLOCK_PX), -(-columns // BLOCK_PX))
     tops, by_rows = run.scratch(blocks), run.in_row_lanes(*shape)
-    run.kernel("highest", (GROUP,), height, top, rows * columns, local=(GROUP,))
+    run.kernel("highest", (GROUP_ITEMS,), height, top, rows * columns, local=(GROUP_ITEMS,))
     run.kernel("block_tops", blocks, height, tops, *shape, *blocks)
     near, reach = run.inputs.get("seen"), int(run.settings["reach_px"])
     if near is not None:

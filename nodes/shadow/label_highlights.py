@@ -19,13 +19,13 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import cofactors, dot, times
 
-FEWEST = 3
+MIN_LEDS_LEFT = 3
 """LEDs that must remain: two would allow two normals."""
-SOFTLY = 1e-6
+RIDGE_TRACE_SHARE = 1e-6
 """Share of the trace that keeps the equations of nearly parallel lights solvable."""
-UNKNOWN = np.float32(1e3)
+UNUSED_SIGMA = np.float32(1e3)
 """Standard deviation of a light that carries no information."""
-UP = np.array([[0], [0], [1]])
+LEVEL_NORMAL = np.array([[0], [0], [1]])
 
 
 class Highlights(NamedTuple):
@@ -101,10 +101,10 @@ def label_highlights(
             *seen, unlikely=unlikely, likely=likely, excess=excess, near=near
         )
 
-    if len(light) > FEWEST:
+    if len(light) > MIN_LEDS_LEFT:
         in_blocks(mark, y.size, light[:, 0].size)
     bits = highlight >> np.arange(len(light), dtype=np.uint8)[:, None, None] & 1
-    return Highlights(highlight, np.where(bits, UNKNOWN, sigma))
+    return Highlights(highlight, np.where(bits, UNUSED_SIGMA, sigma))
 
 
 label_highlights.opencl(grid="H W", lanes="grid")
@@ -146,10 +146,10 @@ def _mirrored(
         normal, covariance, misfit = _fit(v, light, others)
         predicted = dot(towards, times(covariance, towards))
         bright = light[k] - dot(towards, normal) > excess * np.sqrt(1 / weight[k] + predicted)
-        half_way = towards / np.linalg.norm(towards, axis=0) + UP
+        half_way = towards / np.linalg.norm(towards, axis=0) + LEVEL_NORMAL
         facing = dot(half_way, normal) > near * np.linalg.norm(half_way, axis=0)
-        found = bright & facing & (misfit < likely)
-        marked = np.where(misfit < least, found * np.uint8(1 << k), marked)
+        is_highlight = bright & facing & (misfit < likely)
+        marked = np.where(misfit < least, is_highlight * np.uint8(1 << k), marked)
         least = np.minimum(misfit, least)
     return np.where(_fit(v, light, weight)[2] > unlikely, marked, np.uint8(0))
 
@@ -161,7 +161,7 @@ def _fit(v: F8, light: F8, weight: F8) -> tuple[F8, F8, F8]:
     chi-squares.
     """
     moments = np.einsum("ikn,kn,jkn->ijn", v, weight, v)
-    moments += SOFTLY * np.eye(3)[..., None] * np.trace(moments)
+    moments += RIDGE_TRACE_SHARE * np.eye(3)[..., None] * np.trace(moments)
     covariance = cofactors(moments)
     covariance /= dot(moments[0], covariance[0])
     free = times(covariance, np.einsum("ikn,kn,kn->in", v, weight, light))

@@ -43,22 +43,22 @@ from tactograph.nodes.optics.normals import (
 
 AT_REST = 0.999
 """A pair's normal with a larger n_z is the film at rest: two lights are not 1 by accident."""
-ALIKE = 0.02
+MIN_TWIN_DIFFERENCE = 0.02
 """Smallest difference of the dark LEDs' light that decides between a pair's two normals."""
-FAINTEST = 0.08
+MIN_EXPECTED_LIGHT = 0.08
 """Lower bound on the expected light, of which a shadow has less than half."""
-STRAY = 0.015
+STRAY_LIGHT = 0.015
 """Light in a shadow that is no noise: from the film, and ambient light not fully subtracted."""
-SHADE = 0.1
+MAX_SHADE_LIGHT = 0.1
 """Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
 at a grazing angle, and the bright LEDs as shadows of still brighter light."""
-EVEN = np.float32(0.05)
+MIN_EVEN_SHARE = np.float32(0.05)
 """Light of the darkest LED over that of the brightest, above which none may be in shadow."""
-TIE = np.float32(1e-3)
+TIE_COST = np.float32(1e-3)
 """Costs that differ by less are equal: the set that was tried first is kept."""
 ANY_BRIGHTNESS = 1e3
 """Standard deviation of a brightness of which nothing is known."""
-UP = np.array([[0], [0], [1]], np.float32)
+LEVEL_NORMAL = np.array([[0], [0], [1]], np.float32)
 Leds = NDArray[np.bool_]
 """Which of K LEDs are meant, for all pixels or for each (K x N)."""
 
@@ -101,7 +101,7 @@ class Choice(NamedTuple):
 
     def improve(self, tried: Choice, where: NDArray[np.intp]) -> None:
         """Take what was tried on some pixels, where it costs less."""
-        better = np.flatnonzero(tried.cost < self.cost[where] - TIE)
+        better = np.flatnonzero(tried.cost < self.cost[where] - TIE_COST)
         parts: Any = zip(self, tried, strict=True)
         for part, other in parts:
             part[..., where[better]] = other.take(better, axis=-1)
@@ -267,9 +267,9 @@ def _cheapest(
     nothing cheaper is known: most pixels are explained by all LEDs.
     """
     leds, size = pixels.light.shape
-    level, none = np.repeat(UP, size, axis=1), np.zeros(size, np.float32)
+    level, none = np.repeat(LEVEL_NORMAL, size, axis=1), np.zeros(size, np.float32)
     best = Choice(np.zeros(size, np.uint8), none + np.inf, none, level, level.copy())
-    glow = np.where(pixels.below, 0, np.square(pixels.shown / SHADE))
+    glow = np.where(pixels.below, 0, np.square(pixels.shown / MAX_SHADE_LIGHT))
     below = _labels(pixels.below)
     most, forced = np.bitwise_count(below) + np.uint8(dark), below * (wrap == 0)
     for number in range(leds - 1):
@@ -306,9 +306,9 @@ def _explain(
         if number == 3:
             judged = turned_normal(v, light, weight, start, 0)
     misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
-    dark, spread = pixels.shown[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY**2)
+    dark, spread = pixels.shown[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY_LIGHT**2)
     over = (dark - wrapped(dot(v[:, ~lit], judged), wrap) - wrap) / spread
-    bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / SHADE)
+    bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / MAX_SHADE_LIGHT)
     cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
     return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
 
@@ -318,7 +318,7 @@ def _allow_dimmed(pixels: Pixels, best: Choice, price: float, uneven: float) -> 
 
     That of three LEDs is explained exactly.
     """
-    even = pixels.light.min(axis=0) > EVEN * pixels.light.max(axis=0)
+    even = pixels.light.min(axis=0) > MIN_EVEN_SHARE * pixels.light.max(axis=0)
     where = np.flatnonzero((best.cost > price) & even & ~pixels.below.any(axis=0))
     if where.size == 0:
         return
@@ -343,7 +343,7 @@ def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
         likelier = dot(first, (-p, -q, 1)) >= dot(second, (-p, -q, 1))
     else:
         one, other = (_lit_behind(pixels.vectors[:, ~lit], n) for n in (first, second))
-        likelier = np.where(np.abs(one - other) < ALIKE, flatter, one < other)
+        likelier = np.where(np.abs(one - other) < MIN_TWIN_DIFFERENCE, flatter, one < other)
     take = np.where(np.maximum(first[2], second[2]) > AT_REST, flatter, likelier)
     return visible(np.where(take, first, second)), visible(np.where(take, second, first))
 
@@ -355,7 +355,9 @@ def _lit_behind(vectors: F4, n: F4) -> F4:
 
 def _shadow(pixels: Pixels, best: Choice, wrap: float) -> Labels:
     """The LEDs whose light is missing; where the slope is not known, those below the floor."""
-    expected = np.maximum(wrapped(dot(pixels.vectors, best.normal), wrap) + wrap, FAINTEST)
+    expected = np.maximum(
+        wrapped(dot(pixels.vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT
+    )
     below = _labels(pixels.below)
     missing = _labels(pixels.shown < expected / 2) & (~best.used | below)
     return np.where(best.used == 0, below, missing)

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import LightPositions, Vergence
 
-LEAST = np.float32(0.02)
+MIN_PUPIL_SHARE = np.float32(0.02)
 """Smallest 1 - L_z / D: an LED at the pupil's height counts as far away."""
 
 
@@ -25,5 +25,5 @@ def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
     camera
         1 / D in 1/mm; 0 returns the LEDs unchanged.
     """
-    share = np.maximum(1 - np.float32(camera) * lights[:, 2:], LEAST)
+    share = np.maximum(1 - np.float32(camera) * lights[:, 2:], MIN_PUPIL_SHARE)
     return np.asarray(lights / share, np.float32)

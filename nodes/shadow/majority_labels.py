@@ -8,7 +8,7 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import Labels
 
-LEDS = 8
+LABEL_BITS = 8
 
 
 @node(neutral="shadow")
@@ -23,7 +23,7 @@ def majority_labels(shadow: Labels) -> Labels:
         H x W; beyond the frame the border repeats.
     """
     out = np.zeros_like(shadow)
-    for bit in range(LEDS):
+    for bit in range(LABEL_BITS):
         plane = np.ascontiguousarray(shadow >> bit & 1)
         if plane.any():
             out |= np.asarray(cv2.medianBlur(plane, 3), np.uint8) << bit

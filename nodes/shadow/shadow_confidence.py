@@ -21,9 +21,8 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
 
-FAINTEST = np.float32(0.02)
+MIN_EXPECTED_LIGHT = np.float32(0.02)
 """Lower bound on the expected light."""
-HALF, ONE = np.float32(0.5), np.float32(1)
 
 
 @node(
@@ -89,8 +88,8 @@ def shadow_confidence(
         H x W, 0 to 1.
     """
     vectors = light_vectors(lights, height, pixel)
-    expected = np.maximum(expected_light(vectors, slope), FAINTEST)
-    share = np.clip(light / expected, 0, 1) - HALF
+    expected = np.maximum(expected_light(vectors, slope), MIN_EXPECTED_LIGHT)
+    share = np.clip(light / expected, 0, 1) - 0.5
     square, doubt = expected * expected, np.float32(noisy) * sigma
     share *= square / (square + doubt * doubt)
     edge, near = _edges(shadow, 1), _edges(shadow, 2)
@@ -104,7 +103,7 @@ def shadow_confidence(
         )
         lost = np.where(near >> k & 1, np.float32(near_edge), np.float32(0))
         odds -= np.where(edge >> k & 1, np.float32(at_edge), lost)
-        sure_of_all *= ONE / (ONE + np.exp(-odds))
+        sure_of_all *= 1 / (1 + np.exp(-odds))
     return np.asarray(sure_of_all, np.float32)
 
 

@@ -26,13 +26,13 @@ from tactograph.nodes.optics.near_light import expected_light, light_vectors
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-HALF = np.float32(0.5)
-FAINTEST = np.float32(0.02)
-STEEPEST = np.float32(3)
+HALF_LIGHT = np.float32(0.5)
+MIN_EXPECTED_LIGHT = np.float32(0.02)
+MAX_SLOPE = np.float32(3)
 FARTHEST_END = np.float32(1.5)
 NEAREST_EDGE = np.float32(1.2)
-OUTSIDE = np.float32(-1e6)
-SPAN, SPAN_OF_LANES = 16, 64
+NO_EDGE_PX = np.float32(-1e6)
+SPAN_PX, LANES_SPAN_PX = 16, 64
 """Pixels of a row in which one work-item looks for the ends of shadows."""
 
 
@@ -105,21 +105,21 @@ def shadow_constraints(
         C measurements; none where nothing casts a shadow.
     """
     known = np.bitwise_count(used) >= 2
-    found = []
+    measurements = []
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
         rays = _ends(dark, known, led / np.float32(pixel))
         if rays.row.size:
             vectors = light_vectors(lights[k : k + 1], height, pixel)
-            expected = np.maximum(expected_light(vectors, slope)[0], FAINTEST)
+            expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
             share = np.clip(light[k] / expected, 0, 1)
             ends = _march(rays, dark, share, np.float32(step_px), longest_px)
             measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
-            found.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
-    if not found:
+            measurements.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
+    if not measurements:
         nowhere = np.zeros(0, np.int32)
         return ShadowRises(nowhere, nowhere, np.zeros(0, np.float32), np.zeros(0, np.uint8))
-    return ShadowRises(*map(np.concatenate, zip(*found, strict=True)))
+    return ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
 
 
 def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> Rays:
@@ -160,7 +160,7 @@ def _measure(
     top_column, top_row = np.rint(x[kept]), np.rint(y[kept])
     row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
     downhill = slope[0, row, column] * rays.ux + slope[1, row, column] * rays.uy
-    to_end = np.float32(pixel) * end * np.clip(downhill, -STEEPEST, STEEPEST)
+    to_end = np.float32(pixel) * end * np.clip(downhill, -MAX_SLOPE, MAX_SLOPE)
     length = (top_column - rays.column) * rays.ux + (top_row - rays.row) * rays.uy - end
     end_height = height[row, column] + to_end
     tangent = (led_height - end_height) / ((rays.plan - end) * np.float32(pixel))
@@ -176,11 +176,11 @@ def _march(
     """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 
     The shadow ends where the share of its light that the film gets falls below a half.  The edge
-    is `OUTSIDE` where there is none within the frame and the longest shadow.
+    is `NO_EDGE_PX` where there is none within the frame and the longest shadow.
     """
     rows, columns = dark.shape
     darkness = dark.astype(np.float32)
-    end, edge = np.full(rays.row.size, HALF), np.full(rays.row.size, OUTSIDE)
+    end, edge = np.full(rays.row.size, HALF_LIGHT), np.full(rays.row.size, NO_EDGE_PX)
     going, before, t = np.arange(rays.row.size), bilinear(share, rays.column, rays.row), step
     while going.size and t <= longest:
         x, y = rays.only(going).at(t)
@@ -188,11 +188,11 @@ def _march(
         going, x, y, before = going[inside], x[inside], y[inside], before[inside]
         if t - step < FARTHEST_END:
             now = bilinear(share, x, y)
-            falls = (now < HALF) & (before >= HALF)
-            back = step * (HALF - now) / np.maximum(before - now, np.float32(1e-6))
+            falls = (now < HALF_LIGHT) & (before >= HALF_LIGHT)
+            back = step * (HALF_LIGHT - now) / np.maximum(before - now, np.float32(1e-6))
             end[going[falls]] = np.clip(t - back, 0, FARTHEST_END)[falls]
             before = now
-        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF)
+        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF_LIGHT)
         edge[going[lit]] = t
         going, before = going[~lit], before[~lit]
         t += step
@@ -203,20 +203,21 @@ def _march(
 def _launch(run: Launch) -> None:
     """Measure by spans of rows, then gather in the order of LEDs, rows and columns."""
     lights, height, width = sizes = tuple(run.sizes[symbol] for symbol in "KHW")
-    of = run.inputs
-    span = SPAN_OF_LANES if run.lanes > 1 else SPAN
+    inputs = run.inputs
+    span = LANES_SPAN_PX if run.lanes > 1 else SPAN_PX
     spans = height * -(-width // span)
     part, rise = run.scratch(sizes), run.scratch(sizes)
     top, foot = run.scratch(sizes, np.int32), run.scratch(sizes, np.int32)
     counts = run.scratch((lights * spans,), np.int32)
-    pixel = float(of["pixel"])
+    pixel = float(inputs["pixel"])
     run.kernel(
         "lit_part", run.in_row_lanes(height, width),
-        of["light"], of["slope"], of["height"], of["lights"], of["shadow"], part, *sizes, pixel,
+        *(inputs[name] for name in ("light", "slope", "height", "lights", "shadow")),
+        part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(
         "measure", (spans,),
-        of["shadow"], of["used"], of["slope"], of["height"], of["lights"], part,
+        *(inputs[name] for name in ("shadow", "used", "slope", "height", "lights")), part,
         top, foot, rise, counts, *sizes, span,
         pixel, run.settings["step_px"], run.settings["longest_px"],
     )  # fmt: skip

@@ -50,4 +50,4 @@ def test_both_sides_hold_the_same_constants(name: str) -> None:
 
 def test_constants_of_a_node_and_of_the_optics_are_compared() -> None:
     shared = shared_constants(find_node("label_lights"))
-    assert {"AT_REST", "SHADE", "STRAY", "LONGEST", "SINGULAR", "FLATTEST"} <= shared.keys()
+    assert {"AT_REST", "STRAY_LIGHT", "MAX_TURN_RAD", "MIN_NORMAL_Z"} <= shared.keys()
