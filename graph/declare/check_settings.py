@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Callable, Collection, Mapping
+from functools import cache, partial
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -118,7 +118,10 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
         members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
-        return _split_numbers if {int, float} & members else _split_commas
+        fixed = {len(get_args(part)) for part in tuples if Ellipsis not in get_args(part)}
+        named = [each for part in parts for each in get_args(part) if isinstance(each, str)]
+        split = _split_numbers if {int, float} & members else _split_commas
+        return partial(_of_length, split, fixed, "".join(named))
     if float in parts or (int in parts and bool not in parts):
         return _refuse_bool if {str, Path} & {*parts} else _only_number
     return _only_flag if bool in parts and not {str, int} & {*parts} else None
@@ -146,6 +149,17 @@ def _words(text: str) -> list[str]:
     if inside.startswith("[") and inside.endswith("]"):
         inside = inside[1:-1]
     return [word.strip() for word in inside.split(",")] if inside.strip() else []
+
+
+def _of_length(
+    split: Callable[[Any], Any], lengths: Collection[int], names: str, value: Any
+) -> Any:
+    """Refuse other than so many values, whose names an annotation may give."""
+    found = split(value)
+    if lengths and isinstance(found, list | tuple) and len(found) not in lengths:
+        wanted = " or ".join(map(str, sorted(lengths)))
+        raise ValueError(f"{wanted} values are needed{names and f' ({names})'}")
+    return found
 
 
 def _split_numbers(value: Any) -> Any:

@@ -89,7 +89,9 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
         return _checked(getattr(module, name, None), name)
     if not points:
         known = [*(own or ()), *node_names()]
-        raise GraphError(f"no node is called '{name}'{did_you_mean(name, known)}")
+        raise GraphError(
+            f"no node is called '{name}'{did_you_mean(name, known, 'tactograph nodes')}"
+        )
     if len(points) > 1:
         raise InputError(f"two nodes are called '{name}', in {packages}; uninstall one of them")
     return _plugin_node(points[0], name)

@@ -120,11 +120,13 @@ def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
     file_name, key = _file_and_variant(name)
     try:
         file = find_file(file_name, beside, shipped_graphs())
-    except InputError:
+    except InputError as error:
         # A shipped variant may be named FILE.yaml, as a shipped graph may.
-        if _shipped_variant(name.removesuffix(".yaml")) is None:
-            raise
-        file, name = None, name.removesuffix(".yaml")
+        bare, joined = name.removesuffix(".yaml"), name.replace("/", "_")
+        if _shipped_variant(bare) is None:
+            known = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
+            raise InputError(f"{error}{known}") from None
+        file, name = None, bare
     if file is None:
         return _composed(name, chain)
     layer = read_layer(file)
@@ -133,11 +135,14 @@ def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
         if layer.base:
             raise InputError(_of_a_study(name, graph))
         return graph
-    if key not in graph.variants:
-        known = graph.variants
-        hint = did_you_mean(key, known) or f" (it has: {', '.join(known) or 'none'})"
+    return _lay(graph, _variant_of(file, graph.variants, key), chain)
+
+
+def _variant_of(file: Path, variants: Mapping[str, Layer], key: str) -> Layer:
+    if key not in variants:
+        hint = did_you_mean(key, variants) or f" (it has: {', '.join(variants) or 'none'})"
         raise InputError(f"{file}: there is no variant '{key}'{hint}")
-    return _lay(graph, graph.variants[key], chain)
+    return variants[key]
 
 
 def _composed(name: str, chain: Chain) -> Graph:
@@ -157,11 +162,8 @@ def _composed(name: str, chain: Chain) -> Graph:
         raise InputError(
             f"'{name}' is an overlay; lay it over a graph: 'tactograph run GRAPH --with {name}'"
         )
-    hint = did_you_mean(name, shipped_names())
-    there = f" (the shipped ones are: {', '.join(shipped_names())})"
-    raise InputError(
-        f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint or there}"
-    )
+    hint = did_you_mean(name, shipped_names(), "tactograph graphs")
+    raise InputError(f"'{name}' is neither a graph file (.yaml) nor a pipeline that ships{hint}")
 
 
 def _of_a_study(name: str, base: Graph) -> str:
@@ -264,20 +266,25 @@ def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chai
     """
     if name in variants and variants[name].id not in chain:
         return variants[name]
-    file = find_file(name, beside, shipped_overlays())
+    file_name, key = _file_and_variant(name)
+    file = find_file(file_name, beside, shipped_overlays())
     if file is None:
         variant = _shipped_variant(name)
         if variant is not None:
             return replace(variant, name=name)
+        if name in variants:
+            _further(chain, variants[name])  # which tells the loop
         known = list(dict.fromkeys([*variants, *shipped_overlays()]))
         hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
         if name in shipped_graphs():
             hint = "; it is a graph, and only the first of 'extends' can be one"
         raise InputError(f"there is no overlay '{name}'{hint}")
     layer = read_layer(file)
-    for key in ("base", "nodes", "variants"):
-        if key in layer.document.data:
-            raise GraphError(f"{layer.document.place((key,))}: an overlay has no '{key}'")
+    if key:
+        return _variant_of(file, layer.variants(layer.name), key)
+    for part in ("base", "nodes", "variants"):
+        if part in layer.document.data:
+            raise GraphError(f"{layer.document.place((part,))}: an overlay has no '{part}'")
     return layer
 
 
@@ -293,7 +300,9 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
         with blamed_on(layer.place(index)):
             below = _lay(below, _overlay(layer.beside, name, layer.file.parent, chain), chain)
     title = layer.model.title
-    if layer.base != graph.name or not title:
+    if layer.base and layer.base != graph.name and below.title != graph.title:
+        title = below.title  # which the overlays below it have made
+    elif layer.base != graph.name or not title:
         title = ", ".join(filter(None, [graph.title, layer.name if layer.base else title]))
     return replace(laid_over(below, layer), name=f"{graph.name}_{layer.name}", title=title)
 

@@ -15,6 +15,7 @@ MIN_LEDS = 3
 USUAL = "led{}"
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: what comes before its last number, the number, what comes behind."""
+SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
 
 Named = dict[int, Path]
 """Images of one name by their numbers."""
@@ -69,7 +70,7 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> li
     if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
         raise InputError(
             f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
-            "of them (if the channels of one colour image are the lights, say lights=bgr)"
+            f"of them (if the channels of one colour image are the lights, {SAY_LIGHTS})"
         )
     return [there[led] for led in wanted]
 

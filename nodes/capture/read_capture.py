@@ -14,14 +14,16 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
-from tactograph.nodes import Height, Labels, Light, Slope
+from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
+    SAY_LIGHTS,
     USUAL,
     find_led_files,
     has_led_files,
     images_of,
     is_hidden,
 )
+from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
@@ -56,6 +58,8 @@ class Capture(NamedTuple):
     truth: Height | None = None
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
+    pixel_size: PixelSize | None = None
+    """As the images' own file states it (`scan_pixel_size`)."""
 
 
 Length = Annotated[float, Interval(gt=0, le=1e6)]
@@ -138,7 +142,7 @@ def read_capture(
     -------
     Images K x H x W, the folder's name, and the ground truth that a simulator wrote beside
     them: height in mm (``truth_height_mm.npy``), slope (``truth_slope.npy``) and shadow labels
-    (``truth_shadow.png``), each None if the file is absent.
+    (``truth_shadow.png``), each None if the file is absent; and the pixel size that a scan states.
 
     Raises
     ------
@@ -228,6 +232,7 @@ def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole:
         _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
         _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
         _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
+        (read_scan(folder).pixel_size or None) if is_scan(folder) else None,
     )
 
 
@@ -306,7 +311,7 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
     if len(images := images_of(folder)) == 1:
         return (
             f"holds {images[0].name} alone, but there is one image per LED (led1.png, led2.png, "
-            "...); if its channels are the lights, say lights=bgr"
+            f"...); if its channels are the lights, {SAY_LIGHTS}"
         )
     return (
         f"holds no {layout.files.format(1)}.png (one image per LED, numbered; images of other "

@@ -97,6 +97,8 @@ def read_scan(folder: Path) -> Scan:
             "crop=x0,y0,x1,y1"
         )
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
+    if not 0 <= pixel < 1e3:
+        raise InputError(f"{file}: mmperpixel: {pixel:g} is no size of a pixel in mm")
     marks = [_circle(mark, file) for mark in entries.get("annotations") or []]
     model = PureWindowsPath(str(entries.get("calib") or "")).name
     return Scan(images, pixel, model, [mark for mark in marks if mark is not None])

@@ -35,7 +35,7 @@ above which light that was not cut off has at most as many pixels."""
 ORIENTATION = 0x0112
 PHOTOMETRIC = 0x0106
 """TIFF tag that is 0 where white is 0."""
-Crop = tuple[int, int, int, int]
+Crop = Annotated[tuple[int, int, int, int], "x0,y0,x1,y1"]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
 Lights = Literal["leds", "bgr", "rgb"]
 Channel = Literal["blue", "green", "red"]
@@ -189,6 +189,8 @@ def read_numbers(file: Path) -> NDArray[Any]:
 def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
     """Return an image H x W; H x W x 3 if its channels differ and none of them is chosen."""
     if image.ndim == 2:
+        if channel is not None:
+            warn(f"channel={channel}: grey images have one channel, which is taken")
         return image
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
     if channel is not None or (colours == colours[..., :1]).all():

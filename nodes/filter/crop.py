@@ -11,7 +11,7 @@ from tactograph.graph import InputError, SizeRule, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Light, ResizedLight
 
-Window = tuple[int, int, int, int]
+Window = Annotated[tuple[int, int, int, int], "left,top,width,height"]
 """Left, top, width and height in pixels, as OpenCV's `Rect`."""
 
 

@@ -102,6 +102,8 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:
     """Height and pixel size of every result in the folder."""
     if not results.is_dir():
         raise InputError(f"{results}: there is no such folder of results")
+    if (results / "height.tiff").is_file():
+        raise InputError(f"{results}: is one result; give the folder that holds one per press")
     folders = sorted(d for d in results.iterdir() if (d / "height.tiff").is_file())
     if len(folders) != count:
         raise InputError(

@@ -42,6 +42,8 @@ def read_touches(*, folder: Path) -> Touches:
     InputError
         If there are not 2 to 255 results, or they differ in size or pixel size.
     """
+    if (folder / RESULT).is_file():
+        raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
     results = sorted(file.parent for file in folder.glob(f"*/{RESULT}"))
     if not 2 <= len(results) <= MOST:
         raise InputError(

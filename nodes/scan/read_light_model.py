@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Gt
 
-from tactograph.graph import InputError, node, warn
+from tactograph.graph import InputError, node
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
     MONOMIALS,
@@ -17,9 +16,7 @@ from tactograph.nodes.files.gelsight_scan import (
     find_light_model,
     is_scan,
     read_light_model_file,
-    read_scan,
 )
-from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
 from tactograph.nodes.files.image_files import Crop, read_image
 from tactograph.nodes.optics.light_model import TERMS, LightModel
 
@@ -41,7 +38,6 @@ def read_light_model(
     *,
     file: Path,
     crop: Crop | None = None,
-    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
 ) -> ScanLight:
     """Read a light model, which holds for the whole frame: a crop moves its positions and gains.
 
@@ -52,23 +48,13 @@ def read_light_model(
         names a model in its folder or the one above.
     crop
         x0, y0, x1, y1 in pixels, as the images are cropped.
-    pixel_size_mm
-        Side of a pixel on the film; None: what the scan says, else the model.
 
     Raises
     ------
     InputError
         If a file is missing, is no light model, or is damaged.
     """
-    stated = 0.0
-    if is_scan(file):
-        stated, file = read_scan(file).pixel_size, find_light_model(file)
-    said = read_light_model_file(file)
-    if stated and abs(stated / said.pixel_size - 1) > MAX_SIZE_DIFFERENCE:
-        warn(
-            f"the scan says {stated:.6g} mm per px, its light model {said.pixel_size:.6g}: the "
-            "scan's is taken; pixel_size_mm= settles it"
-        )
+    said = read_light_model_file(find_light_model(file) if is_scan(file) else file)
     x0, y0 = crop[:2] if crop else (0, 0)
     view = (said.width - 1) / 2 - x0, (said.height - 1) / 2 - y0, 1 / min(said.width, said.height)
     degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])
@@ -80,7 +66,7 @@ def read_light_model(
         float(degree),
         gain,
     )
-    return ScanLight(model, pixel_size_mm or stated or said.pixel_size)
+    return ScanLight(model, said.pixel_size)
 
 
 def _by_term(matrix: F4, leds: int, terms: int) -> F4:

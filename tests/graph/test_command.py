@@ -112,7 +112,11 @@ def test_a_command_that_is_typed_wrong_exits_with_2(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("run", "reconstrukt"), "did you mean 'reconstruct'?"),
+        (("run", "reconstrukt"), "did you mean 'reconstruct' or 'reconstruct_far'?"),
+        (("run", "zzzz"), "a pipeline that ships; 'tactograph graphs' lists all"),
+        (("nodes", "zzzz"), "no node is called 'zzzz'; 'tactograph nodes' lists all"),
+        (("check", "paper/no_shadow"), "no such graph file; did you mean 'paper_no_shadow'?"),
+        (("run", "paper", "capture=x", "calibration=x", "crop=1,2"), "needed (x0,y0,x1,y1), not ["),
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "'capture': write values as name=value"),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),

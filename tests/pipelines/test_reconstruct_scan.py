@@ -26,6 +26,22 @@ def test_a_cap_has_its_height(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((found["height"] - z) ** 2)) < 2e-3
 
 
+def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "model.yaml"
+    write_model(file)
+    write_scan(tmp_path / "scan", seen(cap(), read_light_model(file=file).model))
+    file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
+    (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=file).items()
+    assert found["pixel"] == PIXEL
+    told = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
+    assert any(told in warning for warning in found.warnings)
+    (settled,) = load(
+        "reconstruct_scan", capture=tmp_path / "scan", model=file, pixel_size_mm=0.03
+    ).items()
+    assert settled["pixel"] == pytest.approx(0.03)
+    assert not any("the scan says" in warning for warning in settled.warnings)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("device", ["series1_1587_M6G0", "series2_2EF6_4JNW"])
 def test_a_groove_seen_through_a_real_sensors_model_has_its_depth(device: str) -> None:

@@ -67,7 +67,7 @@ def test_a_whole_number_will_do_for_a_fraction() -> None:
         ({"level": float("inf")}, "with.level: input should be a finite number, not inf"),
         ({"level": None}, "with.level: input should be a valid number"),
         ({"level": 10**400}, "with.level:"),
-        ({"corner": [1]}, "with.corner: field required"),
+        ({"corner": [1]}, "with.corner: 2 values are needed, not [1]"),
         ({"corner": [True, 1]}, "with.corner: a number is needed"),
         ({"corner": "1,x"}, "with.corner: input should be a valid integer"),
         ({"corner": [0.5, 1]}, "with.corner: input should be a valid integer"),

@@ -167,6 +167,11 @@ def test_overlays_that_extend_each_other_are_a_loop(write: Write) -> None:
     assert "loop: graph.yaml -> a.yaml -> b.yaml -> a.yaml" in said
 
 
+def test_variants_that_extend_each_other_are_a_loop(write: Write) -> None:
+    file = write(f"{SLOPES}variants: {{a: {{extends: b}}, b: {{extends: a}}}}", "mine.yaml")
+    assert "'extends' runs in a loop: a -> b -> a" in refusal(f"{file}/a")
+
+
 def test_a_variant_that_is_its_own_base_is_a_loop(write: Write) -> None:
     file = write(f"{SLOPES}variants: {{a: {{base: mine.yaml/a}}}}", "mine.yaml")
     assert "'extends' runs in a loop: a -> a" in refusal(f"{file}/a")
@@ -225,6 +230,19 @@ def test_a_graph_has_the_variants_of_what_it_extends(write: Write) -> None:
     graph = read_graph(write("format: 1\nextends: [mine.yaml, fine]"))
     assert mm(graph) == 0.05
     assert set(graph.variants) == {"fine", "steep"}, "one with a base is of its own file alone"
+
+
+def test_a_variant_of_a_file_lies_over_another_graph(write: Write) -> None:
+    file, other = write(SLOPES + VARIANTS, "mine.yaml"), write(SLOPES, "other.yaml")
+    laid = with_overlays(read_graph(other), [f"{file}/steep"])
+    assert (laid.name, mm(laid)) == ("other_steep", 0.05)
+    with pytest.raises(InputError, match="no variant 'steeep'; did you mean 'steep'"):
+        with_overlays(read_graph(other), [f"{file}/steeep"])
+
+
+def test_a_variant_over_another_graph_has_the_overlays_title() -> None:
+    graph = with_overlays(read_graph("record"), ["preview"])
+    assert graph.title == "Live reconstruction, recorded, with a window"
 
 
 def test_a_variant_with_a_base_lies_over_no_other_graph(write: Write) -> None:

@@ -99,7 +99,7 @@ def test_a_folder_of_captures_of_other_names_is_a_stream(tmp_path: Path) -> None
 
 def test_one_colour_image_alone_is_told_of_its_channels(tmp_path: Path) -> None:
     write(tmp_path, ["touch.png"], COLOURS)
-    with pytest.raises(InputError, match=r"touch\.png alone.*lights=bgr"):
+    with pytest.raises(InputError, match=r"touch\.png alone.*say lights=bgr to a graph that takes"):
         read_one(tmp_path)
 
 
@@ -129,6 +129,11 @@ def test_a_channel_can_be_chosen(tmp_path: Path, at: int) -> None:
     flat = read_flat(capture.image, dark=image, channel=channel)
     assert np.array_equal(flat.dark, expected[1])
     assert np.array_equal(read_grey(file=image, channel=channel), expected[1])
+
+
+def test_a_channel_of_grey_images_is_told(tmp_path: Path) -> None:
+    _, notes = read_one(write(tmp_path, LEDS, COLOURS[..., 0]), channel="blue")
+    assert notes == ["channel=blue: grey images have one channel, which is taken"]
 
 
 def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:

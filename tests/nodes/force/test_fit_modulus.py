@@ -59,3 +59,6 @@ def test_two_presses_do_not_tell_the_thickness(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such folder of results"):
         fit_modulus(results=tmp_path / "nowhere", force_n=(1.0,), thickness_mm=2.0)
+    press(tmp_path, 2.5)
+    with pytest.raises(InputError, match="press1: is one result; give the folder that holds one"):
+        fit_modulus(results=tmp_path / "press1", force_n=(1.0,), thickness_mm=2.0)

@@ -138,6 +138,9 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
 def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds 0 results, and 2 to 255 are needed"):
         read_touches(folder=tmp_path)
+    (tmp_path / "result.json").write_text("{}")
+    with pytest.raises(InputError, match="is one result; give the folder"):
+        read_touches(folder=tmp_path)
 
 
 def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:

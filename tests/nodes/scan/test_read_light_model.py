@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.nodes.scan.read_light_model import read_light_model
@@ -103,22 +102,12 @@ def test_every_model_of_real_sensors_is_read() -> None:
     assert series.gain.shape == (6, 2056, 2464)
 
 
-def test_two_sizes_of_a_pixel_are_told(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml")
-    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32), "model.yaml")
-    file = tmp_path / "scan" / "scan.yaml"
-    file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
-    told: list[str] = []
-    with collect_warnings(told):
-        assert read_light_model(file=tmp_path / "scan").pixel_size == 0.05
-    assert "the scan says 0.05 mm per px, its light model 0.02" in told[0]
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         ("", "the file is empty"),
         ("images: [a.png, a.png, b.png]\n", "names a file twice"),
+        ("images: [a.png]\nmmperpixel: -1\n", "-1 is no size of a pixel"),
     ],
 )
 def test_a_scan_file_that_cannot_be_meant_is_refused(
