@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Callable
+from functools import partial
+from itertools import product
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -74,37 +76,74 @@ class Labelled(NamedTuple):
     misfit: Annotated[F4, Port("H W", "1")]
 
 
+class Rules(NamedTuple):
+    """What a set of LEDs costs, and which sets are tried.
+
+    Parameters
+    ----------
+    pair
+        How to choose between a pair's two normals, unless one is the film at rest:
+        ``prior`` takes the one nearer to the prior; ``attached`` the one that turns away from
+        the dark LEDs (attached shadow), or the less steep one if both do alike.
+    dark
+        Largest number of LEDs left out, apart from those below the floor; with 0 all LEDs
+        count as lit, even those.
+    floor
+        Light, in standard deviations, below which an LED certainly does not reach the pixel.
+    price
+        Cost of leaving out an LED, in squared standard deviations.
+    one_sided
+        Standard deviations by which a shadow has to be darker than the predicted light.
+    steepest
+        Largest slope returned, as 1 / n_z.
+    dimmed
+        Cost of light that all LEDs lack alike, in squared standard deviations.
+    """
+
+    pair: Literal["prior", "attached"] = "attached"
+    dark: Annotated[int, Interval(ge=0, le=2)] = 2
+    floor: Annotated[float, Ge(0)] = 3.0
+    price: Annotated[float, Ge(0)] = 12.0
+    one_sided: float = 2.0
+    steepest: Annotated[float, Gt(0)] = 30.0
+    dimmed: Annotated[float, Gt(0)] = 26.0
+
+
 class Pixels(NamedTuple):
-    """N pixels: light, that above a shadow's, and one over its variance (K x N), the LEDs below
-    the floor, the vectors of equation N1 (3 x K x N), and the prior slope (2 x N)."""
+    """N pixels: light and one over its variance (K x N), the vectors of N1 (3 x K x N), the prior
+    slope (2 x N); light above a shadow's, the LEDs below the floor, and what the light of the
+    others costs if they are left out (K x N)."""
 
     light: F4
-    shown: F4
     weight: F4
-    below: Leds
     vectors: F4
     prior: F4
-
-    def at(self, where: NDArray[np.intp]) -> Pixels:
-        parts: Any = (part.take(where, axis=-1) for part in self)
-        return Pixels(*parts)
+    shown: F4
+    below: Leds
+    glow: F4
 
 
 class Choice(NamedTuple):
-    """For N pixels: the LEDs used, what that costs, and the normals (3 x N)."""
+    """For N pixels: the LEDs used (K x N), what that costs, and the normals (3 x N)."""
 
-    used: Labels
+    used: Leds
     cost: F4
     misfit: F4
     normal: F4
     twin: F4
 
-    def improve(self, tried: Choice, where: NDArray[np.intp]) -> None:
-        """Take what was tried on some pixels, where it costs less."""
-        better = np.flatnonzero(tried.cost < self.cost[where] - TIE_COST)
-        parts: Any = zip(self, tried, strict=True)
-        for part, other in parts:
-            part[..., where[better]] = other.take(better, axis=-1)
+    def improve(
+        self, pixels: Pixels, may: Leds, least: F4 | float, explain: Callable[[Pixels], Choice]
+    ) -> None:
+        """Take an explanation, which costs at least `least`, where it may and does cost less."""
+        where = np.flatnonzero(may & (self.cost > least))
+        if where.size:
+            some: Any = (part.take(where, axis=-1) for part in pixels)
+            tried = explain(Pixels(*some))
+            better = np.flatnonzero(tried.cost < self.cost[where] - TIE_COST)
+            parts: Any = zip(self, tried, strict=True)
+            for part, other in parts:
+                part[..., where[better]] = other.take(better, axis=-1)
 
 
 @node(
@@ -123,13 +162,7 @@ def label_lights(
     uneven: Uneven,
     wrap: Wrap | None = None,
     *,
-    pair: Literal["prior", "attached"] = "attached",
-    dark: Annotated[int, Interval(ge=0, le=2)] = 2,
-    floor: Annotated[float, Ge(0)] = 3.0,
-    price: Annotated[float, Ge(0)] = 12.0,
-    one_sided: float = 2.0,
-    steepest: Annotated[float, Gt(0)] = 30.0,
-    dimmed: Annotated[float, Gt(0)] = 26.0,
+    rules: Rules,
     wanted: Wanted = EVERYTHING,
 ) -> Labelled:
     """Return the slope and the LEDs that explain each pixel's light best.
@@ -180,23 +213,6 @@ def label_lights(
         Standard deviation of the film's brightness, as a share.
     wrap
         How far light goes on falling behind the terminator; None or 0: not at all.
-    pair
-        How to choose between a pair's two normals, unless one is the film at rest:
-        ``prior`` takes the one nearer to the prior; ``attached`` the one that turns away from
-        the dark LEDs (attached shadow), or the less steep one if both do alike.
-    dark
-        Largest number of LEDs left out, apart from those below the floor; with 0 all LEDs
-        count as lit, even those.
-    floor
-        Light, in standard deviations, below which an LED certainly does not reach the pixel.
-    price
-        Cost of leaving out an LED, in squared standard deviations.
-    one_sided
-        Standard deviations by which a shadow has to be darker than the predicted light.
-    steepest
-        Largest slope returned, as 1 / n_z.
-    dimmed
-        Cost of light that all LEDs lack alike, in squared standard deviations.
 
     Returns
     -------
@@ -209,21 +225,12 @@ def label_lights(
         subset.  NumPy makes all, ``wanted`` or not; a kernel leaves out what nobody reads.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
-    soft = wrap or 0.0
 
     def label_rows(rows: slice) -> Labelled:
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
-        images = light[:, rows], np.maximum(sigma[:, rows], 1e-5), vectors, prior[:, rows]
+        images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        shown = wrapped(m, soft) + soft
-        below = (shown < floor * spread) & (dark > 0)
-        pixels = Pixels(m, shown, np.reciprocal(spread * spread), below, v, expected)
-        best = _cheapest(pixels, pair, dark, price, one_sided, uneven, soft)
-        _allow_dimmed(pixels, best, dimmed, uneven)
-        slope, twin = (-n[:2] / np.maximum(n[2], 1 / steepest) for n in (best.normal, best.twin))
-        variance, shadow = _variance(pixels, best, slope, uneven), _shadow(pixels, best, soft)
-        used = best.used & ~_labels(below)
-        made: Any = slope, twin, variance, used, shadow, best.misfit
+        made: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0)
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
@@ -252,52 +259,52 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     return made | {"lights": lights.astype(np.float32), "sigma": sigma}
 
 
-def _cheapest(
-    pixels: Pixels,
-    pair: str,
-    dark: int,
-    price: float,
-    one_sided: float,
-    uneven: float,
-    wrap: float,
-) -> Choice:
+def _label(
+    light: F4, sigma: F4, vectors: F4, prior: F4, rules: Rules, uneven: float, wrap: float
+) -> Labelled:
     """For each set of LEDs: solve, find the cost; take the least.
 
     Leaving out LEDs costs at least their price and their light.  So a set is tried only where
     nothing cheaper is known: most pixels are explained by all LEDs.
     """
-    leds, size = pixels.light.shape
+    (leds, size), sigma = light.shape, np.maximum(sigma, 1e-5)
+    shown, weight = wrapped(light, wrap) + wrap, np.reciprocal(sigma * sigma)
+    below = (shown < rules.floor * sigma) & (rules.dark > 0)
+    glow = np.where(below, 0, np.square(shown / MAX_SHADE_LIGHT))
+    pixels = Pixels(light, weight, vectors, prior, shown, below, glow)
     level, none = np.repeat(LEVEL_NORMAL, size, axis=1), np.zeros(size, np.float32)
-    best = Choice(np.zeros(size, np.uint8), none + np.inf, none, level, level.copy())
-    glow = np.where(pixels.below, 0, np.square(pixels.shown / MAX_SHADE_LIGHT))
-    below = _labels(pixels.below)
-    most, forced = np.bitwise_count(below) + np.uint8(dark), below * (wrap == 0)
-    for number in range(leds - 1):
-        for left_out in sorted(combinations(range(leds), number), key=lambda out: out[::-1]):
-            lit = np.array([k not in left_out for k in range(leds)])
-            least = price * number + ~lit @ glow
-            allowed = (forced & _labels(lit) == 0) & (number <= most)
-            where = np.flatnonzero(allowed & (best.cost > least))
-            if where.size:
-                tried = _explain(pixels.at(where), lit, pair, price, one_sided, uneven, wrap)
-                best.improve(tried, where)
-    return best
+    best = Choice(np.zeros(below.shape, bool), none + np.inf, none, level, level.copy())
+    forced, most = _labels(below & (wrap == 0)), below.sum(axis=0) + rules.dark
+    for number, lit in _sets(leds):
+        may = (forced & _labels(lit) == 0) & (number <= most)
+        explain = partial(_explain, lit=lit, rules=rules, uneven=uneven, wrap=wrap)
+        best.improve(pixels, may, rules.price * number + ~lit @ glow, explain)
+    may = ~below.any(axis=0) & (light.min(axis=0) > MIN_EVEN_SHARE * light.max(axis=0))
+    best.improve(pixels, may, rules.dimmed, partial(_dimmed, price=rules.dimmed, uneven=uneven))
+    slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in (best.normal, best.twin))
+    unevens = np.where(best.used.sum(axis=0) > 2, np.float32(uneven), 0)
+    weight = weight * best.used
+    variance = slope_variance(vectors, light, weight, best.normal, slope, unevens)
+    # In shadow are LEDs whose light is missing; those below the floor where no slope is known.
+    due = np.maximum(wrapped(dot(vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT)
+    missing = (shown < due / 2) & (~best.used | below)
+    shadow = np.where(best.used.any(axis=0), missing, below)
+    used, shadow = _labels(best.used & ~below), _labels(shadow)
+    return Labelled(slope, twin, variance, used, shadow, best.misfit)
 
 
-def _explain(
-    pixels: Pixels,
-    lit: Leds,
-    pair: str,
-    price: float,
-    one_sided: float,
-    uneven: float,
-    wrap: float,
-) -> Choice:
+def _sets(leds: int) -> list[tuple[int, Leds]]:
+    """The sets of two LEDs and more, the largest first, and how many each leaves out."""
+    sets = sorted(product((True, False), repeat=leds), key=sum, reverse=True)
+    return [(leds - sum(lit), np.array(lit[::-1])) for lit in sets if sum(lit) > 1]
+
+
+def _explain(pixels: Pixels, lit: Leds, rules: Rules, uneven: float, wrap: float) -> Choice:
     """Solve for the normal by the LEDs that are lit, and find what leaving out the others costs."""
-    number, v, light = np.count_nonzero(lit), pixels.vectors, pixels.light
+    out, number, v, light = ~lit, np.count_nonzero(lit), pixels.vectors, pixels.light
     weight = pixels.weight * lit[:, None]
     if number == 2:
-        normal, twin = _pair(pixels, lit, pair)
+        normal, twin = _pair(pixels, lit, rules.pair)
         judged = normal
     else:
         start = linear_normal(v, light, weight)
@@ -306,32 +313,21 @@ def _explain(
         if number == 3:
             judged = turned_normal(v, light, weight, start, 0)
     misfit = tangent_products(v, light, weight, judged, uneven if number > 3 else 0)[3, 3]
-    dark, spread = pixels.shown[~lit], np.sqrt(1 / pixels.weight[~lit] + STRAY_LIGHT**2)
-    over = (dark - wrapped(dot(v[:, ~lit], judged), wrap) - wrap) / spread
-    bright = np.square(np.maximum(over + one_sided, 0)) + np.square(dark / MAX_SHADE_LIGHT)
-    cost = misfit + price * len(dark) + np.where(pixels.below[~lit], 0, bright).sum(axis=0)
-    return Choice(np.full(cost.shape, _labels(lit)), cost, misfit, normal, twin)
+    spread = np.sqrt(1 / pixels.weight[out] + STRAY_LIGHT**2)
+    over = (pixels.shown[out] - wrapped(dot(v[:, out], judged), wrap) - wrap) / spread
+    bright = np.where(pixels.below[out], 0, np.square(np.maximum(over + rules.one_sided, 0)))
+    cost = misfit + rules.price * len(bright) + (bright + pixels.glow[out]).sum(axis=0)
+    return Choice(np.broadcast_to(lit[:, None], light.shape), cost, misfit, normal, twin)
 
 
-def _allow_dimmed(pixels: Pixels, best: Choice, price: float, uneven: float) -> None:
-    """Let all LEDs count at any lower brightness, where no set explains their light at less cost.
-
-    That of three LEDs is explained exactly.
-    """
-    even = pixels.light.min(axis=0) > MIN_EVEN_SHARE * pixels.light.max(axis=0)
-    where = np.flatnonzero((best.cost > price) & even & ~pixels.below.any(axis=0))
-    if where.size == 0:
-        return
-    here = pixels.at(where)
-    v, light, weight = here.vectors, here.light, here.weight
+def _dimmed(pixels: Pixels, price: float, uneven: float) -> Choice:
+    """Solve by all LEDs at any lower brightness; that of three LEDs is explained exactly."""
+    v, light, weight = pixels.vectors, pixels.light, pixels.weight
     normal = turned_normal(v, light, weight, linear_normal(v, light, weight), ANY_BRIGHTNESS)
-    missing = -tangent_products(v, light, weight, normal, 0)[2, 3]
+    bright = tangent_products(v, light, weight, normal, uneven if len(light) > 3 else 0)
     left = tangent_products(v, light, weight, normal, ANY_BRIGHTNESS)[3, 3]
-    cost = np.where(missing > 0, left + np.float32(price), np.float32(np.inf))
-    known = uneven if len(light) > 3 else 0
-    misfit = tangent_products(v, light, weight, normal, known)[3, 3]
-    every = np.full(cost.shape, _labels(np.ones(len(light), bool)))
-    best.improve(Choice(every, cost, misfit, normal, normal), where)
+    cost = np.where(bright[2, 3] < 0, left + np.float32(price), np.float32(np.inf))
+    return Choice(np.ones(light.shape, bool), cost, bright[3, 3], normal, normal)
 
 
 def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
@@ -342,35 +338,16 @@ def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
         p, q = pixels.prior
         likelier = dot(first, (-p, -q, 1)) >= dot(second, (-p, -q, 1))
     else:
-        one, other = (_lit_behind(pixels.vectors[:, ~lit], n) for n in (first, second))
+        # What dark LEDs would give; plenty for a normal that the camera cannot see.
+        one, other = (
+            np.maximum(dot(pixels.vectors[:, ~lit], n), 0).sum(axis=0) + 10 * (n[2] < 0.05)
+            for n in (first, second)
+        )
         likelier = np.where(np.abs(one - other) < MIN_TWIN_DIFFERENCE, flatter, one < other)
     take = np.where(np.maximum(first[2], second[2]) > AT_REST, flatter, likelier)
     return visible(np.where(take, first, second)), visible(np.where(take, second, first))
 
 
-def _lit_behind(vectors: F4, n: F4) -> F4:
-    """The light that the dark LEDs would give; plenty for a normal that the camera cannot see."""
-    return np.maximum(dot(vectors, n), 0).sum(axis=0) + np.float32(10) * (n[2] < 0.05)
-
-
-def _shadow(pixels: Pixels, best: Choice, wrap: float) -> Labels:
-    """The LEDs whose light is missing; where the slope is not known, those below the floor."""
-    expected = np.maximum(
-        wrapped(dot(pixels.vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT
-    )
-    below = _labels(pixels.below)
-    missing = _labels(pixels.shown < expected / 2) & (~best.used | below)
-    return np.where(best.used == 0, below, missing)
-
-
-def _variance(pixels: Pixels, best: Choice, slope: F4, uneven: float) -> F4:
-    """The variance of the slope that follows from that of the light."""
-    used = best.used >> np.arange(len(pixels.light), dtype=np.uint8)[:, None] & 1
-    unevens = np.where(np.bitwise_count(best.used) > 2, np.float32(uneven), 0)
-    weight = pixels.weight * used
-    return slope_variance(pixels.vectors, pixels.light, weight, best.normal, slope, unevens)
-
-
 def _labels(leds: Leds) -> Labels:
     """The labels, bit k-1 for LED k."""
-    return (leds.T << np.arange(len(leds), dtype=np.uint8)).sum(axis=-1, dtype=np.uint8).T
+    return np.packbits(leds, axis=0, bitorder="little")[0]
