@@ -50,6 +50,7 @@ LANED __kernel void add_light(
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    const floats added = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
-    store_floats(load_floats(light + i, count) + load_floats(rest + i, count) * added, out + i, count);
+    const floats none = 0.0f, added = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
+    const floats sum = load_floats(light + i, count) + load_floats(rest + i, count) * added;
+    store_floats(MORE_OF(sum, none), out + i, count);
 }

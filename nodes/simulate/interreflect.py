@@ -90,7 +90,8 @@ def interreflect(
     grid = cell_grid(height.shape, pixel, cells, rim_mm, film.refraction)
     on_cells = partial(_on_cells, relative, height, film, pixel, bounces)
     added = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
-    return light + rest * added
+    # What two sizes of cells tell of the foot of a wall may lie below zero.
+    return np.asarray(np.maximum(light + rest * added, np.float32(0)))
 
 
 def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:

@@ -80,3 +80,13 @@ def test_on_a_device_too_a_coat_on_a_film_that_reflects_nothing_keeps_the_light(
     given = {name: device.upload(np.asarray(array)) for name, array in arrays.items()}
     out, _ = prepared.launch({**given, "pixel": PIXEL})
     np.testing.assert_array_equal(device.download(out["interreflect"]), light)
+
+
+def test_the_foot_of_a_wall_is_never_darker_than_black() -> None:
+    y, x = (np.indices((96, 128)) - np.array([[[47.5]], [[63.5]]])) * 2.5 / 14
+    away = np.hypot(x, y) - 5.3
+    height = np.where(away > 0, 0, 2.8 - (x * x + y * y) / 12).clip(0).astype(np.float32)
+    light = even(height) * ~((x > 0) & (away > 0) & (away < 1))
+    lights = np.float32([[20, 20, 36], [-20, 20, 36], [0, -30, 36]])
+    found = interreflect(light, even(height), height, lights, 2.5 / 14, camera_mm=65.0)
+    assert found.min() == 0
