@@ -85,7 +85,7 @@ Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
 Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
-"""Named figures, as in result.json."""
+"""Named figures, as in result.json; a bool where one says whether."""
 LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
 """One LED per row: (x, y, z) in mm from the centre of the image on the film at rest."""
 Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]

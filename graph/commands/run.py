@@ -348,6 +348,8 @@ def _in_rows(figures: dict[str, float]) -> dict[str, str]:
         whole, _, part = name.partition("/")
         # Counts in full, measurements to four digits.
         text = f"{int(figure)}" if float(figure).is_integer() else f"{figure:.4g}"
+        if isinstance(figure, bool):
+            text = "yes" if figure else "no"
         row = rows.setdefault(whole, [])
         row.insert(len(row) if part else 0, f"{part} {text}".strip().ljust(len(part) + 7))
     return {name: "  ".join(texts).rstrip() for name, texts in rows.items()}

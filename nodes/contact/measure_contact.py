@@ -41,7 +41,9 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
         first pixel; ``contact_x_mm``, ``contact_y_mm``, the same from the centre of the
         image, x right, y down; ``contact_major_mm``, ``contact_minor_mm``, the axes (full
         lengths) of the ellipse that has the area's second moments;
-        ``contact_angle_deg``, from x towards y to the major axis, above -90 up to 90.
+        ``contact_angle_deg``, from x towards y to the major axis, above -90 up to 90;
+        ``contact_cut``, whether it reaches the frame's border: then all figures are those of
+        the part that is seen, and area, depth and volume lower bounds.
     """
     numbers = np.unique(contact[contact > 0])
     figures: Metrics = {"contacts": float(len(numbers))}
@@ -54,6 +56,7 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
 def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
+    below, beside = height.shape[0] - top - rows, height.shape[1] - left - width
     depth = height[part] * mask[part]
     # Bytes: of floats, cv2.moments takes two columns for the corners of a polygon.
     moments = cv2.moments(mask[part])
@@ -77,4 +80,5 @@ def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
         "major_mm": 4 * float(np.sqrt(major)) * pixel,
         "minor_mm": 4 * float(np.sqrt(minor)) * pixel,
         "angle_deg": float(90 - (90 - angle) % 180),
+        "cut": min(left, top, below, beside) == 0,
     }

@@ -112,6 +112,7 @@ def _contacts(stamp: int, touch: Touch) -> list[Message]:
         "major": each("major_mm", MM),
         "minor": each("minor_mm", MM),
         "angle": each("angle_deg", np.pi / 180),
+        "cut": each("cut", 1),
     }
     return [cloud_message("/contacts", stamp, fields, FILM_FRAME)]
 

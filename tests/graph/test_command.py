@@ -184,12 +184,13 @@ def test_each_item_of_a_stream_is_told_with_its_figures(
 
 def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure() -> None:
     figures = {"entries": 28277.0, "iou": 0.97786, "iou/led1": 1.0, "iou/led2": 0.25, "gap": np.nan}
-    figures |= {"error/matt": 1.5, "error": 0.25}
+    figures |= {"error/matt": 1.5, "error": 0.25, "cut/c1": True, "cut/c2": False}
     assert _in_rows(figures) == {
         "entries": "28277",
         "iou": "0.9779   led1 1       led2 0.25",
         "gap": "nan",
         "error": "0.25     matt 1.5",
+        "cut": "c1 yes     c2 no",
     }
 
 

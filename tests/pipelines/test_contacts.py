@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.conftest import without_pictures
@@ -17,8 +18,9 @@ PIXEL = 0.2
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": PIXEL}
 
 
-def run(graph: str, **given: object) -> None:
-    for _ in open_pipeline(without_pictures(read_graph(graph)), given).items():
+def run(graph: str, changes: dict[str, object] | None = None, **given: object) -> None:
+    changed = with_changes(without_pictures(read_graph(graph)), changes or {})
+    for _ in open_pipeline(changed, given).items():
         pass
 
 
@@ -57,6 +59,20 @@ def test_a_touch_is_measured_in_its_result(sensor: Path) -> None:
     assert figures["contact_depth_mm/c1"] == pytest.approx(height.max())
     assert figures["contact_x_mm/c1"] == pytest.approx(0, abs=0.3)
     assert figures["contact_y_mm/c1"] == pytest.approx(0, abs=0.3)
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "precise"])
+@pytest.mark.parametrize("offset", [(-11.0, 0.0), (9.6, 7.2)])
+def test_what_is_seen_of_a_ball_that_the_border_cuts_is_as_high_as_it_is(
+    sensor: Path, graph: str, offset: tuple[float, float]
+) -> None:
+    touch, out = sensor / f"at {offset}", sensor / f"cut {offset} {graph}"
+    run("simulate_press", {"shape.offset_mm": list(offset)}, radius_mm=4.0, out=str(touch), **SIZE)
+    run(graph, capture=str(touch), calibration=str(sensor / "cal.npz"), out=str(out))
+    figures = json.loads((out / "result.json").read_text())["metrics"]
+    truth = np.load(touch / "truth_height_mm.npy")
+    assert figures["contact_cut/c1"] is True
+    assert figures["contact_depth_mm/c1"] == pytest.approx(truth.max(), rel=0.005)
 
 
 def test_the_untouched_film_has_no_contact(sensor: Path) -> None:

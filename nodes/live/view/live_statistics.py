@@ -173,7 +173,9 @@ class Statistics:
         if depths:
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
-            parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep")
+            cut = int(sum(_of_all(self._contact, "contact_cut")))
+            more = f" or more, {cut} cut by the frame" if cut else ""
+            parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
         if self._contact.get("trust", 1.0) < MIN_TRUST:
             parts.append(f"doubtful (trust {self._contact['trust']:.2f})")
         faults = sum(self._state.faults.values())

@@ -88,6 +88,19 @@ def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
     assert figures["contact_major_mm/c1"] == pytest.approx(4 * 30 / np.sqrt(12) * PIXEL)
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "cut"),
+    [(0, 0, False), (2.7, 0, True), (-2.7, 0, True), (0, 1.9, True), (0, -1.9, True)],
+)
+def test_a_contact_that_the_border_cuts_says_so(x: float, y: float, cut: bool) -> None:
+    height = cap(x, y, 2.0, 0.2)
+    figures = measure_contact(height, find_contact(height), PIXEL)
+    assert figures["contact_cut/c1"] is cut
+    whole = measure_contact(cap(0, 0, 2.0, 0.2), find_contact(cap(0, 0, 2.0, 0.2)), PIXEL)
+    for name in ("area_mm2", "depth_mm", "volume_mm3"):
+        assert figures[f"contact_{name}/c1"] <= whole[f"contact_{name}/c1"] * 1.001
+
+
 @pytest.mark.parametrize("wide", [1, 2, 3])
 @pytest.mark.parametrize("tall", [1, 2, 40])
 def test_a_contact_of_few_columns_or_rows_is_measured_like_any_other(wide: int, tall: int) -> None:

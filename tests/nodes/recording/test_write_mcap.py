@@ -130,6 +130,7 @@ def test_a_contact_is_a_point_with_its_figures_in_metres_and_radians(
     volume = HEIGHT[1:4, 2:5].sum() * 1e-3 * 5e-5**2
     assert found["volume"][0] == pytest.approx(volume, rel=1e-5)
     assert found["angle"][0] == pytest.approx(np.deg2rad(FIGURES["contact_angle_deg/c1"]))
+    np.testing.assert_array_equal(found["cut"], [0, 0])
 
 
 def test_without_a_contact_there_is_an_empty_cloud(tmp_path: Path) -> None:
