@@ -98,13 +98,14 @@ def light_model_error(
     ndarray
         H x W, in mm, above the plane that the height is levelled to.
     """
-    by_light = _slope_by_light(slope, brightness, model)
+    y, x = (each.astype(np.float32) for each in np.indices(residual.shape))
+    place = positions(x, y, model.view)
+    by_light = _slope_by_light(slope, brightness, model, place)
     leds, rows, columns = by_light.shape[1:]
     noise, misfit = _parts(residual, single, leds, cell)
     root = _root(by_light) * noise
     normal = slope / np.sqrt(1 + np.sum(slope * slope, axis=0))
-    y, x = np.indices(slope.shape[1:], np.float32)
-    where = np.stack([*(normal / TURN), *(each / FRAME for each in positions(x, y, model.view))])
+    where = np.stack([*(normal / TURN), *(each / FRAME for each in place)])
     terms, plane = _plane(slope, pixel, level, cell)
 
     def above_plane(wrong: F4) -> F8:
@@ -121,10 +122,9 @@ def light_model_error(
     return np.sqrt(total + inside).astype(np.float32)
 
 
-def _slope_by_light(slope: F4, brightness: F4, model: LightModel) -> F4:
+def _slope_by_light(slope: F4, brightness: F4, model: LightModel, place: tuple[F4, F4]) -> F4:
     """The derivative of p and q by each LED's light, 2 x K x H x W, with the brightness free."""
-    y, x = np.indices(slope.shape[1:], np.float32)
-    powers = monomials(*positions(x, y, model.view), int(model.degree))
+    powers = monomials(*place, int(model.degree))
     _, n, by_p, by_q = normal_by_slope(*slope)
     m, gradient = modelled_light(coefficients(model.quadratic, powers), np.stack(n))
     norm = np.maximum(np.sum(m * m, axis=0), FAINTEST)
