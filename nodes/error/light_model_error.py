@@ -98,8 +98,8 @@ def light_model_error(
     ndarray
         H x W, in mm, above the plane that the height is levelled to.
     """
-    y, x = (each.astype(np.float32) for each in np.indices(residual.shape))
-    place = positions(x, y, model.view)
+    pixels: F4 = np.indices(residual.shape, np.float32)
+    place = positions(pixels[1], pixels[0], model.view)
     by_light = _slope_by_light(slope, brightness, model, place)
     leds, rows, columns = by_light.shape[1:]
     noise, misfit = _parts(residual, single, leds, cell)
