@@ -8,6 +8,7 @@
 #define LEAST_LIGHT 1e-6f
 #define TINY 1e-20f
 #define SMALLEST 1e-12f
+#define FAINTEST 0.2f
 
 // The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule.
 static void linear_slope(
@@ -41,6 +42,23 @@ static void linear_slope(
     *q = -y / z;
 }
 
+// Bit k-1 is set where an LED's light, less what the gel diffuses, is below half of what it should be.
+static ints shaded(
+    const floats *image, const floats *m, const floats terms[][MODEL_TERMS],
+    __global const float *dark, const floats g, const int K)
+{
+    const floats none = 0.0f, one = 1.0f;
+    ints labels = 0;
+    for (int k = 0; k < K; ++k) {
+        floats x, y, z;
+        const floats at_rest = modelled_light(terms[k], none, none, one, &x, &y, &z);
+        const floats faint = FAINTEST * (at_rest - dark[k]), direct = m[k] - dark[k];
+        const floats least = g * (dark[k] + 0.5f * MORE_OF(direct, faint));
+        labels |= image[k] < least ? (ints)(1 << k) : (ints)0;
+    }
+    return labels;
+}
+
 // Slope and brightness of a pixel from all LEDs, by a light model.
 LANED __kernel void light_model_slope(
     __global const float *restrict light,
@@ -48,10 +66,12 @@ LANED __kernel void light_model_slope(
     __global const float *restrict model_linear,
     __global const float *restrict model_view,
     const float model_degree,
+    __global const float *restrict model_dark,
     __global const float *restrict model_gain,
     __global float *restrict slope,
     __global float *restrict brightness,
     __global float *restrict residual,
+    __global uchar *restrict shadow,
     const int K, const int H, const int W,
     const int steps)
 {
@@ -116,6 +136,7 @@ LANED __kernel void light_model_slope(
             store_floats(q, slope + size + i, count);
             store_floats(g, brightness + i, count);
             store_floats(sqrt(left / (float)K), residual + i, count);
+            store_bytes(shaded(image, m, terms, model_dark, g, K), shadow + i, count);
             return;
         }
         const floats raw = a * c - b * b, determinant = MORE_OF(raw, smallest);

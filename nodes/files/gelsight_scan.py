@@ -68,6 +68,8 @@ class LightModelFile(NamedTuple):
     quadratic: F4
     """R x K m: m is 10, or 11 with a scale."""
     leds: int
+    black: list[float]
+    """Of each LED, the light in its shadow."""
     flat: FlatField | None
 
 
@@ -144,6 +146,7 @@ def read_light_model_file(file: Path) -> LightModelFile:
         _matrix(entries, "linfit", leds, 3, file),
         _matrix(entries, "quadfit", leds, TERMS, file),
         leds,
+        _per_led(entries.get("black", [0.0] * leds), leds, f"{file}: black"),
         _flat_field(entries.get("flatfield"), leds, file),
     )
 
@@ -220,12 +223,17 @@ def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path
     return np.array(values, np.float32).reshape(rows, columns)
 
 
+def _per_led(value: Any, leds: int, where: str) -> list[float]:
+    found = _numbers(value, where)
+    if len(found) != leds:
+        raise InputError(f"{where}: {len(found)} values for {leds} LEDs")
+    return found
+
+
 def _flat_field(entry: Any, leds: int, file: Path) -> FlatField | None:
     if entry is None:
         return None
     if not isinstance(entry, dict) or not isinstance(entry.get("modelfile"), str):
         raise InputError(f"{file}: flatfield: modelfile: the image's name is needed")
-    scale = _numbers(entry.get("scale"), f"{file}: flatfield: scale")
-    if len(scale) != leds:
-        raise InputError(f"{file}: flatfield: scale: {len(scale)} values for {leds} LEDs")
+    scale = _per_led(entry.get("scale"), leds, f"{file}: flatfield: scale")
     return FlatField(file.parent / PureWindowsPath(entry["modelfile"]).name, scale)

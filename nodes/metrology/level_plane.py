@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F4, Height
+from tactograph.nodes import F8, Height
 from tactograph.nodes.files.image_files import read_image
 
 MAX_FITTED = 200_000
@@ -18,67 +18,93 @@ ROBUST_WIDTH = 2.0
 """Residual, over the median of all, from which a pixel counts less (Cauchy's weight)."""
 MIN_SPREAD = 1e-6
 """Median residual in mm below which all counts alike."""
+BORDER = 0.02
+"""Share of the shorter side that is at rest around the frame, where film at rest is named."""
 
 
 @node(neutral="height")
-def level_plane(height: Height, *, mask: Path | None = None) -> Height:
+def level_plane(height: Height, *, level: str = "plane") -> Height:
     """Subtract a plane: where nothing is at rest, slopes tell neither the zero nor the tilt.
-
-    Without a mask the plane follows what most of the film agrees on: least squares, reweighted
-    by Cauchy's function, from the largest scale downwards.
 
     Parameters
     ----------
     height
         H x W in mm.
-    mask
-        An image of the same size, not 0 where the surface is known to be level.
+    level
+        ``plane``: what most of the film agrees on, by least squares, reweighted by Cauchy's
+        function from the largest scale downwards.  ``rest``: the frame's border, if the film is
+        at rest there.  Else an image of the same size, not 0 where the surface is level.
 
     Raises
     ------
     InputError
-        If the mask cannot be read, has another size, or shows fewer than three pixels.
+        If the image cannot be read, has another size, or shows fewer than three pixels.
     """
     rows, columns = height.shape
-    known = np.isfinite(height) if mask is None else _level_part(mask, height)
-    y, x = np.nonzero(known)
-    if len(x) < 3:
+    every = slice(None, None, max(1, int(np.sqrt(height.size / MAX_FITTED))))
+    marked = level_part(level, (rows, columns))
+    counts = np.isfinite(height) if marked is None else np.isfinite(height) & marked
+    if counts[every, every].sum() < 3:
+        every = slice(None)
+    terms = plane_terms(rows, columns)
+    counts, z = counts[every, every], height[every, every].astype(float)
+    if counts.sum() < 3:
+        if marked is not None:
+            raise InputError(f"{level}: marks fewer than three pixels of known height as level")
         warn("fewer than three pixels are known: the height stays as it is")
         return height
-    every = slice(None, None, max(1, len(x) // MAX_FITTED))
-    u, v = (x[every] - columns / 2) / columns, (y[every] - rows / 2) / rows
-    terms = np.stack([np.ones_like(u), u, v], axis=1)
-    plane = _robust_plane(terms, height[known][every].astype(float), robust=mask is None)
-    across = ((np.arange(columns) - columns / 2) / columns)[None]
-    down = ((np.arange(rows) - rows / 2) / rows)[:, None]
-    return (height - (plane[0] + plane[1] * across + plane[2] * down)).astype(np.float32)
+    one, across, down = terms[0], terms[1][:, every], terms[2][every]
+    sampled = np.stack([np.broadcast_to(t, z.shape)[counts] for t in (one, across, down)], 1)
+    weights = plane_weights(sampled, z[counts]) if marked is None else np.ones(len(sampled))
+    plane = weighted_plane(sampled, z[counts], weights)
+    for number, term in zip(plane, terms, strict=True):
+        height = height - (number * term).astype(np.float32)
+    return height
 
 
-def _level_part(file: Path, height: F4) -> NDArray[np.bool_]:
-    mask = read_image(file)
+def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.bool_] | None:
+    """The pixels that are named as level, or one pixel of every cell; None where none are named."""
+    if level == "plane":
+        return None
+    if level == "rest":
+        width = max(1, round(BORDER * min(shape)))
+        border = np.ones(shape, bool)
+        border[width:-width, width:-width] = False
+        return border
+    mask = read_image(Path(level))
     marked: NDArray[np.bool_] = (mask if mask.ndim == 2 else mask.max(axis=2)) > 0
-    if marked.shape != height.shape:
+    marked = marked[::cell, ::cell]
+    if marked.shape != shape:
         raise InputError(
-            f"{file}: is {marked.shape[1]} x {marked.shape[0]} px, the height "
-            f"{height.shape[1]} x {height.shape[0]}"
+            f"{level}: is {mask.shape[1]} x {mask.shape[0]} px, the height "
+            f"{cell * shape[1]} x {cell * shape[0]}"
         )
-    marked &= np.isfinite(height)
-    if marked.sum() < 3:
-        raise InputError(f"{file}: marks fewer than three pixels of known height as level")
     return marked
 
 
-def _robust_plane(
-    terms: NDArray[np.float64], z: NDArray[np.float64], robust: bool
-) -> NDArray[np.float64]:
-    plane = np.linalg.lstsq(terms, z, rcond=None)[0]
-    for _ in range(ROUNDS if robust else 0):
+def plane_terms(rows: int, columns: int) -> tuple[F8, F8, F8]:
+    """1, x and y of a plane, as they broadcast to H x W."""
+    x, y = ((np.arange(n) - n / 2) / n for n in (columns, rows))
+    return np.ones((1, 1)), x[None], y[:, None]
+
+
+def plane_weights(terms: F8, z: F8) -> F8:
+    """How much each of N heights says of the plane that most of them agree on; terms N x 3."""
+    weights = np.ones_like(z)
+    plane = weighted_plane(terms, z, weights)
+    for _ in range(ROUNDS):
         rest = np.abs(z - terms @ plane)
         scale = ROBUST_WIDTH * np.median(rest)
         if scale < MIN_SPREAD:
             break
-        root = 1 / np.sqrt(1 + (rest / scale) ** 2)
-        before, plane = plane, np.linalg.lstsq(terms * root[:, None], z * root, rcond=None)[0]
+        weights = 1 / (1 + (rest / scale) ** 2)
+        before, plane = plane, weighted_plane(terms, z, weights)
         if np.abs(plane - before).max() < MIN_SPREAD:
             break
-    return np.asarray(plane)
+    return weights
+
+
+def weighted_plane(terms: F8, z: F8, weights: F8) -> F8:
+    """The plane of weighted least squares."""
+    root = np.sqrt(weights)
+    return np.asarray(np.linalg.lstsq(terms * root[:, None], z * root, rcond=None)[0], np.float64)

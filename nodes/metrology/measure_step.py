@@ -29,10 +29,11 @@ Line = NDArray[np.float64]
 
 
 class Profile(NamedTuple):
-    """Of one profile: depth in mm (above 0: a groove, or a step down), edges in px, walls in
-    degrees."""
+    """Of one profile: depth in mm (above 0: a groove, or a step down) and its standard deviation,
+    edges in px, walls in degrees."""
 
     depth: float
+    error: float
     edges: tuple[float, ...]
     walls: tuple[float, ...]
 
@@ -61,7 +62,7 @@ def measure_step(
     pixel
         mm per px.
     error
-        Standard deviation of the height in mm; then the uncertainty holds it.
+        Standard deviation of the height in mm; then the uncertainty holds that of both levels.
     along
         Axis of the profiles: they cross the groove.
     edges
@@ -83,8 +84,12 @@ def measure_step(
     InputError
         If too few profiles show such edges.
     """
-    lines = height if along == "x" else height.T
-    found = [profile for line in lines if (profile := _measure(line, pixel, edges, smooth_px))]
+    every = height, np.zeros_like(height) if error is None else error
+    lines, doubts = every if along == "x" else (each.T for each in every)
+    measured = (
+        _measure(*each, pixel, edges, smooth_px) for each in zip(lines, doubts, strict=True)
+    )
+    found = [profile for profile in measured if profile]
     if len(found) < MIN_PROFILES:
         what = "a groove or ridge" if edges == 2 else "a step"
         raise InputError(
@@ -93,7 +98,7 @@ def measure_step(
         )
     depths = 1e3 * np.array([profile.depth for profile in found])
     spread = float(np.std(depths, ddof=1))
-    stated = 0.0 if error is None else 1e3 * float(np.sqrt(np.nanmean(np.square(error))))
+    stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in found])))
     figures = {
         "step_depth_um": float(np.median(depths)),
         "step_spread_um": spread,
@@ -123,8 +128,8 @@ def _warn_of_wide_walls(figures: Metrics) -> None:
         )
 
 
-def _measure(line: Line, pixel: float, edges: int, smooth_px: int) -> Profile | None:
-    """Measure one profile; None where it shows no such edges."""
+def _measure(line: Line, error: Line, pixel: float, edges: int, smooth_px: int) -> Profile | None:
+    """Measure one profile, its levels of such an error; None where it shows no such edges."""
     x = np.flatnonzero(np.isfinite(line)).astype(float)
     if len(x) < 3 * MIN_ZONE_PX:
         return None
@@ -141,7 +146,9 @@ def _measure(line: Line, pixel: float, edges: int, smooth_px: int) -> Profile | 
     slope, level, half = np.linalg.lstsq(terms, z[used], rcond=None)[0]
     share = (z - slope * x - level) / half if half else np.zeros_like(z)
     walls = tuple(_wall_deg(x, share, place, 2 * abs(half) / pixel) for place in places)
-    return Profile(2 * half, places, walls)
+    doubt = error[x.astype(int)]
+    of_levels = np.hypot(*(np.nanmean(doubt[level]) for level in (upper, lower)))
+    return Profile(2 * half, float(of_levels), places, walls)
 
 
 def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:

@@ -31,6 +31,8 @@ class LightModel(NamedTuple):
     """x and y of the frame's middle, and one over its shorter side."""
     degree: Annotated[float, Port(unit="1", high=4)]
     """Of the monomials; coefficients of higher ones are 0."""
+    dark: Annotated[F4, Port("K", "1", high=0.2)]
+    """Light in the shadow of an LED, which the gel diffuses; it only tells shadows."""
     gain: Light | None
     """K x H x W: what the light is multiplied with, the sensor's own flat-field correction."""
 

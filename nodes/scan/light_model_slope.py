@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, Port, SizeLimit, node
-from tactograph.nodes import F4, Light, Slope
+from tactograph.nodes import F4, U1, Labels, Light, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
 from tactograph.nodes.optics.light_model import (
@@ -27,6 +27,9 @@ LEAST_LIGHT = np.float32(1e-6)
 """Smallest sum of squares of the modelled light."""
 FLATTEST = np.float32(0.05)
 """Smallest n_z of the start."""
+FAINTEST = np.float32(0.2)
+"""Lower bound on an LED's expected light, over that of film at rest, of which a shadow has less
+than half; both without diffused light."""
 
 
 class ModelSlope(NamedTuple):
@@ -37,6 +40,8 @@ class ModelSlope(NamedTuple):
     """The film's brightness, relative to the film that the model was made with."""
     residual: Annotated[F4, Port("H W", "1", high=0.1)]
     """Root mean square over the LEDs of the light that slope and brightness do not explain."""
+    shadow: Labels
+    """Bit k-1 is set where LED k does not light the pixel."""
 
 
 @node(
@@ -53,7 +58,8 @@ def light_model_slope(
     At a given normal the best brightness is g = m.I / m.m, so Gauss-Newton steps turn the normal
     alone, by the part of dm that no brightness explains (variable projection, Kaufman 1975).
     The start is the linear model's.  Leaving LEDs out makes slopes worse under this model, so
-    all count.
+    all count, those in shadow as well.  A pixel is in the shadow of an LED whose light, less what
+    the gel diffuses, is below half of the model's, or of a fifth of that of film at rest.
 
     Parameters
     ----------
@@ -67,12 +73,13 @@ def light_model_slope(
     Returns
     -------
     ModelSlope
-        Slope 2 x H x W; brightness and residual H x W.
+        Slope 2 x H x W; brightness, residual and shadow H x W.
     """
     leds, rows, columns = light.shape
     image = light.reshape(leds, -1)
     gain = None if model.gain is None else model.gain.reshape(leds, -1)
     out = np.empty((4, rows * columns), np.float32)
+    shadow = np.empty(rows * columns, np.uint8)
 
     def solve(part: slice) -> None:
         at = np.arange(part.start, part.stop)
@@ -80,15 +87,15 @@ def light_model_slope(
             (at % columns).astype(np.float32), (at // columns).astype(np.float32), model.view
         )
         seen = image[:, part] if gain is None else image[:, part] * gain[:, part]
-        out[:, part] = _solution(seen, u, v, model, steps)
+        out[:, part], shadow[part] = _solution(seen, u, v, model, steps)
 
     in_blocks(solve, rows * columns)
     p, q, brightness, residual = out.reshape(4, rows, columns)
-    return ModelSlope(np.stack([p, q]), brightness, residual)
+    return ModelSlope(np.stack([p, q]), brightness, residual, shadow.reshape(rows, columns))
 
 
-def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> F4:
-    """4 x N: p, q, brightness and residual."""
+def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F4, U1]:
+    """4 x N: p, q, brightness and residual; and the labels."""
     powers = monomials(u, v, int(model.degree))
     terms = coefficients(model.quadratic, powers)
     p, q = _start(image, coefficients(model.linear, powers))
@@ -107,7 +114,12 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> F4:
     m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
     brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + LEAST_LIGHT)
     residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
-    return np.stack([p, q, brightness, residual])
+    dark = model.dark[:, None]
+    at_rest = modelled_light(terms, np.array([[0], [0], [1]], np.float32))[0]
+    expected = np.maximum(m - dark, FAINTEST * (at_rest - dark))
+    shaded = image < brightness * (dark + np.float32(0.5) * expected)
+    shadow = np.bitwise_or.reduce(shaded << np.arange(len(image))[:, None], axis=0)
+    return np.stack([p, q, brightness, residual]), shadow.astype(np.uint8)
 
 
 def _start(image: F4, rows: F4) -> tuple[F4, F4]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
+from annotated_types import Interval
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, PixelSize
@@ -18,6 +19,7 @@ from tactograph.nodes.files.gelsight_scan import (
     read_light_model_file,
 )
 from tactograph.nodes.files.image_files import Crop, read_image
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import TERMS, LightModel
 
 TILES_PER_ROW = 3
@@ -38,6 +40,7 @@ def read_light_model(
     *,
     file: Path,
     crop: Crop | None = None,
+    cell: Annotated[int, Interval(ge=1, le=64)] = 1,
 ) -> ScanLight:
     """Read a light model, which holds for the whole frame: a crop moves its positions and gains.
 
@@ -48,6 +51,8 @@ def read_light_model(
         names a model in its folder or the one above.
     crop
         x0, y0, x1, y1 in pixels, as the images are cropped.
+    cell
+        Side in pixels of the cells that images are coarsened to; positions and size are theirs.
 
     Raises
     ------
@@ -56,7 +61,8 @@ def read_light_model(
     """
     said = read_light_model_file(find_light_model(file) if is_scan(file) else file)
     x0, y0 = crop[:2] if crop else (0, 0)
-    view = (said.width - 1) / 2 - x0, (said.height - 1) / 2 - y0, 1 / min(said.width, said.height)
+    x, y = ((n - cell) / 2 - n0 for n, n0 in ((said.width, x0), (said.height, y0)))
+    view = x / cell, y / cell, cell / min(said.width, said.height)
     degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])
     gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
     model = LightModel(
@@ -64,9 +70,10 @@ def read_light_model(
         _by_term(said.linear, said.leds, 4)[:, :3],
         np.array(view, np.float32),
         float(degree),
-        gain,
+        np.array(said.black, np.float32),
+        gain if gain is None or cell == 1 else coarsen(gain, factor=cell),
     )
-    return ScanLight(model, said.pixel_size)
+    return ScanLight(model, cell * said.pixel_size)
 
 
 def _by_term(matrix: F4, leds: int, terms: int) -> F4:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
+from tactograph.nodes import BAND_DEVIATIONS
 from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
@@ -47,7 +48,7 @@ def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None
 def test_a_groove_seen_through_a_real_sensors_model_has_its_depth(device: str) -> None:
     """500 um with walls of 30 degrees, 1 % of noise."""
     file = real_data("gelsight_scans") / "devices" / f"{device}.yaml"
-    crop = (600, 900, 1800, 960)
+    crop = (600, 900, 1800, 1220)
     sensor = read_light_model(file=file, crop=crop)
     x = sensor.pixel_size * (np.arange(crop[2] - crop[0]) - 600)
     run = 0.5 / np.tan(np.radians(30))
@@ -56,7 +57,13 @@ def test_a_groove_seen_through_a_real_sensors_model_has_its_depth(device: str) -
     rng = np.random.default_rng(0)
     light = seen(z, sensor.model, sensor.pixel_size)
     light = (light * (1 + 0.01 * rng.normal(size=light.shape))).astype(np.float32)
-    pipeline = load("reconstruct_scan", model=file, changes={"sensor.crop": list(crop)})
-    found = pipeline(frames=np.clip(light, 0, 1))
-    figures = measure_step(found["height"], sensor.pixel_size)
+    found = load("reconstruct_scan", model=file, crop=list(crop))(frames=np.clip(light, 0, 1))
+    figures = measure_step(found["height"], sensor.pixel_size, found["error"])
     assert figures["step_depth_um"] == pytest.approx(500, abs=1)
+    assert 0.03 < figures["step_uncertainty_um"] < 0.5
+    rows = [
+        measure_step(np.repeat(row[None], 5, 0), sensor.pixel_size)["step_depth_um"]
+        for row in found["height"][::16]
+    ]
+    band = BAND_DEVIATIONS * figures["step_uncertainty_um"]
+    assert np.mean(np.abs(np.array(rows) - 500) < band) > 0.85

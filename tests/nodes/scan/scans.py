@@ -44,6 +44,7 @@ def write_model(file: Path, flat: bool = False) -> None:
         f"width: {WIDTH}",
         f"height: {HEIGHT}",
         f"mmperpixel: {PIXEL}",
+        f"black: {[0.06] * LEDS}",
         "parameters: ",
         "    fov:      : 5",
     ]

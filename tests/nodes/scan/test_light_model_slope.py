@@ -37,6 +37,17 @@ def test_a_flat_film_has_no_slope_anywhere_in_the_frame(tmp_path: Path) -> None:
     assert np.abs(light_model_slope(seen(0 * cap(), model), model).slope).max() < 1e-4
 
 
+def test_the_leds_that_do_not_light_a_pixel_are_labelled(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml")
+    model = read_light_model(file=tmp_path / "model.yaml").model
+    light = seen(0 * cap(), model)
+    light[2, 10:30, 20:40] = 0.1
+    shadow = light_model_slope(light, model).shadow
+    assert (shadow[10:30, 20:40] == 4).all()
+    assert (shadow == 4).sum() == 400
+    assert set(np.unique(shadow)) == {0, 4}
+
+
 def test_light_of_another_kind_leaves_a_residual(tmp_path: Path) -> None:
     write_model(tmp_path / "model.yaml")
     model = read_light_model(file=tmp_path / "model.yaml").model
