@@ -13,7 +13,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.declare_node import node
-from tactograph.graph.declare.engine_arguments import EVERYTHING, FRACTIONS, Session, Wanted, Whole
+from tactograph.graph.declare.engine_arguments import (
+    EVERYTHING,
+    FRACTIONS,
+    NodeCall,
+    Session,
+    Wanted,
+    Whole,
+)
 from tactograph.graph.declare.node import Node, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import Port
 from tactograph.graph.declare.provenance import Provenance
@@ -44,6 +51,7 @@ __all__ = [
     "GraphError",
     "InputError",
     "Node",
+    "NodeCall",
     "NodeError",
     "Parts",
     "Pipeline",

@@ -8,7 +8,7 @@ import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from tactograph.graph.declare.engine_arguments import Session, Wanted, Whole
+from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import (
     PortType,
@@ -103,6 +103,7 @@ def _declare(
     parameters: dict[str, Parameter] = {}
     parameter_records: dict[str, type] = {}
     by_engine: dict[Any, str] = {}
+    calls: dict[str, Node] = {}
     for name, argument in _arguments(function, hints):
         annotation = hints.get(name)
         if annotation is None:
@@ -110,6 +111,12 @@ def _declare(
         if argument.kind is argument.KEYWORD_ONLY:
             if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
                 by_engine[annotation] = name
+            elif annotation is NodeCall:
+                if not isinstance(argument.default, Node):
+                    raise TypeError(
+                        f"{function.__name__}: the default of '{name}' has to be a node"
+                    )
+                calls[name] = argument.default
             elif is_record(annotation):
                 parameter_records[name] = annotation
                 _add_parameters(function.__name__, parameters, _fields_as_parameters(annotation))
@@ -151,6 +158,7 @@ def _declare(
         session=by_engine.get(Session),
         wanted=by_engine.get(Wanted),
         whole=by_engine.get(Whole),
+        calls=calls,
         endless=endless,
         former=former,
         optional_inputs=frozenset(optional),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NewType, TypeVar
+from typing import Any, NewType, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -49,6 +49,18 @@ class Wanted:
 
 
 EVERYTHING = Wanted()
+
+
+class NodeCall(Protocol):
+    """The type of a keyword-only argument by which a node calls another: its default.
+
+    ``bounce: NodeCall = film_bounce`` is called as that node is, with arrays of the host.  The
+    engine hands in one that runs on the device, where the graph prefers that and the node can.
+    """
+
+    def __call__(self, *inputs: Any, **settings: Any) -> Any: ...
+
+
 Whole = NewType("Whole", bool)
 """The type of a source's keyword-only argument that is true where only a device reads the images.
 

@@ -27,7 +27,7 @@ from tactograph.graph.declare.kernel_declaration import (
     LaunchFunction,
     can_run_anywhere,
 )
-from tactograph.graph.declare.ports import PortType, make_record, record_values
+from tactograph.graph.declare.ports import PortType, make_record, record_ports, record_values
 from tactograph.graph.declare.tolerance import Tolerance
 
 
@@ -114,6 +114,7 @@ class Node:
     session: str | None = None
     wanted: str | None = None
     whole: str | None = None
+    calls: Mapping[str, Node] = field(default_factory=dict)
     endless: bool = False
     former: Mapping[str, str] = field(default_factory=dict)
     implementations: dict[str, Kernels] = field(default_factory=dict)
@@ -207,6 +208,20 @@ class Node:
             self._record(name, value) if name in self.input_records else value
             for name, value in arguments.items()
         ]
+
+    def by_port(self, arguments: Iterable[Any]) -> dict[str, Any]:
+        """Positional arguments by port, with records taken apart: the inverse of `in_order`."""
+        values: list[Any] = []
+        names = dict.fromkeys(name.partition(".")[0] for name in self.inputs)
+        for name, value in zip(names, arguments, strict=False):
+            record = self.input_records.get(name)
+            if record is None:
+                values.append(value)
+            elif value is None:
+                values += [None] * len(record_ports(record))
+            else:
+                values += record_values(record, value)
+        return dict(zip(self.inputs, values, strict=False))
 
     def _record(self, name: str, values: Mapping[str, Any]) -> Any:
         if name in self.optional_inputs and all(value is None for value in values.values()):

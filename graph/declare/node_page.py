@@ -111,6 +111,9 @@ def _item(name: str, facts: str, words: str) -> str:
 def _facts(node: Node) -> list[str]:
     kernel = f"OpenCL kernel `{node.name}.cl`" if node.has_kernel else "no OpenCL kernel"
     facts = [f"Of the package {node.package}; {kernel}."]
+    facts += [
+        f"Calls `{each.name}`, on a device where there is one." for each in node.calls.values()
+    ]
     if node.neutral is not None:
         what = f"`{node.neutral}` is passed on" if isinstance(node.neutral, str) else node.neutral
         facts.append(f"Taken out (`neutral`): {what}.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.kernel_declaration import Obstacle
+from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft, Task
 from tactograph.graph.plan.plan import Placement
@@ -14,7 +15,8 @@ def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[st
 
     A ``backend`` in the graph file is kept or refused.  Otherwise the node runs on the first
     back end of ``prefer``, or falls back to NumPy, which is recorded.  A node without a kernel,
-    or with a faster NumPy function where ``prefer`` names numpy, is no fallback.
+    or with a faster NumPy function where ``prefer`` names numpy, is no fallback.  A node that
+    calls others runs on the host, and each of them where it would run in the node's place.
 
     Raises
     ------
@@ -39,25 +41,24 @@ def _place(
         return Placement(there if there in task.node.backends else "numpy", why)
     bound = task.entry.backend
     if bound is not None:
-        obstacle = _obstacle(task, bound, device, no_device)
+        obstacle = _obstacle(task.node, bound, device, no_device)
         if obstacle is not None and obstacle.missing:
             where = task.entry.where("backend")
             raise GraphError(f"{where}: '{task.id}' is bound to {bound}, but {obstacle.missing}")
         return Placement(bound, "the graph file says so")
-    return _preferred(task, prefer, device, no_device)
+    return _preferred(task.node, prefer, device, no_device)
 
 
 def _preferred(
-    task: Task, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
+    node: Node, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
 ) -> Placement:
-    node = task.node
     refusals: list[str] = []
     for wanted in prefer:
         if wanted == "numpy":
             break
         if wanted not in node.implementations:
             continue
-        obstacle = _obstacle(task, wanted, device, no_device) or Obstacle()
+        obstacle = _obstacle(node, wanted, device, no_device) or Obstacle()
         # Checked before `missing`, which matters only on the device.
         if obstacle.slower and "numpy" in prefer:
             return Placement("numpy", f"faster than on the device: {obstacle.slower}")
@@ -68,14 +69,20 @@ def _preferred(
     if refusals:
         return Placement("numpy", "; ".join(refusals), fallback=True)
     why = "preferred" if prefer[0] == "numpy" else f"has no {prefer[0]} kernel"
-    return Placement("numpy", why)
+    called = {n: _preferred(each, prefer, device, no_device) for n, each in node.calls.items()}
+    for placement in called.values():
+        if placement.fallback:
+            return placement
+    there = tuple(name for name, placement in called.items() if placement.on_device)
+    if there:
+        why += f"; calls {', '.join(node.calls[name].name for name in there)} on {prefer[0]}"
+    return Placement("numpy", why, calls=there)
 
 
 def _obstacle(
-    task: Task, backend: str, device: DeviceBackend | None, no_device: str
+    node: Node, backend: str, device: DeviceBackend | None, no_device: str
 ) -> Obstacle | None:
     """The obstacle to a node on a back end, or None."""
-    node = task.node
     if backend == "numpy":
         return None
     if backend not in node.implementations:

@@ -20,11 +20,15 @@ MAX_NAMED_NODES = 6
 
 @dataclass(frozen=True)
 class Placement:
-    """The back end of a node and why; `fallback` if a preferred one could not run it."""
+    """The back end of a node and why; `fallback` if a preferred one could not run it.
+
+    `calls` are the arguments by which it calls nodes on a device from the host.
+    """
 
     backend: str
     why: str
     fallback: bool = False
+    calls: tuple[str, ...] = ()
 
     @property
     def on_device(self) -> bool:

@@ -281,13 +281,14 @@ class OnlyChanged(Executor):
 
     def _key(self, task: Task, step: Step) -> str:
         node, device = task.node, self._runner.device
+        calls = self._plan.placements[task.id].calls
         # A size that no input has follows from the sources.
         is_free = task.filled or bool(node.free_symbols)
         sources = sorted((n, key) for n, key in self._outside.items() if n in self._keys)
         reads = {} if task.filled else task.reads
         return key_of(
             node.serial,
-            device.serial if device is not None and step.on_device else "",
+            device.serial if device is not None and (step.on_device or calls) else "",
             step.kind,
             sorted(task.settings.items()),
             [(name, self._keys[value.node], value.port) for name, value in reads.items()],

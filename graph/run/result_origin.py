@@ -94,11 +94,11 @@ def code_of(node: Node) -> str:
     """A hash of all source of a node.
 
     It covers the node's module, all that this imports from the same package or this project, the
-    packages' data files, and the kernels with their headers.
+    packages' data files, and the kernels with their headers, also of the nodes that it calls.
     """
     seen = {file: _hash(file) for file in _closure(node)}
     keep_imports()
-    kernels = kernel_text(node) if node.has_kernel else ""
+    kernels = [kernel_text(n) for n in (node, *node.calls.values()) if n.has_kernel]
     if not seen:  # source that cannot be read is never the same
         return os.urandom(8).hex()
     return digest({"files": sorted(seen.values()), "kernels": kernels})

@@ -8,6 +8,7 @@ from typing import Any
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.errors import DeviceError, InputError
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.plan import Plan, Step
@@ -41,6 +42,7 @@ class StepRunner:
         self.plan = plan
         self.host = HostValues(plan)
         self.device = None if device is None else DeviceValues(plan, device, self.host)
+        self._calls = {} if device is None else _calls(plan, device)
         self._sides: list[HostValues | DeviceValues] = [self.host]
         self._sides += [] if self.device is None else [self.device]
         library = () if device is None else (device.error,)
@@ -168,7 +170,7 @@ class StepRunner:
                 f"{self.plan.graph.name}: '{task.id}' has other settings than when its last "
                 "item came; go through items() for a new one"
             )
-        keywords = {}
+        keywords: dict[str, Any] = dict(self._calls.get(task.id, {}))
         if task.node.provenance is not None:
             provenance = make_provenance(self.plan, self.times, sized.derived, self.notes)
             keywords[task.node.provenance] = provenance
@@ -202,3 +204,11 @@ class StepRunner:
             f"'{name}' ({tasks[name].node.name})" if name in tasks else f"'{name}'"
             for name in steps
         )
+
+
+def _calls(plan: Plan, device: DeviceBackend) -> dict[str, dict[str, DeviceCall]]:
+    """The arguments by which nodes on the host call others on the device, by node."""
+    return {
+        task: {name: DeviceCall(plan.tasks[task].node.calls[name], device) for name in place.calls}
+        for task, place in plan.placements.items()
+    }

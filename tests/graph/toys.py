@@ -18,6 +18,7 @@ from tactograph.graph import (
     FRACTIONS,
     EndOfStream,
     InputError,
+    NodeCall,
     Parts,
     Port,
     Session,
@@ -211,6 +212,12 @@ def halves(image: Light, *, wanted: Wanted = EVERYTHING) -> Halves:
     CALLS.extend(name for name in ("low", "high") if name in wanted)
     low, high = image * np.float32(0.5), image * np.float32(1.5)
     return Halves(low if "low" in wanted else None, high if "high" in wanted else None)
+
+
+@node
+def lower_half(image: Light, *, halve: NodeCall = halves) -> Light:
+    """Half the light, by the node that this one calls."""
+    return halve(image).low
 
 
 halves.opencl(grid="K H W")
@@ -478,5 +485,5 @@ TOYS = (
     "filed", "strips", "halves", "bright", "enough", "crowded",
     "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
     "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
-    "whole_touches", "talking",
+    "whole_touches", "talking", "lower_half",
 )  # fmt: skip

@@ -14,7 +14,7 @@ MAX_INPUTS, MAX_PARAMS = 12, 10
 def arguments(name: str) -> tuple[int, int]:
     """The inputs and the parameters of a node's function, a record counted as one."""
     node = find_node(name)
-    engine = {node.provenance, node.session, node.wanted, node.whole}
+    engine = {node.provenance, node.session, node.wanted, node.whole, *node.calls}
     signature = inspect.signature(node.function).parameters.values()
     given = [p.kind is p.KEYWORD_ONLY for p in signature if p.name not in engine]
     return given.count(False), given.count(True)

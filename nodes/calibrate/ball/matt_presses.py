@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph import node
+from tactograph.graph import NodeCall, node
 from tactograph.nodes import Film, Light, PixelSize
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.light.matt_light import matt_light
@@ -19,6 +19,8 @@ def matt_presses(
     height: SheetHeight,
     film: Film,
     pixel: PixelSize,
+    *,
+    bounce: NodeCall = film_bounce,
 ) -> SheetLight:
     """Apply `matt_light` to each press, whose shape is known.
 
@@ -37,7 +39,7 @@ def matt_presses(
     """
     rows, matt = flat.shape[1], []
     for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):
-        bounced = film_bounce(press, z, film, pixel)
+        bounced = bounce(press, z, film, pixel)
         sigma = np.ones_like(press)
         matt.append(matt_light(press, sigma, p_q, z, film, pixel, bounced).light)
     return np.concatenate(matt, axis=1)

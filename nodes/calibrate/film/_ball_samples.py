@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, SLICES
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
@@ -77,6 +79,7 @@ def sample_balls(
     rim: F8 | None = None,
     edges: bool = False,
     fine: bool = False,
+    bounce: NodeCall = film_bounce,
 ) -> Balls:
     """Choose samples of the balls, spread evenly over each.
 
@@ -110,19 +113,23 @@ def sample_balls(
     fine
         Whether the film is the final one.  Then the light that its coat reflects is computed on
         fine cells, and a film without albedo reflects none onto itself.
+    bounce
+        `film_bounce`, on a device if there is one.  For a film that does not light itself, a few
+        calls on the host take less time than to compile the kernels.
     """
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
+    throw = bounce if lights_itself(film) else film_bounce
     if rim is not None:
         circle = np.column_stack([circle[:, :2], rim / pixel])
     still, lifted, rimmed = {}, {}, {}
     for i in np.unique(of):
         balls = circle[of == i], radius[of == i], moved[of == i]
         presses[i], still[i], lifted[i], rimmed[i] = _thrown_on(
-            presses[i], sigma, balls, film, pixel, fine
+            presses[i], sigma, balls, film, pixel, fine, throw
         )
     if edges:
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
@@ -173,6 +180,11 @@ def sample_balls(
         sector=sector,
     )
     return every if most is None else thinned(every, most)
+
+
+def lights_itself(film: Film) -> bool:
+    """Return whether the film shows light reflected from other parts of the film."""
+    return film.refraction > 1 or film.albedo > 0
 
 
 def thinned(balls: Balls, most: int = MAX_INDEPENDENT_SAMPLES) -> Balls:
@@ -232,7 +244,13 @@ def _centre(
 
 
 def _thrown_on(
-    press: F4, sigma: F4, balls: tuple[F4, F4, F8], film: Film, pixel: float, fine: bool
+    press: F4,
+    sigma: F4,
+    balls: tuple[F4, F4, F8],
+    film: Film,
+    pixel: float,
+    fine: bool,
+    bounce: NodeCall,
 ) -> _Press:
     """The light from film to film on a press with these balls (circles, radii and shifts)."""
     if fine and film.albedo == 0:
@@ -242,7 +260,8 @@ def _thrown_on(
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         places = shifts + lift * radius[:, None] * np.array([0, 0, 1])
-        return _unit_bounce(press, sigma, circle, radius, places, film, pixel, cells)
+        given = press, sigma, circle, radius, places, film, pixel
+        return _unit_bounce(*given, partial(bounce, cells=cells))
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
@@ -261,7 +280,14 @@ def _thrown_on(
 
 
 def _unit_bounce(
-    press: F4, sigma: F4, circle: F4, radius: F4, shifts: F8, film: Film, pixel: float, cells: int
+    press: F4,
+    sigma: F4,
+    circle: F4,
+    radius: F4,
+    shifts: F8,
+    film: Film,
+    pixel: float,
+    bounce: NodeCall,
 ) -> _Thrown:
     """The light that a film of albedo 1, with balls in it, reflects onto itself."""
     rows, columns = press.shape[1:]
@@ -275,7 +301,7 @@ def _unit_bounce(
         away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
         height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * size**2, z, 0))
     seen = (height / (1 - film.camera * height)).astype(np.float32)
-    thrown = film_bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
+    thrown = bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel)
     # Balls are not film at rest, although little light is reflected onto their tops.
     shown = np.where(seen > 0, press, 1 + thrown)
     drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)

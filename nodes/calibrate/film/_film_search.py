@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import warn
-from tactograph.nodes import Film, Metrics
+from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLDS
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
-from tactograph.nodes.calibrate.film._ball_samples import moved_with, thinned
+from tactograph.nodes.calibrate.film._ball_samples import lights_itself, moved_with, thinned
 from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film._film_unknowns import PARTS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
@@ -146,7 +146,7 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         errors[f"film_heldout_deg/{better}"] = better.error
         if not _pays(better.error, best.error, trial):
             break
-        if not _lights_itself(better.fitted.film):
+        if not lights_itself(better.fitted.film):
             best = better
             continue
         again, placed = _sampled_again(trial, better.fitted)
@@ -163,15 +163,10 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
     """Sample again with a better-known film, up to where it leaves the balls."""
     before, film = trial.balls, fitted.film
-    edges = _lights_itself(film)
+    edges = lights_itself(film)
     balls = trial.samples(film, fitted.shifts, before.rim, edges=edges, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
-
-
-def _lights_itself(film: Film) -> bool:
-    """Whether the film shows light reflected from other parts of the film."""
-    return film.refraction > 1 or film.albedo > 0
 
 
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:

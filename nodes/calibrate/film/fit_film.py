@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, SizeLimit, node
+from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
     F8,
@@ -43,7 +43,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import PARTS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS
+from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart, matt_film
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
@@ -104,6 +104,7 @@ def fit_film(
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
     without: tuple[FilmPart, ...] = (),
+    bounce: NodeCall = film_bounce,
 ) -> FilmFit:
     """Fit equation F1 (`optics/film`) to balls, with those of its parts that the presses support.
 
@@ -158,7 +159,7 @@ def fit_film(
         **options: Any,
     ) -> Balls:
         given = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, **options)
+        return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, bounce=bounce, **options)
 
     balls = samples(matt_film(lights))
     width = pixel * flat.shape[2]

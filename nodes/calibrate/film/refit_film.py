@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Gt
 from scipy.optimize import least_squares
 
-from tactograph.graph import SizeLimit, node, warn
+from tactograph.graph import NodeCall, SizeLimit, node, warn
 from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLDS,
@@ -31,6 +31,7 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.sheet import SheetLight
 
@@ -125,6 +126,7 @@ def refit_film(
     *,
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
+    bounce: NodeCall = film_bounce,
 ) -> FilmRefit:
     """Return the model of a new film: the old one, with the changes that a check press shows.
 
@@ -172,7 +174,7 @@ def refit_film(
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
     given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
-    balls = sample_balls(*given, most=CHECK_SAMPLES)
+    balls = sample_balls(*given, most=CHECK_SAMPLES, bounce=bounce)
     if (slope := pressed_slope(balls, steepest)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
@@ -186,7 +188,7 @@ def refit_film(
         if other[1] < MAX_ERROR_RATIO * error:
             best, error, folds = other
     before_error = _judged(known, balls, (), None)[1]
-    whole = sample_balls(*given, most=None)
+    whole = sample_balls(*given, most=None, bounce=bounce)
     held = [
         Held(whole.only(whole.held_by % FOLDS == number), fold.fitted)
         for number, fold in enumerate(folds)

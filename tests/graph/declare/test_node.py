@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple, Unpack
 import numpy as np
 import pytest
 
-from tactograph.graph import Close, Exact, Port, Provenance, SizeLimit, node
+from tactograph.graph import Close, Exact, NodeCall, Port, Provenance, SizeLimit, node
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node_page import describe
 from tactograph.nodes import F4, Height, Light, PixelSize
@@ -245,6 +245,7 @@ def no_type(light, *, gain: float = 1) -> Height: ...  # type: ignore[no-untyped
 def no_port(light: F4) -> Height: ...
 def union(light: Light | Height) -> Height: ...
 def no_port_out(light: Light) -> F4: ...
+def no_node(light: Light, *, call: NodeCall = np.abs) -> Light: ...
 
 
 @pytest.mark.parametrize(
@@ -254,6 +255,7 @@ def no_port_out(light: Light) -> F4: ...
         (no_port, "port 'light': an array needs"),
         (union, "a union of types cannot be a port"),
         (no_port_out, "port 'no_port_out': an array needs"),
+        (no_node, "no_node: the default of 'call' has to be a node"),
     ],
 )
 def test_a_signature_that_is_no_declaration_is_refused(

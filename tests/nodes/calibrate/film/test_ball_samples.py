@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tactograph.graph.backends.device_call import DeviceCall
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.level_touches import level_touches
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls, thinned
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
+from tactograph.nodes.light.film_bounce import film_bounce
 from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
 from tests.nodes.films import LEDS, MATT
 
@@ -70,6 +73,13 @@ def test_film_that_throws_nothing_is_not_asked_what_it_throws() -> None:
     for nothing in (balls.bounced, balls.by_lift, balls.by_rim):
         assert nothing.shape == balls.light.shape
         assert not nothing.any()
+
+
+def test_a_device_tells_the_same_light(device: OpenCL) -> None:
+    raw = press(BOUNCING, (0.0, 0.0), seed=1)
+    here, there = (sampled(raw, bounce=b) for b in (film_bounce, DeviceCall(film_bounce, device)))
+    for name in ("light", "bounced", "by_lift", "by_rim"):
+        np.testing.assert_allclose(getattr(there, name), getattr(here, name), atol=2e-4)
 
 
 def test_some_of_many_samples_lie_evenly_over_each_ball() -> None:
