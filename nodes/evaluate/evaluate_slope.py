@@ -48,12 +48,11 @@ def evaluate_slope(
         if height is None:
             return {}
         truth = height_slopes(height, pixel).slope
-    missed = slope - truth
-    gentle = (truth * truth).sum(axis=0) <= np.float32(steepest) * np.float32(steepest)
+    gentle = truth[0] ** 2 + truth[1] ** 2 <= np.float32(steepest) ** 2
     angle = angle_between(slope, truth)
     metrics = {"normal_error_deg": float(np.degrees(angle.mean(dtype=np.float64)))}
     if counted := 2 * np.count_nonzero(gentle):
         # Zeros instead of a selection: gathering planes by a mask takes ten times as long.
-        square = float(((missed * missed).sum(axis=0) * gentle).sum(dtype=np.float64))
-        metrics["slope_rmse"] = float(square / counted) ** 0.5
+        missed = (slope - truth) * gentle
+        metrics["slope_rmse"] = float(np.square(missed).sum(dtype=np.float64) / counted) ** 0.5
     return metrics

@@ -108,8 +108,8 @@ def angle_between(a: Any, b: Any) -> Any:
     """
     p, q = a - b
     twist = p * b[1] - q * b[0]
-    lengths = np.sqrt((1 + (a * a).sum(axis=0)) * (1 + (b * b).sum(axis=0)))
-    both = lengths + 1 + (a * b).sum(axis=0)
+    lengths = np.sqrt((1 + a[0] * a[0] + a[1] * a[1]) * (1 + b[0] * b[0] + b[1] * b[1]))
+    both = lengths + (1 + a[0] * b[0] + a[1] * b[1])
     square = (p * p + q * q + twist * twist) / (2 * lengths * both)
     return 2 * np.arcsin(np.sqrt(np.minimum(square, 1)))
 
