@@ -36,7 +36,7 @@ def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = Non
     largest, rmse = float(error.max()), float(np.square(error).mean(dtype=np.float64)) ** 0.5
     top = np.unravel_index(int(truth.argmax()), truth.shape)
     peak = float(truth[top])
-    area = max(np.count_nonzero(truth > 0), 1)
+    area = max(int(np.count_nonzero(truth > 0)), 1)
     wrong = np.count_nonzero(error > np.float32(0.1 * peak))
     return {
         "max_error_px": largest / pixel,
