@@ -2,6 +2,7 @@
 
 python benchmarks/scale.py --out scale                 # 2,000 captures, 320 x 240
 python benchmarks/scale.py --out scale --captures 200  # a quick look
+python benchmarks/scale.py --out truths --truths       # captures with their truth beside them
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import json
 import os
 import random
 import resource
+import shutil
 import signal
 import socket
 import subprocess
@@ -54,10 +56,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("scale"))
     parser.add_argument("--captures", type=int, default=2000)
     parser.add_argument("--many", type=int, default=20_000, help="for the scheduler's memory")
+    parser.add_argument("--truths", action="store_true", help="put the truth beside each capture")
     parser.add_argument("--kill-every", type=float, default=20.0, help="seconds")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    make_captures(given.out, given.captures)
+    make_captures(given.out, given.captures, truths=given.truths)
     found: dict[str, Any] = {"captures": given.captures}
     studies: dict[str, Callable[[], dict[str, Any]]] = {
         "one process": lambda: alone(given.out, "alone.zarr", "--workers", "1"),
@@ -75,7 +78,7 @@ def main() -> None:
     show(found)
 
 
-def make_captures(out: Path, count: int) -> None:
+def make_captures(out: Path, count: int, *, truths: bool) -> None:
     """Simulate a few touches, and make `count` captures of them by adding noise."""
     folder = out / "captures"
     if folder.is_dir() and len(list(folder.iterdir())) == count:
@@ -100,6 +103,8 @@ def make_captures(out: Path, count: int) -> None:
         noisy = touches[n % DISTINCT] + rng.integers(-1, 2, (4, *SIZE))
         for k, image in enumerate(np.clip(noisy, 0, 255).astype(np.uint8), start=1):
             cv2.imwrite(str(place / f"led{k}.png"), image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        for known in (out / "touches" / str(n % DISTINCT)).glob("truth_*") if truths else ():
+            shutil.copy(known, place)
 
 
 def alone(out: Path, name: str, *options: str) -> dict[str, Any]:

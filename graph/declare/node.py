@@ -349,17 +349,24 @@ class Node:
     def idle(self, function: Callable[..., bool]) -> Callable[..., bool]:
         """Register a predicate that says when the node is a no-op.
 
-        The node then returns its neutral input unchanged, or no output if that may be absent; a
-        device launches nothing.  The predicate is called with those inputs, other than the neutral
-        one, that its arguments name; a field of a record is ``film_albedo``, as in a kernel.
+        The node then returns its neutral input unchanged, or the inputs that its outputs are
+        called after, or no output if that may be absent; a device launches nothing.  The predicate
+        is called with those other inputs that its arguments name; a field of a record is
+        ``film_albedo``, as in a kernel.  An argument with a default names an array that has to be
+        absent.
         """
-        if not isinstance(self.neutral, str) and not all(p.optional for p in self.outputs.values()):
+        handed_on = [self.inputs.get(self.handed_on(name)) for name in self.outputs]
+        if None in handed_on and not all(p.optional for p in self.outputs.values()):
             raise TypeError(
-                f"{self.name}: only a node whose neutral is an input, or whose output may be "
-                "absent, can be idle"
+                f"{self.name}: only a node whose neutral is an input, whose outputs are called "
+                "like inputs, or whose output may be absent, can be idle"
             )
         self.is_idle = function
         return function
+
+    def handed_on(self, output: str) -> str:
+        """The input that an idle node returns as this output."""
+        return self.neutral if isinstance(self.neutral, str) else output
 
     def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Register a function that makes a dummy item for a source that cannot wait.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
+from itertools import combinations
 from typing import Any
 
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ class DeviceValues:
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
         self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
+        self._first = _first(plan)
+        self._to_repeat: dict[str, dict[str, DeviceArray]] = {}
         for task in plan.tasks.values():
             if plan.placements[task.id].on_device and not task.filled:
                 device.compile(task.node)
@@ -66,7 +69,7 @@ class DeviceValues:
 
     def begin(self) -> None:
         """Start timing."""
-        self._timers, self._idle = {}, []
+        self._timers, self._idle, self._to_repeat = {}, [], {}
 
     def transfer(self, step: Step) -> None:
         """Begin a transfer; readers on the host wait for it, the device keeps its own order."""
@@ -95,31 +98,53 @@ class DeviceValues:
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
 
     def _hand_on(self, task: Task) -> Shapes | None:
-        """Hand on the input of an idle node, or nothing; return None if the node has to run."""
-        node, neutral = task.node, task.node.neutral
-        if node.is_idle is None or not self._is_idle(task, node.is_idle):
+        """Hand on what is there instead of running a node; return None if it has to run."""
+        if task.id in self._first:
+            handed_on = self._made_first(task)
+        elif task.node.is_idle is not None and self._is_idle(task, task.node.is_idle):
+            if all(port.optional for port in task.node.outputs.values()):
+                handed_on = {}
+                for name in task.node.outputs:
+                    self._values.pop(Value(task.id, name), None)
+            else:
+                handed_on = self._read(task)
+        else:
             return None
-        ((name, port),) = node.outputs.items()
-        made = Value(task.id, name)
-        if port.optional:
-            self._values.pop(made, None)
-            self._idle.append(task.id)
-            return {}
-        if not isinstance(neutral, str) or neutral not in task.reads:
+        if handed_on is None:
             return None
-        handed_on = self._values.get(task.reads[neutral])
-        as_float = made in self._plan.inspected or made not in self._read_whole
-        if handed_on is None or (as_float and handed_on.dtype != port.dtype):
-            return None
-        self._values[made] = handed_on
+        self._values |= {Value(task.id, name): array for name, array in handed_on.items()}
         self._idle.append(task.id)
-        return {name: handed_on.shape}
+        return {name: array.shape for name, array in handed_on.items()}
+
+    def _read(self, task: Task) -> dict[str, DeviceArray] | None:
+        """The inputs that an idle node returns, by output; None if one is not as declared."""
+        found: dict[str, DeviceArray] = {}
+        for name, port in task.node.outputs.items():
+            read = task.reads.get(task.node.handed_on(name))
+            array = None if read is None else self._values.get(read)
+            made = Value(task.id, name)
+            as_float = made in self._plan.inspected or made not in self._read_whole
+            if array is None or (as_float and array.dtype != port.dtype):
+                return None
+            found[name] = array
+        return found
+
+    def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
+        """The outputs of the node that this one repeats; None if it does more."""
+        first = self._plan.tasks[self._first[task.id]]
+        more = (value for name, value in task.reads.items() if name not in first.reads)
+        if first.settings != task.settings or any(value in self._values for value in more):
+            return None
+        made, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
+        return made if all(n in made for n in task.node.outputs if n in wanted) else None
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
         """Ask a node whether it is idle, unless that would mean to wait."""
-        values = self._asked[task.id].items()
-        asked = {name: self._host.ready(value) for name, value in values}
-        return all(value is not None for value in asked.values()) and is_idle(**asked)
+        asked, absent = self._asked[task.id]
+        if any(value in self._values for value in absent):
+            return False
+        known = {name: self._host.ready(value) for name, value in asked.items()}
+        return all(value is not None for value in known.values()) and is_idle(**known)
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         """Enqueue a node; return the shapes of its outputs."""
@@ -146,6 +171,8 @@ class DeviceValues:
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)
                 self._launches[task.id] = launch
             outputs, self._timers[task.id] = launch.launch(inputs)
+        if task.id in self._first.values():
+            self._to_repeat[task.id] = dict(outputs)
         for value in step.writes:
             if value.port in outputs:
                 self._values[value] = outputs[value.port]
@@ -194,12 +221,33 @@ class DeviceValues:
         self._before = {}
 
 
-def _asked(task: Task) -> dict[str, Value | None]:
-    """The values that decide whether a node is idle; None for one that is not of this item."""
+def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
+    """What decides whether a node is idle: values, and those that have to be absent.
+
+    A value is None if it is not of this item.
+    """
     if task.node.is_idle is None:
-        return {}
+        return {}, []
     reads = {name.replace(".", "_"): value for name, value in task.reads.items()}
-    return {name: reads.get(name) for name in inspect.signature(task.node.is_idle).parameters}
+    arguments = inspect.signature(task.node.is_idle).parameters.values()
+    asked = {a.name: reads.get(a.name) for a in arguments if a.default is a.empty}
+    return asked, [reads[a.name] for a in arguments if a.name in reads and a.name not in asked]
+
+
+def _first(plan: Plan) -> dict[str, str]:
+    """By node that of the same operation which runs before it, on all that it reads.
+
+    But for arrays that may be absent: without these the node does the same once more.
+    """
+    first: dict[str, str] = {}
+    tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]
+    for task, other in combinations(tasks, 2):
+        same = task.node is other.node and task.stream == other.stream
+        if same and task.recalls == other.recalls and task.reads.items() <= other.reads.items():
+            more = [other.node.inputs[name] for name in other.reads.keys() - task.reads.keys()]
+            if all(port.optional and port.kind == "array" for port in more):
+                first.setdefault(other.id, task.id)
+    return first
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

@@ -19,6 +19,7 @@ from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
+from tactograph.graph.run.keep_freed import keep_freed
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
@@ -41,6 +42,7 @@ class Pipeline:
     def __init__(
         self, plan: Plan, device: DeviceBackend | None, cache: Cache | None = None
     ) -> None:
+        keep_freed()
         self.plan = plan
         self.closing_warnings: list[str] = []
         self._device = device

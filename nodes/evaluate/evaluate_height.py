@@ -32,17 +32,18 @@ def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = Non
     """
     if truth is None:
         return {}
-    error = np.abs(height.astype(np.float64) - truth)
-    largest, rmse = float(error.max()), float(np.sqrt((error**2).mean()))
-    peak = float(truth.max())
-    area = max(int((truth > 0).sum()), 1)
+    error = np.abs(height - truth)
+    largest, rmse = float(error.max()), float(np.square(error).mean(dtype=np.float64)) ** 0.5
     top = np.unravel_index(int(truth.argmax()), truth.shape)
+    peak = float(truth[top])
+    area = max(int(np.count_nonzero(truth > 0)), 1)
+    wrong = np.count_nonzero(error > np.float32(0.1 * peak))
     return {
         "max_error_px": largest / pixel,
         "rmse_px": rmse / pixel,
         "max_error_um": UM_PER_MM * largest,
         "rmse_um": UM_PER_MM * rmse,
-        "over_10_percent": float(100 * (error > 0.1 * peak).sum() / area) if peak > 0 else 0.0,
-        "peak_error_percent": float(100 * (height[top] / peak - 1)) if peak > 0 else 0.0,
+        "over_10_percent": float(100 * wrong / area) if peak > 0 else 0.0,
+        "peak_error_percent": 100 * (float(height[top]) / peak - 1) if peak > 0 else 0.0,
         "peak_px": peak / pixel,
     }

@@ -32,7 +32,9 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
     """
     if truth is None:
         return {}
-    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in LED_BITS])
+    leds = int(np.bitwise_or.reduce(shadow | truth, axis=None)).bit_length()
+    bits = LED_BITS[: max(leds, 1)]
+    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in bits])
     metrics = _rates(counts.sum(axis=0), "")
     for k, count in enumerate(counts, start=1):
         metrics |= _rates(count, f"/led{k}")

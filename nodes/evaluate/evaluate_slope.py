@@ -6,10 +6,10 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt
-from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import Height, Metrics, PixelSize, Slope
+from tactograph.nodes.optics.normals import angle_between
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 
@@ -48,19 +48,11 @@ def evaluate_slope(
         if height is None:
             return {}
         truth = height_slopes(height, pixel).slope
-    measured, true = slope.astype(np.float64), truth.astype(np.float64)
-    gentle = (true**2).sum(axis=0) <= steepest**2
-    metrics = {"normal_error_deg": float(np.degrees(_angle(measured, true)).mean())}
-    if gentle.any():
-        metrics["slope_rmse"] = float(np.sqrt(((measured - true)[:, gentle] ** 2).mean()))
+    gentle = truth[0] ** 2 + truth[1] ** 2 <= np.float32(steepest) ** 2
+    angle = angle_between(slope, truth)
+    metrics = {"normal_error_deg": float(np.degrees(angle.mean(dtype=np.float64)))}
+    if counted := 2 * np.count_nonzero(gentle):
+        # Zeros instead of a selection: gathering planes by a mask takes ten times as long.
+        missed = (slope - truth) * gentle
+        metrics["slope_rmse"] = float(np.square(missed).sum(dtype=np.float64) / counted) ** 0.5
     return metrics
-
-
-def _angle(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angle between the normals (-p, -q, 1), in radians.
-
-    The cross product is used, too: the arc cosine alone loses all digits at small angles.
-    """
-    p, q = a - b
-    twist = a[0] * b[1] - a[1] * b[0]
-    return np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (a * b).sum(axis=0))

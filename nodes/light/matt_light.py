@@ -127,6 +127,22 @@ def _launch(run: Launch) -> None:
     )  # fmt: skip
 
 
+@matt_light.idle
+def _is_matt(
+    film_diffuse: F4,
+    film_wrap: float,
+    film_harmonics: F4,
+    film_gain: float,
+    film_refraction: float,
+    film_camera: float,
+    film_grain: float,
+    bounced: Light | None = None,
+) -> bool:
+    """Whether the film is matt already."""
+    more = film_wrap, film_camera, film_grain, film_diffuse.any(), film_harmonics.any()
+    return film_gain == film_refraction == 1 and not any(more)
+
+
 @matt_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """LEDs around the film, and light that a film may have.

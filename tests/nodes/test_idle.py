@@ -13,13 +13,15 @@ from tactograph.graph.declare.find_node import builtin_names, find_node
 IDLE = [name for name in builtin_names() if find_node(name).is_idle is not None]
 
 
-NOT_IDLE = {"within_film": 0.0}
-"""What a node is at work on, where it is not 1; the other of the two leaves it idle."""
+IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
+"""What leaves a node idle, where it is not 0; the other of the two does not."""
 
 
-def test_a_lens_perspective_light_and_a_frame_full_of_film_make_nodes_idle() -> None:
+def test_no_lens_perspective_or_light_and_film_that_is_matt_and_everywhere_make_nodes_idle() -> (
+    None
+):
     seen = ["as_seen", "confidence_as_seen", "error_as_seen", "labels_as_seen"]
-    bent = ["undistort", "undo_perspective", "view_slope"]
+    bent = ["matt_light", "undistort", "undo_perspective", "view_slope"]
     assert sorted([*seen, "film_bounce", *bent, "within_film"]) == sorted(IDLE)
 
 
@@ -27,16 +29,19 @@ def test_a_lens_perspective_light_and_a_frame_full_of_film_make_nodes_idle() -> 
 def test_an_idle_node_returns_its_neutral_input_or_nothing(name: str) -> None:
     node = find_node(name)
     case = cases(node)[0]
-    inputs, asked = make_inputs(node, case), inspect.signature(node.is_idle).parameters
+    inputs, arguments = make_inputs(node, case), inspect.signature(node.is_idle).parameters
     ports = {port.replace(".", "_"): port for port in inputs}
-    names = {n: ports[n] for n in asked}
-    busy = NOT_IDLE.get(name, 1.0)
-    assert not node.is_idle(**{n: np.full_like(inputs[port], busy) for n, port in names.items()})
-    for port in names.values():
-        inputs[port] = np.full_like(inputs[port], 1 - busy)
-    assert node.is_idle(**{n: inputs[port] for n, port in names.items()})
+    idle = {n: IDLE_AT.get(n, 0.0) for n, a in arguments.items() if a.default is a.empty}
+    busy = {n: np.full_like(inputs[ports[n]], 1 - value) for n, value in idle.items()}
+    assert not node.is_idle(**busy)
+    asked = {n: np.full_like(inputs[ports[n]], value) for n, value in idle.items()}
+    assert node.is_idle(**asked)
+    inputs |= {ports[n]: asked.get(n) for n in arguments}
     made = node(*node.in_order(inputs), **case.settings)
     if all(port.optional for port in node.outputs.values()):
         assert made is None
-    else:
-        np.testing.assert_array_equal(made, inputs[node.neutral])
+        return
+    for output, plane in zip(
+        node.outputs, made if isinstance(made, tuple) else [made], strict=True
+    ):
+        np.testing.assert_array_equal(plane, inputs[node.handed_on(output)])

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
+from tactograph.nodes.optics.normals import angle_between
 from tactograph.nodes.optics.reflectance_map import ball_shape
 
 JUDGED_RADIUS_SHARE = 0.9
@@ -45,9 +46,7 @@ def judge_contact(
         inside &= known
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
     measured = slope[:, inside].astype(np.float64)
-    p, q = measured - true
-    twist = measured[0] * true[1] - measured[1] * true[0]
-    angle = np.arctan2(np.sqrt(p * p + q * q + twist * twist), 1 + (measured * true).sum(axis=0))
+    angle = angle_between(measured, true)
     microns = float(1e3 * np.std(height[inside] - rise))
     cap = (radius - np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))) * pixel
     return float(np.degrees(angle.mean())), microns, microns / 10 / float(cap)

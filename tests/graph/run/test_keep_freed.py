@@ -1,0 +1,35 @@
+"""The system hands out the memory of a node's arrays once, not for every array."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+CHAIN = """
+import resource
+import numpy as np
+
+def chain():
+    arrays = [np.ones(100_000) for _ in range(8)]
+
+{keep}
+chain()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(10):
+    chain()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+KEEP = "from tactograph.graph.run.keep_freed import keep_freed; keep_freed()"
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries take no note")
+def test_what_a_node_frees_serves_the_next() -> None:
+    without, kept = (
+        int(subprocess.run([sys.executable, "-c", CHAIN.format(keep=keep)], check=True,
+                           capture_output=True, text=True).stdout)
+        for keep in ("", KEEP)
+    )  # fmt: skip
+    assert kept < 100 < without
