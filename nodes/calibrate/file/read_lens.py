@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.optics.lens import TERMS, oblong_lens
+
+Side = Annotated[float, Gt(0)]
 
 
 @node
-def read_lens(image: Light, *, file: Path | None = None) -> Lens:
+def read_lens(
+    image: Light, *, file: Path | None = None, pixel_mm: Side | tuple[Side, Side] | None = None
+) -> Lens:
     """Read the lens from the ``.npz`` that `write_camera` wrote.
 
     Parameters
@@ -22,6 +29,8 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
         K x H x W, the image to undistort; only its size is used.
     file
         The camera.  None: an ideal lens, eight zeros.
+    pixel_mm
+        mm per px; x, y of pixels that are not square, which are a lens where no `file` is given.
 
     Raises
     ------
@@ -29,8 +38,10 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
         If the file is missing, damaged, of another kind or version, or was made with images
         of another size.
     """
+    if file is None and isinstance(pixel_mm, tuple):
+        return oblong_lens(*pixel_mm)[0]
     if file is None:
-        return np.zeros(8, np.float32)
+        return np.zeros(len(TERMS), np.float32)
     arrays = read_arrays(file, CAMERA)
     columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):
