@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
+from tactograph.nodes.calibrate.camera.pixel_size import PixelSides, sides_of
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.optics.lens import TERMS, oblong_lens
 
-Side = Annotated[float, Gt(0)]
-
 
 @node
 def read_lens(
-    image: Light, *, file: Path | None = None, pixel_mm: Side | tuple[Side, Side] | None = None
+    image: Light, *, file: Path | None = None, pixel_mm: PixelSides | None = None
 ) -> Lens:
     """Read the lens from the ``.npz`` that `write_camera` wrote.
 
@@ -38,8 +35,8 @@ def read_lens(
         If the file is missing, damaged, of another kind or version, or was made with images
         of another size.
     """
-    if file is None and isinstance(pixel_mm, tuple):
-        return oblong_lens(*pixel_mm)[0]
+    if file is None and pixel_mm is not None:
+        return oblong_lens(*sides_of(pixel_mm))[0]
     if file is None:
         return np.zeros(len(TERMS), np.float32)
     arrays = read_arrays(file, CAMERA)

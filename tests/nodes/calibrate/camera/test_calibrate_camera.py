@@ -24,7 +24,7 @@ from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import half_diagonal, ideal_places
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
 from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)
@@ -305,3 +305,14 @@ def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     assert "pixel_size_mm" in done.stdout
     assert cv2.imread(str(tmp_path / "camera.png")) is not None
     assert pixel_size(camera=tmp_path / "camera.npz") == pytest.approx(0.075, rel=1e-3)
+
+
+def test_a_pixel_of_one_length_or_of_two() -> None:
+    image = np.zeros((4, *SHAPE), np.float32)
+    assert pixel_size(mm=0.08) == 0.08
+    assert not read_lens(image, pixel_mm=(0.08,)).any()
+    lens, pixel = read_lens(image, pixel_mm=(0.08, 0.1)), pixel_size(mm=(0.08, 0.1))
+    assert pixel_sides(lens, pixel) == pytest.approx((0.08, 0.1), rel=1e-6)
+    for wrong in ((0.08, 0.16), (0.16, 0.08)):
+        with pytest.raises(InputError, match="no camera's pixels are so oblong"):
+            pixel_size(mm=wrong)
