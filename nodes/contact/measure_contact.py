@@ -7,14 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import Contacts, Height, Metrics, PixelSize
+from tactograph.nodes import Contacts, Height, Lens, Metrics, PixelSize
+from tactograph.nodes.optics.lens import pixel_sides
 
 PIXEL_VARIANCE = 1 / 12
 """Variance of positions within a square pixel, in px^2."""
 
 
 @node
-def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metrics:
+def measure_contact(
+    height: Height, contact: Contacts, pixel: PixelSize, lens: Lens | None = None
+) -> Metrics:
     """Return area, depth, volume, position and principal axes of every contact.
 
     The film stands out as far as the object presses it in: depth is height.
@@ -27,6 +30,8 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
         H x W, the number of the contact at each pixel, as `find_contact` gives it.
     pixel
         mm per px.
+    lens
+        Of it only that pixels are not square; None: they are.
 
     Returns
     -------
@@ -45,15 +50,16 @@ def measure_contact(height: Height, contact: Contacts, pixel: PixelSize) -> Metr
         ``contact_cut``, whether it reaches the frame's border: then all figures are those of
         the part that is seen, and area, depth and volume lower bounds.
     """
+    sides = pixel_sides(lens, pixel)
     numbers = np.unique(contact[contact > 0])
     figures: Metrics = {"contacts": float(len(numbers))}
     for number in numbers:
-        measured = _measured(height, (contact == number).view(np.uint8), pixel)
+        measured = _measured(height, (contact == number).view(np.uint8), *sides)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
 
 
-def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
+def _measured(height: Height, mask: NDArray[np.uint8], side_x: float, side_y: float) -> Metrics:
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
     below, beside = height.shape[0] - top - rows, height.shape[1] - left - width
@@ -63,22 +69,22 @@ def _measured(height: Height, mask: NDArray[np.uint8], pixel: float) -> Metrics:
     area = moments["m00"]
     x, y = left + moments["m10"] / area, top + moments["m01"] / area
     mean = float(depth.sum()) / area
-    spread_x = moments["mu20"] / area + PIXEL_VARIANCE
-    spread_y = moments["mu02"] / area + PIXEL_VARIANCE
-    shared = moments["mu11"] / area
+    spread_x = (moments["mu20"] / area + PIXEL_VARIANCE) * side_x**2
+    spread_y = (moments["mu02"] / area + PIXEL_VARIANCE) * side_y**2
+    shared = moments["mu11"] / area * side_x * side_y
     (minor, major), axes = np.linalg.eigh([[spread_x, shared], [shared, spread_y]])
     angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
     return {
-        "area_mm2": area * pixel**2,
+        "area_mm2": area * side_x * side_y,
         "depth_mm": float(depth.max()),
         "mean_depth_mm": mean,
-        "volume_mm3": mean * area * pixel**2,
+        "volume_mm3": mean * area * side_x * side_y,
         "x_px": x,
         "y_px": y,
-        "x_mm": (x - (height.shape[1] - 1) / 2) * pixel,
-        "y_mm": (y - (height.shape[0] - 1) / 2) * pixel,
-        "major_mm": 4 * float(np.sqrt(major)) * pixel,
-        "minor_mm": 4 * float(np.sqrt(minor)) * pixel,
+        "x_mm": (x - (height.shape[1] - 1) / 2) * side_x,
+        "y_mm": (y - (height.shape[0] - 1) / 2) * side_y,
+        "major_mm": 4 * float(np.sqrt(major)),
+        "minor_mm": 4 * float(np.sqrt(minor)),
         "angle_deg": float(90 - (90 - angle) % 180),
         "cut": min(left, top, below, beside) == 0,
     }

@@ -108,11 +108,11 @@ def write_npy(file: Path, height: Height, pixel: float) -> None:
     np.save(file, height)
 
 
-def write_tiff(file: Path, height: Height, pixel: float) -> None:
-    """One 32-bit float channel in mm, the pixel size as its resolution."""
+def write_tiff(file: Path, height: Height, pixel: float, length: float | None = None) -> None:
+    """One 32-bit float channel in mm, a pixel's size, or its width and `length`, as resolution."""
     tags = ImageFileDirectory_v2()
     tags[270] = TIFF_TEXT
-    tags[282] = tags[283] = 10 / pixel
+    tags[282], tags[283] = 10 / pixel, 10 / (length or pixel)
     tags[296] = PER_CM
     Image.fromarray(np.asarray(height, np.float32)).save(file, tiffinfo=tags)
 

@@ -10,7 +10,8 @@ everywhere; L1 and L2 say where the camera sees what lies at the ideal place (u,
 - L2, radial distortion (Brown, "Close-range camera calibration", 1971), about the centre
   c = (cx, cy): (x, y) = c + d (1 + k1 r^2 + k2 r^4), d = q - c, r = |d|.
 
-The lens is the array (k1, k2, cx, cy, a, b, gx, gy).  With eight zeros (x, y) = (u, v).
+The lens is the array (k1, k2, cx, cy, a, b, gx, gy).  With eight zeros (x, y) = (u, v).  Pixels
+that are not square are a lens of `a` alone.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, Lens
 
 TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
 STEPS = 4
 """Newton's steps for the inverse of L2; from 20 % of distortion they leave 2e-2, 2e-4, 2e-8."""
+MAX_OBLONG = 1.3
+"""Largest ratio of a pixel's sides; beyond, the ideal image would lack a large part of the film."""
 
 Places = NDArray[Any]
 
@@ -33,6 +37,34 @@ Places = NDArray[Any]
 def is_straight(lens: Lens) -> bool:
     """Whether every place is seen where it is."""
     return not lens.any()
+
+
+def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
+    """Return the lens of pixels that are not square, and the side of the ideal image's pixels.
+
+    Parameters
+    ----------
+    width, length
+        Sides of a pixel along x and y, in mm.
+
+    Raises
+    ------
+    InputError
+        If one is longer than the other by more than `MAX_OBLONG`.
+    """
+    if max(width / length, length / width) > MAX_OBLONG:
+        raise InputError(
+            f"pixel_size_mm={width:g},{length:g}: no camera's pixels are so oblong; it is x,y in "
+            "mm (images that were enlarged along one side: resize them to square pixels)"
+        )
+    a = (length - width) / (length + width)
+    return np.array([0, 0, 0, 0, a, 0, 0, 0], np.float32), (1 + a) * width
+
+
+def pixel_sides(lens: Lens | None, pixel: float) -> tuple[float, float]:
+    """Return the sides along x and y of the camera's pixels, for those of the ideal image."""
+    a = 0.0 if lens is None else float(lens[TERMS.index("a")])
+    return pixel / (1 + a), pixel / (1 - a)
 
 
 def half_diagonal(shape: tuple[int, int]) -> np.float32:

@@ -26,7 +26,8 @@ def read_pixel_size(
     """Return the pixel size of a height map in mm.
 
     ``.sur``, ``.tmd``, and the ``.tiff`` and ``.png`` that Tactograph writes state it
-    themselves.  For the others, the ``result.json`` in the same folder states it.
+    themselves.  For the others, the ``result.json`` in the same folder states it.  Pixels that
+    are not square have no size.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def read_pixel_size(
     Raises
     ------
     InputError
-        If neither says it, or the file is missing or damaged.
+        If neither says it, a result's pixels are not square, or the file is missing or damaged.
     """
     result = height.parent / RESULT
     stated, where = read_height_file(height).pixel, height
@@ -60,7 +61,16 @@ def read_pixel_size(
 
 def _size_in(folder: Path) -> float | None:
     """Return what a folder's result says; None if it is no result, or an older one."""
-    size = read_result(folder).get("pixel_size_mm")
+    said = read_result(folder)
+    size = said.get("pixel_size_mm")
     if isinstance(size, bool) or not isinstance(size, int | float):
         return None
+    match said.get("pixel_sides_mm"):
+        case [float(width), float(length)] if not math.isclose(
+            width, length, rel_tol=MAX_SIZE_DIFFERENCE
+        ):
+            raise InputError(
+                f"{folder / RESULT}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
+                "reconstruct with --set save.grid=metric"
+            )
     return float(size) if MIN_PIXEL_MM <= size <= MAX_PIXEL_MM else None

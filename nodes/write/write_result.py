@@ -16,6 +16,7 @@ from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT, checksum, read_result
 from tactograph.nodes.optics.film_places import on_even_grid
+from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
 
 OPTIONAL_FILES = (
@@ -95,6 +96,7 @@ def write_result(
             "capture": touch.name,
             "grid": grid,
             "pixel_size_mm": float(touch.pixel),
+            "pixel_sides_mm": pixel_sides(touch.lens, float(touch.pixel)),
             "files": sorted([*checksums, RESULT]),
             "checksums": checksums,
             "metrics": {**(metrics or {}), **(touch.metrics or {})},
@@ -130,7 +132,7 @@ def _write_arrays(touch: Touch, folder: Path) -> None:
     """Write measurements as floats, labels as images of 8 bits."""
     measured = {"height": touch.height, "error": touch.error, "confidence": touch.confidence}
     labels = {"shadow": touch.shadow, "highlight": touch.highlight, "contact": touch.contact}
-    write_tiff(folder / "height.tiff", touch.height, touch.pixel)
+    write_tiff(folder / "height.tiff", touch.height, *pixel_sides(touch.lens, touch.pixel))
     for name, plane in measured.items():
         if plane is not None:
             np.save(folder / f"{name}.npy", plane)

@@ -140,6 +140,37 @@ def find_ball(
     return _ball(circle, goodness)
 
 
+def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float]:
+    """Return how oblong pixels are by a ball, and how much of the residual that explains.
+
+    Parameters
+    ----------
+    light, ball, radius
+        K x H x W, the circle found, and the ball's radius in px, as if pixels were square.
+
+    Returns
+    -------
+    tuple
+        Logarithm of a pixel's width over its length, and 0 to 1, where 1 leaves no residual.
+    """
+    reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
+    start, limit = ball.on(shrink), radius / shrink
+    samples = _sample(reduced, start, FOLD_KNOTS[-1])
+
+    def residual(values: F8) -> float:
+        x, y, contact, oblong = values
+        wider = np.exp(oblong / 2)
+        square = samples._replace(x=(samples.x - x) * wider, y=(samples.y - y) / wider)
+        return _residual(square, Circle(0.0, 0.0, min(contact, limit)), limit)
+
+    first = np.array([*start, 0.0])
+    steps = np.vstack([np.zeros(4), np.diag([*[0.03 * start.radius] * 3, 0.05])])
+    stop = {"initial_simplex": first + steps, "xatol": 0.002, "fatol": np.inf, "maxfev": 200}
+    minimize: Any = optimize.minimize  # its stubs know no initial simplex
+    result = minimize(residual, first, method="Nelder-Mead", options=stop)
+    return float(result.x[3]), 1 - float(result.fun) / max(residual(first), 1e-12)
+
+
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
     """Refuse a ball or a contact below a pixel, and one that must be far larger than the image."""
     if radius < MIN_CONTACT_PX:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import Lens, Light
+from tactograph.nodes import F4, Lens, Light
 from tactograph.nodes.capture.read_balls import KnownCircles
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, is_straight
@@ -43,9 +43,16 @@ def undistort_presses(
         return IdealPresses(image, first, known)
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]
-    half = float(half_diagonal((rows, columns)))
+    circles = ideal_circles(known, lens, (rows, columns))
+    return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles)
+
+
+def ideal_circles(known: F4, lens: Lens, shape: tuple[int, int]) -> F4:
+    """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
+    rows, columns = shape
+    half = float(half_diagonal(shape))
     place = known[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
     offset = np.stack(ideal_offset(lens, place[:, 0] / half, place[:, 1] / half), axis=1)
     circles = known.copy()
     circles[:, :2] += half * offset
-    return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles)
+    return circles

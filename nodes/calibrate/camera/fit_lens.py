@@ -14,7 +14,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Lens, Metrics, PixelSize
 from tactograph.nodes.calibrate.camera.find_grid import GridMarks
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.optics.lens import TERMS, half_diagonal, seen_offset
+from tactograph.nodes.optics.lens import TERMS, half_diagonal, pixel_sides, seen_offset
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -27,6 +27,8 @@ MARK_ACCURACY_PX = 0.03
 fitted, so that images stay unchanged."""
 MAX_RESIDUAL_PITCHES = 0.05
 """Largest residual of a square grid, relative to its pitch."""
+MAX_BEND_PERCENT = 15.0
+"""Distortion at the corner above which what is left comes from the lens rather than the grid."""
 MIN_REACH_SHARE = 0.75
 """Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
 
@@ -89,11 +91,15 @@ def fit_lens(
     departure[~kept] = np.nan
     residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     pitch = half * float(np.exp(pose[0]))
+    bend = 100 * float(lens[0] + lens[1])
     if residual > MAX_RESIDUAL_PITCHES * pitch:
-        raise InputError(
-            f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid; "
-            "lay it flat on the film, or name another pattern="
-        )
+        what = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
+        if abs(bend) > MAX_BEND_PERCENT:
+            raise InputError(
+                f"{what} through a lens that bends lines by {bend:.0f} % at the corner, more than "
+                "k1 and k2 describe; crop= the middle of all images, or take a longer lens"
+            )
+        raise InputError(f"{what}; lay it flat on the film, or name another pattern=")
     _check_fold(lens)
     reach = float(np.linalg.norm(seen[kept], axis=1).max())
     if reach < MIN_REACH_SHARE:
@@ -102,12 +108,14 @@ def fit_lens(
             "only continued: show a grid that fills the image"
         )
     pixel = pitch_mm / pitch
+    width, length = pixel_sides(lens, pixel)
     quality: Metrics = {
         "marks": int(kept.sum()),
         "left_out": int((~kept).sum()) + marks.astray,
         "residual_px": residual,
         "pixel_size_mm": pixel,
-        "distortion_corner_percent": 100 * float(lens[0] + lens[1]),
+        "distortion_corner_percent": bend,
+        "oblong_percent": 100 * (width / length - 1),
         "tilt_percent": 100 * float(np.hypot(lens[6], lens[7])),
     }
     if camera_mm is not None:
@@ -120,7 +128,7 @@ def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
     """Flags of the marks that the most flexible lens fits."""
     kept = np.ones(len(seen), bool)
     for _ in range(2):
-        pose, lens, _ = _fit(seen[kept], cell[kept], ("k1", "k2", *TILT_TERMS))
+        pose, lens, _ = _fit(seen[kept], cell[kept], TERMS)
         away = np.linalg.norm(seen - _predicted(pose, lens, cell), axis=1)
         # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
         kept = away <= MAX_DEVIATIONS * max(float(np.median(away[kept])) / 1.18, 1e-6)

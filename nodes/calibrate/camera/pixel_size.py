@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Interval
+from annotated_types import Interval, Len
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
@@ -13,12 +13,17 @@ from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.optics.lens import oblong_lens
+
+Side = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
+PixelSides = Side | Annotated[tuple[Side, ...], Len(1, 2)]
+"""Side of a pixel in mm, or x, y of one that is not square."""
 
 
 @node
 def pixel_size(
     *,
-    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    mm: PixelSides | None = None,
     camera: Path | None = None,
     sensor: str | None = None,
 ) -> PixelSize:
@@ -27,7 +32,9 @@ def pixel_size(
     Parameters
     ----------
     mm
-        mm per px, from a nanometre to a metre, which files of 32-bit floats can hold.
+        mm per px, from a nanometre to a metre, which files of 32-bit floats can hold; x, y of
+        pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal
+        image's pixels is returned.
     camera
         A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
@@ -39,6 +46,8 @@ def pixel_size(
     InputError
         If none is given, there is no such sensor, or the file is not a camera file.
     """
+    if mm is not None:
+        mm = oblong_lens(*sides_of(mm))[1]
     if mm is None and sensor is not None:
         mm = read_preset(sensor).pixel_size_mm
     if camera is None:
@@ -56,3 +65,9 @@ def pixel_size(
             f"{mm:.6g}: undistorted images have the camera's"
         )
     return stated
+
+
+def sides_of(mm: PixelSides) -> tuple[float, float]:
+    """Return a pixel's width and length."""
+    sides = mm if isinstance(mm, tuple) else (mm,)
+    return sides[0], sides[-1]

@@ -51,6 +51,7 @@ def rate_presses(
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
     of_radius: list[str] | None = None,
+    of_pixels: list[str] | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     folds: Annotated[int, Interval(ge=2, le=20)] = 5,
@@ -71,8 +72,8 @@ def rate_presses(
         As `fit_reflectance_map` returns them.
     pixel
         mm per px.
-    of_radius
-        The doubts of `judge_press_radius`.
+    of_radius, of_pixels
+        The doubts of `judge_press_radius` and of `judge_oblong`.
     radius_mm
         The ball's radius.
     folds
@@ -109,7 +110,7 @@ def rate_presses(
         "steepest_slope": steepest,
         "rim_um": 1e3 * rim,
     }
-    doubts = of_heldout_error(float(degrees)) + (of_radius or [])
+    doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + (of_radius or [])
     for doubt in doubts:
         warn(doubt)
     counting = "heldout_normal_deg", float(degrees)

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator
 
-from tactograph.nodes import Dark, Light, Mask, Metrics, Misfit, PixelSize
+from tactograph.nodes import Dark, Lens, Light, Mask, Metrics, Misfit, PixelSize
 from tactograph.nodes.files.calibration_file import FileKind, free_for
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 from tactograph.nodes.stored import Stored
@@ -34,6 +34,11 @@ class PressCalibration(NamedTuple):
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
     area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
+    lens: Annotated[
+        Lens,
+        Stored(-10, 10, older=0.0),
+        "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
+    ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
 
 

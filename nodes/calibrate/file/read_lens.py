@@ -8,12 +8,16 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
+from tactograph.nodes.calibrate.camera.pixel_size import PixelSides, sides_of
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA
 from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.optics.lens import TERMS, oblong_lens
 
 
 @node
-def read_lens(image: Light, *, file: Path | None = None) -> Lens:
+def read_lens(
+    image: Light, *, file: Path | None = None, pixel_mm: PixelSides | None = None
+) -> Lens:
     """Read the lens from the ``.npz`` that `write_camera` wrote.
 
     Parameters
@@ -22,6 +26,8 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
         K x H x W, the image to undistort; only its size is used.
     file
         The camera.  None: an ideal lens, eight zeros.
+    pixel_mm
+        mm per px; x, y of pixels that are not square, which are a lens where no `file` is given.
 
     Raises
     ------
@@ -29,8 +35,10 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
         If the file is missing, damaged, of another kind or version, or was made with images
         of another size.
     """
+    if file is None and pixel_mm is not None:
+        return oblong_lens(*sides_of(pixel_mm))[0]
     if file is None:
-        return np.zeros(8, np.float32)
+        return np.zeros(len(TERMS), np.float32)
     arrays = read_arrays(file, CAMERA)
     columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph import Provenance, node, warn
-from tactograph.nodes import Light, Mask, Metrics, PixelSize
+from tactograph.nodes import Lens, Light, Mask, Metrics, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration
 from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.files.sensor_identity import identity_from
@@ -20,6 +20,7 @@ def write_press_calibration(
     doubts: list[str] | None = None,
     area: Mask | None = None,
     serial: str | None = None,
+    lens: Lens | None = None,
     *,
     file: NewPressCalibration,
     sensor: str | None = None,
@@ -44,6 +45,8 @@ def write_press_calibration(
         H x W, where the frame shows film; None: everywhere.
     serial
         The camera's serial number.
+    lens
+        Length 8, by which the images were undistorted; None: an ideal lens.
     file
         The file; it is replaced as a whole.
     sensor
@@ -63,6 +66,7 @@ def write_press_calibration(
             "pixel_size": pixel,
             "reflectance": reflectance,
             "area": area,
+            "lens": lens,
         },
         {
             "quality": quality,

@@ -80,6 +80,7 @@ def rate_calibration(
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
     radius: RadiusCheck | None = None,
+    of_pixels: list[str] | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -108,6 +109,8 @@ def rate_calibration(
         mm per px.
     radius
         `judge_radius`: its figures, those of the fit among them, and its doubts.
+    of_pixels
+        The doubts of `judge_oblong`.
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
         doubt.
@@ -133,7 +136,7 @@ def rate_calibration(
     lights, mismatch, albedo, refraction = model
     figures, radius_doubts = radius or RadiusCheck({}, [])
     error = figures.get("film_heldout_deg")
-    doubts = of_heldout_error(error) + radius_doubts
+    doubts = (of_pixels or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)

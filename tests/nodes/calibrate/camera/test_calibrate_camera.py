@@ -24,7 +24,7 @@ from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import half_diagonal, ideal_places
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
 from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)
@@ -158,6 +158,26 @@ def test_marks_on_no_even_grid_are_refused() -> None:
         fit_lens(np.zeros(SHAPE, np.float32), marks, pitch_mm=1.0)
 
 
+def test_a_lens_beyond_the_model_is_told_from_a_grid_that_is_not_flat() -> None:
+    """A fisheye of 140 degrees, whose radius grows with the angle."""
+    cell = np.int32(np.argwhere(np.ones((61, 61))) - 30)
+    far = 0.1 * np.hypot(*cell.T)
+    seen = 150 * cell * (0.1 * np.arctan(far) / np.maximum(far, 1e-9))[:, None]
+    place = np.float32(seen + np.array(SHAPE[::-1]) / 2)
+    there = ((place > 4) & (place < np.array(SHAPE[::-1]) - 5)).all(axis=1)
+    marks = GridMarks(place[there], cell[there], "dots", 0)
+    with pytest.raises(InputError, match=r"bends lines by -\d+ % at the corner.*crop="):
+        fit_lens(np.zeros(SHAPE, np.float32), marks, pitch_mm=1.0)
+
+
+def test_a_tilted_lens_off_the_middle_keeps_all_its_marks() -> None:
+    lens = np.float32([-0.1, 0, 0.1, 0.05, 0, 0.03, 0.1, 0.05])
+    found = camera_of(pixels(dots(*on_film(SHAPE, lens, 15, 0.1, (0, 0)))))
+    assert found.quality["left_out"] == 0
+    assert found.residual < 0.05
+    assert largest_departure(found.lens, lens) < 0.3
+
+
 def test_every_whole_dot_is_a_mark_up_to_the_frame() -> None:
     """Those at the frame tell most of the lens; 10 px of pitch, 2.3 of radius, 4 to the frame."""
     i, j = on_film(SHAPE, NONE, 10, 0.0, (0.45, 0.45))
@@ -285,3 +305,14 @@ def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     assert "pixel_size_mm" in done.stdout
     assert cv2.imread(str(tmp_path / "camera.png")) is not None
     assert pixel_size(camera=tmp_path / "camera.npz") == pytest.approx(0.075, rel=1e-3)
+
+
+def test_a_pixel_of_one_length_or_of_two() -> None:
+    image = np.zeros((4, *SHAPE), np.float32)
+    assert pixel_size(mm=0.08) == 0.08
+    assert not read_lens(image, pixel_mm=(0.08,)).any()
+    lens, pixel = read_lens(image, pixel_mm=(0.08, 0.1)), pixel_size(mm=(0.08, 0.1))
+    assert pixel_sides(lens, pixel) == pytest.approx((0.08, 0.1), rel=1e-6)
+    for wrong in ((0.08, 0.16), (0.16, 0.08)):
+        with pytest.raises(InputError, match="no camera's pixels are so oblong"):
+            pixel_size(mm=wrong)

@@ -1,0 +1,42 @@
+"""Undistort the presses of a one-shot sensor, its film at rest, and known circles."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import Lens, Light
+from tactograph.nodes.calibrate.ball.undistort_presses import ideal_circles
+from tactograph.nodes.capture.read_balls import KnownCircles
+from tactograph.nodes.capture.read_presses import PressImages
+from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.lens import is_straight
+
+
+class EvenPresses(NamedTuple):
+    """Presses and film at rest on the ideal grid, and known contacts."""
+
+    image: PressImages
+    flat: Light
+    circle: KnownCircles
+
+
+@node
+def even_presses(image: PressImages, flat: Light, circle: KnownCircles, lens: Lens) -> EvenPresses:
+    """Return what `read_presses` read, as seen by a camera without distortion.
+
+    Parameters
+    ----------
+    image, flat
+        P x K x H x W presses and the K x H x W film at rest, as captured.
+    circle
+        P x 3 in px of the captured images; the radius does not change.
+    lens
+        Length 8, as `read_lens` returns it.
+    """
+    if is_straight(lens):
+        return EvenPresses(image, flat, circle)
+    presses = np.stack([undistort(press, lens) for press in image])
+    return EvenPresses(presses, undistort(flat, lens), ideal_circles(circle, lens, flat.shape[1:]))

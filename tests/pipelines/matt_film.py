@@ -1,0 +1,57 @@
+"""Captures of a matt film under near LEDs, 160 x 120 px of 0.1 mm, whose true heights are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.simulate.expose import expose
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.render import render
+from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.nodes.simulate.shape_flat import shape_flat
+
+PIXEL_MM, BALL_MM = 0.1, 4.0
+CANVAS = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}
+FLAT = shape_flat(**CANVAS).height
+BALL = shape_ball(radius_mm=BALL_MM, rise_mm=1.2, **CANVAS).height
+TOUCH = shape_ball(radius_mm=5.0, rise_mm=0.8, offset_mm=(0.6, -0.4), **CANVAS).height
+
+Image = NDArray[np.uint8]
+
+
+def leds(count: int = 4, distance_mm: float = 40.0) -> F4:
+    """Places of LEDs in a ring, in mm."""
+    return light_ring(count=count, slant_deg=40.0, distance_mm=distance_mm, first_azimuth_deg=45.0)
+
+
+def taken(height: F4, seed: int = 0, lights: F4 | None = None) -> Image:
+    """What an 8-bit camera sees under each LED: K x H x W."""
+    light = render(height, PIXEL_MM, leds() if lights is None else lights).light
+    return np.rint(255 * expose(light, seed=seed).image).clip(0, 255).astype(np.uint8)
+
+
+def write(folder: Path, images: Image) -> str:
+    """One image per LED."""
+    folder.mkdir(parents=True)
+    for k, image in enumerate(images, start=1):
+        cv2.imwrite(str(folder / f"led{k}.png"), image)
+    return str(folder)
+
+
+def run(graph: str, sinks: bool = True, **given: Any) -> Any:
+    """The result of a graph's only item."""
+    (result,) = open_pipeline(read_graph(graph), given, sinks=sinks).items()
+    return result
+
+
+def said(result: Any) -> list[str]:
+    """What a result warns of, but for the lack of a device."""
+    return [line for line in result.warnings if "OpenCL" not in line]
