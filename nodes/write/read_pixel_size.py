@@ -16,7 +16,7 @@ from tactograph.nodes.files.height_files import (
     MIN_PIXEL_MM,
     read_height_file,
 )
-from tactograph.nodes.files.result_file import RESULT, read_result
+from tactograph.nodes.files.result_file import RESULT_FILE, read_result
 
 
 @node
@@ -40,7 +40,7 @@ def read_pixel_size(
     InputError
         If neither says it, or the file is missing or damaged.
     """
-    result = height.parent / RESULT
+    result = height.parent / RESULT_FILE
     stated, where = read_height_file(height).pixel, height
     if stated is None:
         stated, where = _size_in(height.parent), result

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.files.calibration_file import read_arrays
 
 
@@ -31,7 +31,7 @@ def read_lens(image: Light, *, file: Path | None = None) -> Lens:
     """
     if file is None:
         return np.zeros(8, np.float32)
-    arrays = read_arrays(file, CAMERA)
+    arrays = read_arrays(file, CAMERA_KIND)
     columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):
         raise InputError(
