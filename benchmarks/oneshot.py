@@ -36,7 +36,7 @@ from tactograph.nodes.calibrate.file.write_press_calibration import write_press_
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 
-RADIUS_MM, PIXEL_MM, FOLDS = 6.31 / 2, 0.0634, 5
+RADIUS_MM, PIXEL_MM, FOLD_COUNT = 6.31 / 2, 0.0634, 5
 UNKNOWN = Provenance({}, None, [], {}, {}, [], [])
 DRAWN = ("25", "13", "2")
 HEAD = (
@@ -68,19 +68,19 @@ def main(data: Path, out: Path) -> None:
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
     shown: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     at_rest: list[tuple[float, float]] = []
-    for fold in range(FOLDS):
+    for fold in range(FOLD_COUNT):
         training = ball.copy()
-        training[fold::FOLDS, 2] = 0
+        training[fold::FOLD_COUNT, 2] = 0
         fit = fit_reflectance_map(image, flat, names, training, PIXEL_MM, radius_mm=RADIUS_MM)
         calibration = out / f"fold{fold}.npz"
         write_press_calibration(
             flat, PIXEL_MM, fit.reflectance, {}, "", file=calibration, provenance=UNKNOWN
         )
         with tempfile.TemporaryDirectory() as room:
-            test = chosen(folder, names[fold::FOLDS], Path(room) / "test")
+            test = chosen(folder, names[fold::FOLD_COUNT], Path(room) / "test")
             results = measure(test, calibration, Path(room) / "out")
         reflectance = fit.reflectance.astype(np.float64)
-        held = range(fold, len(names), FOLDS)
+        held = range(fold, len(names), FOLD_COUNT)
         for i, (slope, height) in zip(held, results, strict=True):
             found = ball[i].astype(np.float64)
             circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
@@ -88,7 +88,7 @@ def main(data: Path, out: Path) -> None:
             for row, truth in (("refined", circle), ("as found", found)):
                 rows[row].append(judge_contact(slope, height, truth, bench.radius, PIXEL_MM))
             shown[names[i]] = height, circle
-        print(f"fold {fold + 1} of {FOLDS} done, {time.process_time():.0f} s", file=sys.stderr)
+        print(f"fold {fold + 1} of {FOLD_COUNT} done, {time.process_time():.0f} s", file=sys.stderr)
     report(rows)
     spread, tilt = 1e3 * np.mean(at_rest, axis=0)
     print(f"\nfilm at rest: {spread:.1f} um from its mean, tilted by {tilt:.1f} um over the frame")

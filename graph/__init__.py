@@ -70,7 +70,7 @@ __all__ = [
 ]
 
 
-_LATE = {
+_LATE_MODULES = {
     "Cache": "run.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",
@@ -80,7 +80,7 @@ _LATE = {
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATE:
+    if name not in _LATE_MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f"{__name__}.{_LATE[name]}")
+    module = importlib.import_module(f"{__name__}.{_LATE_MODULES[name]}")
     return module if name == "parity" else getattr(module, name)

@@ -84,7 +84,7 @@ def one_line(text: str) -> str:
 
 
 def _is_control(character: str) -> bool:
-    """Whether a character controls a terminal or turns the direction of the text."""
+    """Return whether a character controls a terminal or turns the direction of the text."""
     kind = unicodedata.category(character)
     return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _BIDI_CLASSES)
 
@@ -126,7 +126,7 @@ def warn(message: str) -> None:
 
 
 def is_of_printing(error: OSError) -> bool:
-    """Whether click or rich raised it while printing: the reader, such as ``| head``, has gone."""
+    """Return whether click or rich raised it because the reader, such as ``| head``, has gone."""
     modules = [frame.f_globals["__name__"] for frame, _ in walk_tb(error.__traceback__)]
     return modules[-1].partition(".")[0] in ("click", "rich")
 

@@ -24,7 +24,7 @@ U1 = NDArray[np.uint8]
 Light = Annotated[F4, Port("K H W", "1")]
 """Irradiance per LED (the paper's I_k)."""
 Dark = Annotated[F4, Port("H W", "1", high=0.05)]
-"""What the camera sees with all LEDs off."""
+"""Image with all LEDs off."""
 Slope = Annotated[F4, Port("2 H W", "mm/mm", low=-2, high=2)]
 """Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2."""
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
@@ -34,7 +34,7 @@ CoarseLight = Annotated[F4, Port("K h w", "1")]
 ResizedLight = Annotated[F4, Port("K h w", "1")]
 """Light on a pixel grid other than the input's."""
 CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
-"""What the camera sees with all LEDs off, on such cells."""
+"""Image with all LEDs off, on such cells."""
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]

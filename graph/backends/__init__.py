@@ -1,4 +1,4 @@
-"""Where nodes run: NumPy on the host, or one device.
+"""Back ends of nodes: NumPy on the host, or one device.
 
 NumPy is a plain call and needs no code here.  A device's back end NAME is the module NAME.py of
 this folder with ``open_device(text) -> (DeviceBackend | None, reason)``, and an entry below.
@@ -10,5 +10,5 @@ from typing import Literal, get_args
 
 Backend = Literal["numpy", "opencl"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-PREFERRED: tuple[Backend, ...] = ("opencl", "numpy")
+PREFERRED_ORDER: tuple[Backend, ...] = ("opencl", "numpy")
 """The order for a graph that states no preference."""

@@ -29,7 +29,7 @@ from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.programs import build, context_of
 
-_FRACTION = """
+_FRACTION_KERNEL = """
 #if LANES == 16
 __attribute__((vec_type_hint(float16)))
 #endif
@@ -136,7 +136,7 @@ class Queue:
         """The kernel of `start_upload_of_fraction` for integers of one or two bytes."""
         if size not in self._fractions:
             macros = f"-DLANES={self.lanes}", f"-DWHOLE={'uchar' if size == 1 else 'ushort'}"
-            program = build(self.context, _FRACTION, (*self.options, *macros))
+            program = build(self.context, _FRACTION_KERNEL, (*self.options, *macros))
             self._fractions[size] = Kernel(cl.Kernel(program, "fraction"))
         return self._fractions[size]
 
@@ -183,7 +183,7 @@ class Queue:
         self.queue.finish()
 
     def has_failed(self, timer: Timer) -> bool:
-        """Whether the operation between two events ended in an error."""
+        """Return whether the operation between two events ended in an error."""
         try:
             return any(event.command_execution_status < 0 for event in timer)
         except cl.Error:

@@ -21,7 +21,7 @@ from tactograph.graph.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     import pyopencl as cl
 
-_PROBE = """
+_PROBE_KERNEL = """
 __kernel void probe(__global const float *a, __global float *out, const float b)
 {
     const int i = get_global_id(0);
@@ -156,7 +156,7 @@ def _run_probe(handle: cl.Device) -> str | None:
         pocl_cache.note_crash()
     context = context_of(handle)
     queue = cl.CommandQueue(context)
-    kernel = cl.Kernel(build(context, _PROBE, ()), "probe")
+    kernel = cl.Kernel(build(context, _PROBE_KERNEL, ()), "probe")
     a = np.arange(128, dtype=np.float32)
     flags = cl.mem_flags
     source = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)

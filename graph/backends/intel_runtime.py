@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-_DRIVERS = {"linux": "libintelocl.so", "win32": "intelocl64.dll"}
+_DRIVER_FILES = {"linux": "libintelocl.so", "win32": "intelocl64.dll"}
 """The driver's file, by `sys.platform`; on Windows it lies in the environment's `Library/bin`."""
 
 
@@ -69,8 +69,8 @@ def _named(variable: str, value: str) -> Iterator[None]:
 
 
 def is_for_this_system() -> bool:
-    """Whether the package has files for this system and processor."""
-    return sys.platform in _DRIVERS and platform.machine().lower() in ("x86_64", "amd64")
+    """Return whether the package has files for this system and processor."""
+    return sys.platform in _DRIVER_FILES and platform.machine().lower() in ("x86_64", "amd64")
 
 
 def _runtime() -> Path | None:
@@ -79,7 +79,7 @@ def _runtime() -> Path | None:
         files = distribution("intel-opencl-rt").files or []
     except PackageNotFoundError:
         return None
-    name = _DRIVERS.get(sys.platform)
+    name = _DRIVER_FILES.get(sys.platform)
     paths = (Path(str(file.locate())).resolve() for file in files if file.name == name)
     return next((path for path in paths if path.is_file()), None)
 
@@ -97,4 +97,4 @@ def _drivers(folder: Path) -> list[str]:
 
 
 def _is_intel(driver: str) -> bool:
-    return Path(driver).name.startswith(_DRIVERS["linux"])
+    return Path(driver).name.startswith(_DRIVER_FILES["linux"])

@@ -20,11 +20,11 @@ _C_TYPES = {
     "int32": "int",
     "uint32": "uint",
 }
-_INCLUDE = re.compile(r'\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
+_INCLUDE_LINE = re.compile(r'\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
 
-_MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+([^\n]*)$", re.MULTILINE)
-_TYPE = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
-_KERNEL = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
+_MACRO_LINE = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+([^\n]*)$", re.MULTILINE)
+_TYPE_NAME = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
+_KERNEL_HEAD = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
 
 Argument = tuple[str, str]
 """C type, with a star for a buffer, and name, without the underscore that avoids a built-in."""
@@ -74,7 +74,7 @@ def _with_headers(node: Node, file: str, written: set[str]) -> str:
     written.add(file)
     parts = [f'#line 1 "{name}"']
     for number, line in enumerate(text.splitlines(), start=1):
-        header = _INCLUDE.match(line)
+        header = _INCLUDE_LINE.match(line)
         if header is None:
             parts.append(line)
             continue
@@ -172,7 +172,7 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
     plain = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL).replace("\\\n", " ")
     macros = _macros(plain)
     signatures: dict[str, list[Argument]] = {}
-    for name, head in _KERNEL.findall(plain):
+    for name, head in _KERNEL_HEAD.findall(plain):
         # Arguments that several kernels share are macros; vectors of LANES are typedefs.
         written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
         signatures[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
@@ -182,7 +182,10 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
 def _macros(plain: str) -> dict[str, str]:
     """Macros and typedefs with a single meaning; PIXEL, which has several, is left out."""
     meanings: dict[str, set[str]] = {}
-    for name, text in (*_MACRO.findall(plain), *((new, old) for old, new in _TYPE.findall(plain))):
+    for name, text in (
+        *_MACRO_LINE.findall(plain),
+        *((new, old) for old, new in _TYPE_NAME.findall(plain)),
+    ):
         meanings.setdefault(name, set()).add(text.strip())
     return {
         name: min(texts)

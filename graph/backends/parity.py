@@ -26,9 +26,9 @@ from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError
 
-SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
+CASE_SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
-FILLS = ("random", "zero", "low", "high", "edges", "nan")
+CASE_FILLS = ("random", "zero", "low", "high", "edges", "nan")
 INTEGER_FILLS: dict[str, tuple[type, int]] = {
     "8 bits": (np.uint8, 255),
     "16 bits": (np.uint16, 65535),
@@ -55,13 +55,13 @@ class Case:
         return f"{sizes}-{self.fill}-{self.setting}"
 
 
-def cases(node: Node, shapes: tuple[tuple[int, int], ...] = SHAPES) -> list[Case]:
+def cases(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> list[Case]:
     """Make the cases of a node.
 
     They are every shape with every fill at default parameters, and, on one shape, every other
     setting, absent inputs, and parts of the outputs.
     """
-    fills = [f for f in FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
+    fills = [f for f in CASE_FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
     fills += [] if node.kernels.whole is None else list(INTEGER_FILLS)
     settings = dict(_settings(node))
     default = settings["default"]
@@ -300,7 +300,7 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
 
 
 def _fits(node: Node, shape: tuple[int, int], setting: dict[str, Any]) -> bool:
-    """Whether a setting suits images of this shape: a window may be larger than they are."""
+    """Return whether a setting suits images of this shape: a window may be larger than they are."""
     try:
         _sizes(node, shape, setting)
     except InputError:

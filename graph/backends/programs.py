@@ -18,7 +18,7 @@ from typing import Any
 
 import pyopencl as cl
 
-from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
 MAX_PROGRAMS = 64
 """Built programs that a process keeps."""
@@ -75,4 +75,4 @@ def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | No
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
     key = hashlib.blake2b(repr(origin).encode(), digest_size=16).hexdigest()
-    return folder / "programs" / f"{key}{SUFFIX}"
+    return folder / "programs" / f"{key}{KEPT_SUFFIX}"

@@ -1,4 +1,4 @@
-"""Many captures through one graph: chunk by chunk, by workers, into one store.
+"""Runs of many captures through one graph: chunk by chunk, by workers, into one store.
 
 `captures` finds them, `job` says what to do with each, `store` holds the results (`entry`).
 `worker` does a chunk with the pipeline that `open_job` opens; `serial`, `processes` and `cluster`

@@ -84,7 +84,7 @@ def _refuse_outside(captures: Sequence[str], job: Job, out: str) -> None:
 
 
 def lies_in(capture: str, place: str, folders: str | None) -> bool:
-    """Whether a match is this batch's own store or table."""
+    """Return whether a match is this batch's own store or table."""
     table = f"{folders}/captures.csv" if folders else f"{place.removesuffix('.zarr')}.csv"
     return capture == table or f"{capture}/".startswith(f"{place.rstrip('/')}/")
 
@@ -92,7 +92,7 @@ def lies_in(capture: str, place: str, folders: str | None) -> bool:
 def _holds_nothing_for(
     store: Store, identity: Mapping[str, Any], captures: Sequence[str], chunk: int
 ) -> bool:
-    """Whether the store differs from what is wanted, and holds no finished capture."""
+    """Return whether the store differs from what is wanted, and holds no finished capture."""
     if store.statuses.any():
         return False
     differs = store.identity != identity or store.chunk != chunk

@@ -151,7 +151,7 @@ class Store:
         return [int(number) for number in done if not whole[number]]
 
     def _are_whole(self, here: slice) -> list[bool]:
-        """Whether captures are read as they were written; old stores have no checksums.
+        """Return whether captures are read as they were written; old stores have no checksums.
 
         They are read all at once, which takes as long as one, unless some cannot be decoded.
         """

@@ -77,7 +77,7 @@ def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
 
 
 def _duration(plan: Plan, last: LastTimes | None) -> str:
-    """How long an item took, in one line."""
+    """Time of an item, in one line."""
     from tactograph.graph.errors import a_few
 
     if last is None or not last.ms:
@@ -110,7 +110,7 @@ def _print_steps(title: str, plan: Plan, steps: Iterable[Step], known: Mapping[s
 
 
 def _when(step: Step, task: Task | None) -> str:
-    """When a step runs, and whether an earlier result may stand for it."""
+    """Occasion of a step's run, and whether an earlier result may stand for it."""
     from tactograph.graph.run.store import has_stored
 
     if step.stream:

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from tactograph.graph.commands import say
-from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -53,7 +53,7 @@ class ProgressLine:
     def recall(self, key: str) -> None:
         """Read the times of the last run of this key."""
         folder = cache_folder()
-        body = folder and read_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}")
+        body = folder and read_cached(folder / TIMES_FOLDER / f"{key}{KEPT_SUFFIX}")
         with suppress(ValueError):
             self._before = json.loads(body or "{}")
 
@@ -62,7 +62,7 @@ class ProgressLine:
         folder, taken = cache_folder(), time.monotonic() - self._start
         if folder is not None and self._shown and taken > MIN_SHOWN_S:
             body = json.dumps({**self._begun, END_STAGE: taken}).encode()
-            write_cached(folder / TIMES_FOLDER / f"{key}{SUFFIX}", body)
+            write_cached(folder / TIMES_FOLDER / f"{key}{KEPT_SUFFIX}", body)
 
     def forget_times(self) -> None:
         """Show no time left, since this run differs from the last."""

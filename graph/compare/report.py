@@ -233,7 +233,7 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
     for kind, name in product(("planes", "labels", "map"), kinds):
         view = kinds[name]
         if view.kind == kind and not view.is_truth:
-            pictures += _DRAW[kind](view, _Shown(name, runs))
+            pictures += _DRAW_BY_KIND[kind](view, _Shown(name, runs))
     return pictures
 
 
@@ -309,4 +309,4 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
     return pictures
 
 
-_DRAW = {"planes": _draw_planes, "labels": _draw_labels, "map": _draw_map}
+_DRAW_BY_KIND = {"planes": _draw_planes, "labels": _draw_labels, "map": _draw_map}

@@ -99,7 +99,7 @@ def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) 
 
 
 def has_parameter(graph: Graph, target: str) -> bool:
-    """Whether the graph has this ``node.param``, in a node that is not taken out."""
+    """Return whether the graph has this ``node.param``, in a node that is not taken out."""
     node_id, _, name = target.rpartition(".")
     group = group_of(graph, node_id)
     if group is not None:

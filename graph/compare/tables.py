@@ -98,7 +98,7 @@ def higher_is_better(name: str) -> bool:
 
 
 def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
-    """Whether no line of the same capture has a better figure, and some a worse one.
+    """Return whether no line of the same capture has a better figure, and some a worse one.
 
     The time of a single run is never the best: the next run takes another.
     """

@@ -15,7 +15,7 @@ from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 
-_WRAPPERS = (Annotated, Union, UnionType)
+_WRAPPER_TYPES = (Annotated, Union, UnionType)
 
 
 NOT_GIVEN = object()
@@ -133,7 +133,7 @@ def _at_home(value: Any) -> Any:
 
 def _parts(annotation: Any) -> list[Any]:
     """An annotation and all types that its unions and `Annotated` wrap."""
-    inner = get_args(annotation) if get_origin(annotation) in _WRAPPERS else ()
+    inner = get_args(annotation) if get_origin(annotation) in _WRAPPER_TYPES else ()
     if get_origin(annotation) is Annotated:
         inner = inner[:1]
     return [annotation, *(part for each in inner for part in _parts(each))]
@@ -187,7 +187,7 @@ def _only_number(value: Any) -> Any:
 
 
 def _comma_hint(text: str) -> str:
-    """What to write in place of a decimal comma."""
+    """Advice on a decimal comma."""
     whole, comma, part = text.partition(",")
     is_decimal = bool(comma) and whole.lstrip("-").isdigit() and part.isdigit()
     return f", such as {whole}.{part} with a point" if is_decimal else ""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import annotated_types
 
-_KINDS: dict[str, type] = {
+_LIMIT_TYPES: dict[str, type] = {
     "ge": annotated_types.Ge,
     "gt": annotated_types.Gt,
     "le": annotated_types.Le,
@@ -32,7 +32,7 @@ def limits_of(annotation: Any) -> Limits:
     return Limits(
         *(
             next((float(getattr(rule, name)) for rule in rules if isinstance(rule, kind)), None)
-            for name, kind in _KINDS.items()
+            for name, kind in _LIMIT_TYPES.items()
         )
     )
 

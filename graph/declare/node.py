@@ -189,7 +189,7 @@ class Node:
         return frozenset({"numpy", *self.implementations})
 
     def reads_integers(self, name: str, backend: str) -> bool:
-        """Whether a back end's kernel takes an input's images as the camera's integers."""
+        """Return whether a back end's kernel takes an input's images as the camera's integers."""
         kernels = self.implementations.get(backend)
         return kernels is not None and kernels.whole == name
 
@@ -259,7 +259,7 @@ class Node:
 
     @cached_property
     def finds_sizes(self) -> bool:
-        """Whether the size of an output depends on the data.
+        """Return whether the size of an output depends on the data.
 
         The host then waits for a device in the midst of the launch.
         """
@@ -272,7 +272,7 @@ class Node:
         return [p.name for p in ports if p.optional or p.name in self.optional_inputs]
 
     def may_lack(self, symbol: str) -> bool:
-        """Whether only inputs that may be absent have a size, which is then 0 for a kernel."""
+        """Return whether only inputs that may be absent have a size, then 0 for a kernel."""
         absent = self.may_be_absent
         needed = [p for p in self.inputs.values() if p.name not in absent]
         return all(symbol not in port.dims for port in (*needed, *self.outputs.values()))

@@ -12,7 +12,9 @@ from tactograph.graph.declare.limits import choices_of, limits_of
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import PortType
 
-_RETURNS = re.compile(r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE)
+_RETURNS_SECTION = re.compile(
+    r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE
+)
 """The whole section; the parser would take every line without indent for a value."""
 
 
@@ -37,7 +39,7 @@ def describe(node: Node) -> Description:
             said[name.strip(" *")] = _one_line(each.description)
     known = [*node.input_names, *node.parameters]
     known += [node.repeated.name] if node.repeated else []
-    returns = _RETURNS.search(inspect.cleandoc(node.doc or ""))
+    returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
         text=parsed.long_description or "",

@@ -76,7 +76,7 @@ class PortType:
 
 
 def is_record(annotation: Any) -> bool:
-    """Whether `annotation` is a NamedTuple class, that is, a record of ports."""
+    """Return whether `annotation` is a NamedTuple class, that is, a record of ports."""
     return isinstance(annotation, type) and hasattr(annotation, "_fields")
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-_PACKAGES = (
+_RECORDED_PACKAGES = (
     "tactograph",
     "numpy",
     "scipy",
@@ -38,7 +38,7 @@ class Provenance:
     given: dict[str, Any] = field(default_factory=dict)
     """The values of the graph's params, given or by default."""
     inputs: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Of the ``.npz`` files among these: hash, and sensor, serial and date if known."""
+    """Hash of each ``.npz`` file among these, and sensor, serial and date if known."""
 
     def as_dict(self) -> dict[str, Any]:
         return {
@@ -57,7 +57,7 @@ class Provenance:
 
 def versions() -> dict[str, str]:
     """The versions a result depends on."""
-    return {"python": platform.python_version(), **installed(_PACKAGES)}
+    return {"python": platform.python_version(), **installed(_RECORDED_PACKAGES)}
 
 
 @cache

@@ -126,7 +126,7 @@ def _refuse_special(path: Path) -> None:
 
 
 def _is_elsewhere(error: OSError, folder: Path) -> bool:
-    """Whether the error is of another file, which the block reads."""
+    """Return whether the error is of another file, which the block reads."""
     if not isinstance(error.filename, str):
         return False
     return not Path(error.filename).absolute().is_relative_to(folder.absolute())

@@ -20,8 +20,8 @@ FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
 """The environment variable with another folder, or ``off``."""
 MAX_FOLDER_BYTES = 10**9
 """The most bytes of a folder's files."""
-SUFFIX = ".kept"
-_MAGIC = b"tactograph kept 1\n"
+KEPT_SUFFIX = ".kept"
+_FIRST_LINE = b"tactograph kept 1\n"
 _ABANDONED_S = 3600.0
 
 
@@ -39,7 +39,7 @@ def read_cached(file: Path) -> bytes | None:
         if hasattr(os, "getuid") and file.stat().st_uid != os.getuid():
             return None
         with file.open("rb") as stream:
-            if stream.readline() != _MAGIC:
+            if stream.readline() != _FIRST_LINE:
                 return None
             check, body = stream.readline().strip(), stream.read()
         if f"{zlib.crc32(body):08x}".encode() != check:
@@ -62,7 +62,7 @@ def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None
         stage = Path(name)
         with os.fdopen(number, "wb") as stream:
             check = f"{zlib.crc32(body):08x}"
-            stream.write(_MAGIC + check.encode() + b"\n" + body)
+            stream.write(_FIRST_LINE + check.encode() + b"\n" + body)
         stage.replace(file)
         _make_room(file, most)
     if stage is not None:
@@ -81,7 +81,7 @@ def _make_room(new: Path, most: int) -> None:
         if file.name.startswith(".writing-"):
             if time.time() - changed > _ABANDONED_S:
                 file.unlink(missing_ok=True)
-        elif file.suffix == SUFFIX:
+        elif file.suffix == KEPT_SUFFIX:
             total += size
             if total > most and file != new:
                 file.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What tells the files that a graph is given apart: their content, and what they say of it."""
+"""Identity of the files that a graph is given: their content, and what they say of it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import one_line
 
-ABOUT = "about"
+ABOUT_ARRAY = "about"
 """The array of an ``.npz`` that is text: JSON about the others."""
-KEPT = ("sensor", "serial", "date")
+IDENTITY_KEYS = ("sensor", "serial", "date")
 
 
 def about_in(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return what a file says of itself; nothing if that cannot be read."""
     try:
-        head = json.loads(str(arrays[ABOUT]))
+        head = json.loads(str(arrays[ABOUT_ARRAY]))
     except (KeyError, ValueError, RecursionError):
         return {}
     return head if isinstance(head, dict) else {}
@@ -41,10 +41,10 @@ def file_identity(file: Path) -> dict[str, str]:
 @cache
 def _said(file: Path, key: str) -> Mapping[str, str]:
     try:
-        head = about_in(load_arrays(file, only=ABOUT))
+        head = about_in(load_arrays(file, only=ABOUT_ARRAY))
     except (OSError, ValueError):
         return {}
-    said = {name: head.get(name) for name in KEPT}
+    said = {name: head.get(name) for name in IDENTITY_KEYS}
     return {name: one_line(text) for name, text in said.items() if isinstance(text, str) and text}
 
 

@@ -23,9 +23,9 @@ from tactograph.graph.errors import GraphError, InputError, printable
 Path_ = tuple[str | int, ...]
 MAX_BYTES = 100_000
 MAX_DEPTH = 20
-_TAG = "tag:yaml.org,2002:"
-_COLLECTIONS = {f"{_TAG}map", f"{_TAG}seq"}
-_DIRECTIVE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
+_YAML_TAG = "tag:yaml.org,2002:"
+_COLLECTION_TAGS = {f"{_YAML_TAG}map", f"{_YAML_TAG}seq"}
+_DIRECTIVE_LINE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Document:
     data: Any
     places: dict[Path_, Place]
     root: Path_ = ()
-    """Where in its file the data stand."""
+    """Place of the data in its file."""
 
     def place(self, path: Path_) -> Place:
         """The place of `path`, or of its closest parent in the file."""
@@ -114,7 +114,7 @@ def parse_yaml(text: str, name: str) -> Document:
 @lru_cache(64)
 def _parsed(text: str, name: str) -> Document:
     """Parse YAML text, cached: variants extend the same few graphs."""
-    if directive := _DIRECTIVE.match(text):
+    if directive := _DIRECTIVE_LINE.match(text):
         line = directive[0].count("\n") + 1
         raise GraphError(f"{name}:{line}:1: directives (%...) are not allowed; write plain YAML")
     yaml = YAML(typ="safe", pure=True)
@@ -177,7 +177,7 @@ def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
         if printable(node.value) != node.value:
             raise GraphError(f"{place}: control characters are not allowed")
     else:
-        natural = node.tag in _COLLECTIONS
+        natural = node.tag in _COLLECTION_TAGS
     if not natural:
         raise GraphError(f"{place}: the tag '{node.tag}' is not allowed; write plain YAML")
 
@@ -189,7 +189,7 @@ def _mapping(
     for key_node, value_node in node.value:
         mark = key_node.start_mark
         where = f"{name}:{mark.line + 1}:{mark.column + 1}"
-        if not isinstance(key_node, ScalarNode) or key_node.tag == f"{_TAG}merge":
+        if not isinstance(key_node, ScalarNode) or key_node.tag == f"{_YAML_TAG}merge":
             raise GraphError(f"{where}: keys must be plain words")
         key = str(key_node.value)
         place = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
@@ -203,7 +203,7 @@ def _mapping(
 
 def _implicit_tag(text: str, *, plain: bool) -> str:
     """The tag that YAML 1.2 gives to a scalar without one; quoted ones are text."""
-    return str(_RESOLVER.resolve(ScalarNode, text, (plain, not plain)))
+    return str(_YAML_RESOLVER.resolve(ScalarNode, text, (plain, not plain)))
 
 
 def _scalar(text: str, tag: str) -> Any:
@@ -224,4 +224,4 @@ def _short(text: str) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-_RESOLVER = YAML(typ="safe", pure=True).resolver
+_YAML_RESOLVER = YAML(typ="safe", pure=True).resolver

@@ -16,9 +16,9 @@ from tactograph.graph.files.patch_groups import (
     flat_change,
     put_use,
 )
-from tactograph.graph.files.patch_verbs import VERBS, Change, Places
+from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
-_ALLOWED: dict[str, tuple[set[str], set[str]]] = {
+_KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     # verb: (required keys, optional keys)
     "set": (set(), {"inputs", "settings"}),
     "replace": (set(), {"op", "group", "inputs", "settings"}),
@@ -40,10 +40,10 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
         speaks of is not there.
     """
     place = places[""]
-    verbs = [verb for verb in _ALLOWED if verb in change]
+    verbs = [verb for verb in _KEYS_BY_VERB if verb in change]
     if len(verbs) != 1:
         raise GraphError(
-            f"{place}: a change has exactly one of {', '.join(_ALLOWED)}; "
+            f"{place}: a change has exactly one of {', '.join(_KEYS_BY_VERB)}; "
             f"this one has {' and '.join(verbs) or 'none'}"
         )
     verb = verbs[0]
@@ -64,13 +64,13 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
         )
     if "group" in change:
         return put_use(graph, target, change, places)
-    return VERBS[verb](graph, target, flat_change(graph, change, places, ""), places)
+    return VERB_FUNCTIONS[verb](graph, target, flat_change(graph, change, places, ""), places)
 
 
 def _check_keys(verb: str, change: Change, places: Places) -> None:
     place = places[""]
     given = set(change) - {verb}
-    required, optional = _ALLOWED[verb]
+    required, optional = _KEYS_BY_VERB[verb]
     for key in sorted(required - given):
         raise GraphError(f"{place}: {verb} needs '{_IN_FILE.get(key, key)}'")
     for key in sorted(given - required - optional):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.graph_model import FORMAT
+from tactograph.graph.files.graph_model import GRAPH_FORMAT
 from tactograph.graph.show.draw_folded import to_folded_svg
 from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
 
-PREVIOUS = "previous"
+PREVIOUS_ITEM = "previous"
 """``previous.node.port`` is the value that the port had at the item before."""
 
 
@@ -112,7 +112,7 @@ class Graph:
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
     groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
     uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)
-    """Which nodes came of which group; a change may speak of either."""
+    """The nodes that came of each group; a change may name either."""
     variants: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
     """Named changes of its file and of those that it extends."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
@@ -133,7 +133,7 @@ class Graph:
             if param.help:
                 params[name]["help"] = param.help
         return {
-            "format": FORMAT,
+            "format": GRAPH_FORMAT,
             "title": self.title,
             "params": params,
             "prefer": list(self.prefer),
@@ -247,5 +247,5 @@ def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | N
 
 def split_previous(reference: str) -> tuple[str, bool]:
     """Strip ``previous.`` from a reference, and say whether it was there."""
-    bare = reference.removeprefix(f"{PREVIOUS}.")
+    bare = reference.removeprefix(f"{PREVIOUS_ITEM}.")
     return bare, bare != reference

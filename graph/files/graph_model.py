@@ -20,11 +20,11 @@ from tactograph.graph.backends import Backend
 from tactograph.graph.disk.strict_yaml import Document, Path_
 from tactograph.graph.errors import GraphError, did_you_mean
 
-FORMAT = 1
+GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
-_WANTED = {
+_WANTED_BY_TYPE = {
     "model_type": "a mapping is needed",
     "dict_type": "a mapping is needed",
     "list_type": "a list is needed",
@@ -157,16 +157,16 @@ class SharedGroupModel(_Strict):
     patch: list[PatchModel] = Field([], description="Changes to its nodes.")
 
 
-_FROM_FILE, _HERE = "(extends)", "(nodes)"
+_FROM_FILE, _IN_PLACE = "(extends)", "(nodes)"
 
 
 def _file_or_here(value: Any) -> str:
-    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _HERE
+    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _IN_PLACE
 
 
-_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _HERE)
+_MODEL_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _IN_PLACE)
 AnyGroup = Annotated[
-    Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_HERE)],
+    Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_IN_PLACE)],
     Discriminator(_file_or_here),
 ]
 
@@ -269,7 +269,7 @@ def _first_error(error: ValidationError, document: Document, whole: type[BaseMod
     model = _model_at(whole, first["loc"])
     # A tag never comes first: there it is a key of the user's own.
     start, *rest = first["loc"]
-    path: Path_ = (start, *(part for part in rest if part not in _TAGS))
+    path: Path_ = (start, *(part for part in rest if part not in _MODEL_TAGS))
     if path[-1] == "[key]" and kind != "extra_forbidden":
         path = path[:-1]
     place = document.place(path)
@@ -284,8 +284,8 @@ def _first_error(error: ValidationError, document: Document, whole: type[BaseMod
     if kind == "string_pattern_mismatch":
         return f"{place}: {_short(value)} is not a name such as 'cal' or 'cal.flat'"
     if path == ("format",):
-        return f"{place}: this version reads format {FORMAT}, not {_short(value)}"
-    wanted = _WANTED.get(kind)
+        return f"{place}: this version reads format {GRAPH_FORMAT}, not {_short(value)}"
+    wanted = _WANTED_BY_TYPE.get(kind)
     if wanted is None and kind == "literal_error":
         wanted = f"{first['ctx']['expected']} is needed"
     return f"{place}: {wanted or first['msg'].lower()}, not {_short(value)}"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tactograph.graph.errors import InputError, did_you_mean
 
-GROUP = "tactograph.pipelines"
+ENTRY_GROUP = "tactograph.pipelines"
 
 
 def shipped_graphs() -> dict[str, Path]:
@@ -34,7 +34,7 @@ def shipped_groups() -> dict[str, Path]:
 
 
 def _shipped_files(pattern: str) -> list[Path]:
-    return sorted(Path(str(resources.files(GROUP))).glob(pattern))
+    return sorted(Path(str(resources.files(ENTRY_GROUP))).glob(pattern))
 
 
 def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path | None:
@@ -83,7 +83,7 @@ def _is_file(path: Path) -> bool:
 
 def _plugin_folder(package: str) -> Path | None:
     """The folder of pipelines that an installed package registers under a name."""
-    for point in entry_points(group=GROUP, name=package):
+    for point in entry_points(group=ENTRY_GROUP, name=package):
         spec = importlib.util.find_spec(point.value)
         for place in (spec and spec.submodule_search_locations) or ():
             return Path(place)

@@ -13,7 +13,7 @@ from typing import Any
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
-    PREVIOUS,
+    PREVIOUS_ITEM,
     Entry,
     Graph,
     Group,
@@ -77,7 +77,7 @@ def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str 
             )
         name = f"{scope}.{name}"
     flat = _of_use(graph, name, rest, where) if name in graph.uses else _joined(name, rest)
-    return f"{PREVIOUS}.{flat}" if previous else flat
+    return f"{PREVIOUS_ITEM}.{flat}" if previous else flat
 
 
 def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
@@ -271,7 +271,7 @@ def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str |
     if previous and already:
         raise GraphError(f"{where}: only the item before is kept, not the one before that")
     flat = _joined(bare, rest)
-    return f"{PREVIOUS}.{flat}" if previous or already else flat
+    return f"{PREVIOUS_ITEM}.{flat}" if previous or already else flat
 
 
 def _of_use(graph: Graph, path: str, rest: str, where: str) -> str:

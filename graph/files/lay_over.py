@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 
-from tactograph.graph.backends import PREFERRED
+from tactograph.graph.backends import PREFERRED_ORDER
 from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.files.apply_patch import apply_patch
@@ -27,7 +27,7 @@ from tactograph.graph.files.graph_model import (
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.layer import Layer
-from tactograph.graph.files.patch_verbs import VERBS, Change, Places
+from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
 
 @contextmanager
@@ -64,7 +64,7 @@ def alone(layer: Layer) -> Graph:
             raise GraphError(
                 f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
             )
-    return laid_over(Graph(layer.name, model.title, {}, tuple(PREFERRED), {}, {}), layer)
+    return laid_over(Graph(layer.name, model.title, {}, tuple(PREFERRED_ORDER), {}, {}), layer)
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
@@ -145,7 +145,9 @@ def _with_change(
 ) -> dict[str, Group]:
     """Change a node of a group that no graph uses yet."""
     graph = Graph(name, "", {}, (), {}, {}, groups=groups)
-    meant = {key: f"{name}.{said}" if key in VERBS else said for key, said in change.items()}
+    meant = {
+        key: f"{name}.{said}" if key in VERB_FUNCTIONS else said for key, said in change.items()
+    }
     return {**apply_patch(graph, meant, places).groups}
 
 

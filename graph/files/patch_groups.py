@@ -17,7 +17,7 @@ from tactograph.graph.files.groups import (
     with_nodes,
 )
 from tactograph.graph.files.patch_verbs import (
-    VERBS,
+    VERB_FUNCTIONS,
     Change,
     Places,
     entry_of,
@@ -74,7 +74,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
             f"{place}: insert: after: '{after}' is an input of the group '{name}'; "
             "replace the nodes that read it"
         )
-    change_body = _put_into_body if "group" in change else VERBS[verb]
+    change_body = _put_into_body if "group" in change else VERB_FUNCTIONS[verb]
     body = change_body(body, node, change, places)
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
     for use in uses_of(graph, name):
@@ -84,7 +84,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
         elif flat not in graph.nodes:
             continue
         here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
-        change_flat = put_use if "group" in change else VERBS[verb]
+        change_flat = put_use if "group" in change else VERB_FUNCTIONS[verb]
         graph = change_flat(graph, flat, flat_change(graph, change, places, use), here)
     return graph
 
@@ -94,7 +94,7 @@ def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Gr
     inputs: Mapping[str, str] = {}
     if node in body.nodes:
         inputs = body.nodes[node].inputs
-        body = VERBS["remove"](body, node, change, places)
+        body = VERB_FUNCTIONS["remove"](body, node, change, places)
     elif change.get("after") is not None:
         body = redirect(body, change["after"], node, places[""])
     use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
@@ -108,7 +108,7 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
         return _set_params(graph, target, change, places)
     if verb == "backend":
         for node in meant_nodes(graph, target):
-            graph = VERBS[verb](graph, node, change, places)
+            graph = VERB_FUNCTIONS[verb](graph, node, change, places)
         return graph
     if verb == "neutral" or target in graph.groups:
         what = "a group" if target in graph.groups else "a use of a group"
@@ -169,7 +169,7 @@ def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) 
     for name, entry in body.nodes.items():
         node = f"{path}.{name}"
         if taken(entry) and node in graph.nodes and graph.nodes[node].op == entry.op:
-            graph = VERBS["set"](graph, node, {"settings": taken(entry)}, places)
+            graph = VERB_FUNCTIONS["set"](graph, node, {"settings": taken(entry)}, places)
     for name, inside in body.uses.items():
         if taken(inside):
             graph = _set_use(graph, f"{path}.{name}", taken(inside), places)
@@ -185,7 +185,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
         graph = _without_use(graph, target, places[""], keep_readers=True)
     elif target in graph.nodes:
         inputs = graph.nodes[target].inputs
-        graph = VERBS["remove"](graph, target, change, places)
+        graph = VERB_FUNCTIONS["remove"](graph, target, change, places)
     elif change.get("after") is not None:
         after = str(flat_reference(graph, change["after"], "", str(places[""])))
         graph = redirect(graph, after, target, places[""])

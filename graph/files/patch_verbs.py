@@ -9,7 +9,7 @@ from typing import Any
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
-    PREVIOUS,
+    PREVIOUS_ITEM,
     Entry,
     Graph,
     split_previous,
@@ -65,7 +65,7 @@ def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
 
     def swap(reference: str) -> str:
         bare, previous = split_previous(reference)
-        return f"{PREVIOUS}.{changed(bare)}" if previous else changed(bare)
+        return f"{PREVIOUS_ITEM}.{changed(bare)}" if previous else changed(bare)
 
     def swapped(inputs: Mapping[str, str]) -> dict[str, str]:
         return {port: swap(reference) for port, reference in inputs.items()}
@@ -108,7 +108,7 @@ def _neutral(graph: Graph, target: str, change: Change, places: Places) -> Graph
     return graph.with_entry(target, replace(entry, neutral=True, places=here))
 
 
-VERBS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {
+VERB_FUNCTIONS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {
     "set": _set,
     "replace": _replace,
     "insert": _insert,
@@ -120,4 +120,4 @@ VERBS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {
 
 def verb_of(change: Change) -> str:
     """Return the verb of a change, which must have one."""
-    return next(verb for verb in VERBS if verb in change)
+    return next(verb for verb in VERB_FUNCTIONS if verb in change)

@@ -12,7 +12,7 @@ import numpy as np
 from tactograph.graph.disk.strict_yaml import MAX_DEPTH, Document, Path_, Place, dotted
 from tactograph.graph.errors import GraphError, printable
 
-_PACKAGE = "tactograph.graph"
+_ENGINE_PACKAGE = "tactograph.graph"
 
 
 def as_document(data: Mapping[str, Any]) -> Document:
@@ -30,7 +30,9 @@ def as_document(data: Mapping[str, Any]) -> Document:
 def _handed_over() -> str:
     """File and line, or cell and line, of the caller outside this package."""
     frame = sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(_PACKAGE):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(
+        _ENGINE_PACKAGE
+    ):
         frame = frame.f_back
     return f"{_cell(frame.f_code.co_filename)}:{frame.f_lineno}"
 

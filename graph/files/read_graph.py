@@ -26,13 +26,13 @@ Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
 """A graph by name, by path, as plain data, or as it is."""
 Chain = tuple[str, ...]
 """The files and variants whose `extends` led here."""
-_OVERLAYS = "overlays, for --with"
+_OVERLAY_FOLDER = "overlays, for --with"
 
 
 def shipped_names() -> list[str]:
     """Bare names of the shipped graphs, variants included."""
     folders = shipped_titles()
-    del folders[_OVERLAYS]
+    del folders[_OVERLAY_FOLDER]
     return sorted(name for titles in folders.values() for name in titles)
 
 
@@ -48,7 +48,10 @@ def shipped_titles() -> dict[str, dict[str, str]]:
         for key, variant in layer.variants(layer.base or name).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped_overlays().items()
-    return {**found, _OVERLAYS: {name: read_layer(file).model.title for name, file in overlays}}
+    return {
+        **found,
+        _OVERLAY_FOLDER: {name: read_layer(file).model.title for name, file in overlays},
+    }
 
 
 def graph_file(name: str) -> Path:

@@ -13,7 +13,7 @@ from ruamel.yaml.main import YAML
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Entry, Graph
-from tactograph.graph.files.graph_model import FORMAT
+from tactograph.graph.files.graph_model import GRAPH_FORMAT
 from tactograph.graph.files.graph_places import is_path
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import read_graph
@@ -84,7 +84,7 @@ def write_variant(file: Path, base: Graph, source: str, changes: list[Change], t
     if is_path(source) and (source.count("/") != 1 or ".y" in source or Path(source).is_file()):
         source = os.path.relpath(source, file.parent)
         source = source if "/" in source or source.endswith((".yaml", ".yml")) else f"./{source}"
-    document = CommentedMap(format=FORMAT, extends=source, title=title)
+    document = CommentedMap(format=GRAPH_FORMAT, extends=source, title=title)
     patch = CommentedSeq()
     for change in changes:
         entry = CommentedMap(change)

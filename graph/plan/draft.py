@@ -38,12 +38,12 @@ class Task:
 
     @property
     def filled(self) -> bool:
-        """Whether a constant stands in for the node."""
+        """Return whether a constant stands in for the node."""
         return self.entry.neutral
 
     @property
     def looks_outside(self) -> bool:
-        """Whether its values may change though its settings and inputs do not.
+        """Return whether its values may change though its settings and inputs do not.
 
         It yields items, keeps a session, is told of the run, or names a file.
         """

@@ -13,7 +13,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import record_ports
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import (
-    PREVIOUS,
+    PREVIOUS_ITEM,
     Entry,
     Graph,
     split_previous,
@@ -108,8 +108,8 @@ class _Names(NamedTuple):
 
 def _find(graph: Graph, node_id: str) -> Node:
     entry = graph.nodes[node_id]
-    if PREVIOUS in node_id.split("."):
-        raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS}'")
+    if PREVIOUS_ITEM in node_id.split("."):
+        raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS_ITEM}'")
     try:
         return find_node(entry.op, graph.own).with_inputs(entry.inputs)
     except InputError as error:

@@ -164,7 +164,7 @@ class HostValues:
                 stack.callback(session.close)
 
     def _may_lack(self, task: Task, port: PortType) -> bool:
-        """Whether a node may leave out an output."""
+        """Return whether a node may leave out an output."""
         unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
         return port.optional or unread
 

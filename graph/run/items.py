@@ -46,7 +46,7 @@ class Items:
 
     @property
     def keeps(self) -> bool:
-        """Whether results are kept, so that the last item can be run again."""
+        """Return whether results are kept, so that the last item can be run again."""
         return self._only_changed is not None
 
     def keep(self, cache: Cache) -> None:

@@ -1,4 +1,4 @@
-"""How long the steps of a plan took before: from a result, or from what ``bench`` wrote."""
+"""Earlier times of a plan's steps: from a result, or from what ``bench`` wrote."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph.disk.disk_cache import SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
 _BLOCK_FIELDS = ("body", "orelse", "finalbody", "handlers", "cases")
 """The fields of a statement that hold other statements."""
@@ -67,7 +67,9 @@ def _known() -> dict[str, _Imports]:
 def _kept_in() -> Path | None:
     """The file with results, one for each version of Python."""
     folder = cache_folder()
-    return None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{SUFFIX}"
+    return (
+        None if folder is None else folder / f"imports-{sys.implementation.cache_tag}{KEPT_SUFFIX}"
+    )
 
 
 def _imported(file: Path, module: str) -> list[str]:

@@ -324,7 +324,7 @@ class Pipeline:
 
     @property
     def endless(self) -> bool:
-        """Whether the stream only ends when it is stopped."""
+        """Return whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
 
     def aim(self, /, **values: Any) -> None:

@@ -127,7 +127,7 @@ def _closure(node: Node) -> set[Path]:
 
 
 def _belongs(name: str, module: str) -> bool:
-    """Whether a module belongs to the project, or to the package of a node's own module."""
+    """Return whether a module belongs to the project, or to the package of a node's own module."""
     top, own = name.partition(".")[0], module.partition(".")[0]
     if name == ENGINE_PACKAGE or name.startswith(f"{ENGINE_PACKAGE}."):
         return False

@@ -13,7 +13,7 @@ from tactograph.graph.plan.plan import Plan, Step
 
 MAX_EVENTS = 200_000
 """The most spans of a trace; an endless stream would fill the memory."""
-_LANES = {"device": 1, "transfers": 2}
+_LANE_NUMBERS = {"device": 1, "transfers": 2}
 
 
 class Trace:
@@ -22,7 +22,7 @@ class Trace:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._events: list[dict[str, Any]] = []
-        self._lanes = dict(_LANES)
+        self._lanes = dict(_LANE_NUMBERS)
         self._steps = {step.name: step for step in plan.steps}
 
     def on_host(self, name: str, end: float, milliseconds: float) -> None:

@@ -25,12 +25,12 @@ def read_whole(plan: Plan) -> set[Value]:
 
 
 def may_be_whole(task: Task) -> bool:
-    """Whether a caller or a source may give integers for images."""
+    """Return whether a caller or a source may give integers for images."""
     return task.stand_in or task.node.whole is not None
 
 
 def goes_up(plan: Plan, task: Task) -> bool:
-    """Whether only the device reads a source's images, so that they can stay integers."""
+    """Return whether only the device reads a source's images, so that they can stay integers."""
     value = Value(task.id, next(iter(task.node.outputs)))
     readers = [step for step in plan.steps if value in step.reads]
     host = value in plan.outputs.values() or value in recalled_values(plan)
@@ -47,7 +47,7 @@ def _is_read_whole(plan: Plan, value: Value) -> bool:
 
 
 def is_whole(array: Any) -> bool:
-    """Whether an array holds images as unsigned integers."""
+    """Return whether an array holds images as unsigned integers."""
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 

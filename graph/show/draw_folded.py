@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 
 from tactograph.graph.show.sketch import Box, Edge, Sketch, fold
 from tactograph.graph.show.svg import (
-    DASHED,
+    ARROW_TIP,
+    DASHED_LINE,
     HEIGHT_PX,
     MARGIN_PX,
-    TIP,
     WIDTH_PX,
     drawing,
     drawn_box,
@@ -174,7 +174,7 @@ def _drawn_segment(
     bend = y1 + LAYER_GAP_PX
     # Straight down past the boxes of a layer, and across between two layers.
     way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
-    return drawn_edge(way, ports, TIP if arrives else "")
+    return drawn_edge(way, ports, ARROW_TIP if arrives else "")
 
 
 def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float]) -> str:
@@ -182,7 +182,7 @@ def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float
     x2, y2 = centre[end] + WIDTH_PX / 2, _top(end[1]) + 8
     out = max(x1, x2) + RECALL_PX
     way = f"M{x1:.1f} {y1}C{out:.1f} {y1} {out:.1f} {y2} {x2:.1f} {y2}"
-    return drawn_edge(way, f"previous {port}", DASHED + TIP)
+    return drawn_edge(way, f"previous {port}", DASHED_LINE + ARROW_TIP)
 
 
 def _drawn_box(box: Box, x: float, layer: int, times: Mapping[str, float]) -> list[str]:

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from tactograph.graph.show.sketch import Edge, Sketch
 from tactograph.graph.show.svg import (
-    DASHED,
+    ARROW_TIP,
+    DASHED_LINE,
     HEIGHT_PX,
     MARGIN_PX,
-    TIP,
     WIDTH_PX,
     drawing,
     drawn_box,
@@ -39,9 +39,10 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     right = max((x for x, _ in at.values()), default=0) + WIDTH_PX + MARGIN_PX
     bottom = whole.height + 0.08 * right + 2 * MARGIN_PX
     lines = [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
-    lines += [_edge(at[a], at[b], port, TIP) for a, b, port in sketch.edges]
+    lines += [_edge(at[a], at[b], port, ARROW_TIP) for a, b, port in sketch.edges]
     lines += [
-        _edge(at[a], at[b], f"previous {port}", DASHED + TIP) for a, b, port in sketch.recalls
+        _edge(at[a], at[b], f"previous {port}", DASHED_LINE + ARROW_TIP)
+        for a, b, port in sketch.recalls
     ]
     for box in sketch.boxes:
         title, words = box.name, box.what

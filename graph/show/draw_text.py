@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.show.sketch import Box, Sketch
 
-_SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box", "use": "box3d"}
-_BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
+_DOT_SHAPES = {"upload": "cds", "download": "cds", "run": "box", "fill": "box", "use": "box3d"}
+_MERMAID_BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
 BACKEND_COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 
 
@@ -24,7 +24,7 @@ def to_dot(sketch: Sketch) -> str:
     for box in sketch.boxes:
         drawn.setdefault(box.use, []).append(
             f'"{box.name}" [label="{_label(box, chr(92) + "n")}", '
-            f'shape={_SHAPES[box.kind]}, fillcolor="{BACKEND_COLOURS[box.backend]}"];'
+            f'shape={_DOT_SHAPES[box.kind]}, fillcolor="{BACKEND_COLOURS[box.backend]}"];'
         )
     cluster = 'subgraph "cluster_{use}" {{ label="{use}"; color="#999999"; fontsize=10;'
     lines += _in_clusters(drawn, cluster, "}")
@@ -42,7 +42,7 @@ def to_mermaid(sketch: Sketch) -> str:
     lines = [f"flowchart {'TB' if sketch.folded else 'LR'}"]
     drawn: dict[str, list[str]] = {}
     for box in sketch.boxes:
-        left, right = _BRACKETS.get(box.kind, ("[", "]"))
+        left, right = _MERMAID_BRACKETS.get(box.kind, ("[", "]"))
         drawn.setdefault(box.use, []).append(
             f'{ids[box.name]}{left}"{_label(box, "<br/>")}"{right}:::{box.backend}'
         )

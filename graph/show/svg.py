@@ -12,8 +12,8 @@ WIDTH_PX, HEIGHT_PX = 150, 34
 """Size of a box."""
 MARGIN_PX = 20
 """Space around the drawing."""
-TIP = ' marker-end="url(#tip)"'
-DASHED = ' stroke-dasharray="4 3"'
+ARROW_TIP = ' marker-end="url(#tip)"'
+DASHED_LINE = ' stroke-dasharray="4 3"'
 
 
 def drawing(title: str, width: float, height: float, lines: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from tactograph.graph.tune.picture_view import Pointed, ScaledPicture
 from tactograph.graph.tune.pictures import Picture, draw, draw_difference
 from tactograph.graph.tune.tuning import Tuning
 
-MODES = ("result", "beside", "wipe", "difference")
+VIEW_MODES = ("result", "beside", "wipe", "difference")
 LINE_COLOURS = ("#1f5fa8", "#d1495b")
 
 
@@ -33,7 +33,7 @@ class ResultView:
                 self._outputs = ui.select([], on_change=self._output_chosen)
                 self._outputs.props("dense options-dense borderless data-testid=output")
                 ui.space()
-                modes = {mode: mode for mode in MODES}
+                modes = {mode: mode for mode in VIEW_MODES}
                 ui.toggle(modes, value=self._mode, on_change=self._mode_chosen).props(
                     "dense no-caps unelevated data-testid=view"
                 )

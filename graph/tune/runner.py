@@ -94,7 +94,7 @@ class Runner:
 
 
 def _alike(one: Graph, other: Graph) -> bool:
-    """Whether two graphs differ only in settings, all of which the later one states."""
+    """Return whether two graphs differ only in settings, all of which the later one states."""
 
     def bare(graph: Graph) -> Graph:
         nodes = {n: replace(entry, settings={}) for n, entry in graph.nodes.items()}

@@ -221,7 +221,7 @@ class Tuning:
         return changes_between(self.base, self.graph, defaults)
 
     def is_of_others(self, file: Path) -> bool:
-        """Whether there is such a file that `save` did not write."""
+        """Return whether there is such a file that `save` did not write."""
         return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
 
     def save(self, file: Path, *, over_others: bool = False) -> Path:
@@ -367,7 +367,7 @@ class Tuning:
         return True
 
     def _rests(self, asked: Asked) -> bool:
-        """Whether no newer request arrives within a moment."""
+        """Return whether no newer request arrives within a moment."""
         with self._changed:
             newer = self._changed.wait_for(
                 lambda: self._ended or self._asked is not asked, timeout=REST_S

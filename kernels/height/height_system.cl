@@ -3,11 +3,12 @@
 #include "lanes.clh"
 #include "border.clh"
 
-#define KNOWN 1e6f
+#define UNKNOWN_VARIANCE 1e6f
 #define SMOOTH_VARIANCE 1.0f
-#define LONELY 4.0f
-#define REST 1
-#define AWAY 2
+#define LONE_SLOPE_VARIANCE 4.0f
+#define MAX_LONE_VARIANCE 1e3f
+#define STATE_REST 1
+#define STATE_AWAY 2
 
 // Whether a row, or a column, holds anything that is not at rest, or film that is.
 __kernel void find_touch(
@@ -32,7 +33,7 @@ static void steps_between(
     const floats *slope, const floats *variance, const ints amid, const float bend,
     const float least_spread, floats *wanted, floats *spread)
 {
-    const floats before = slope[1], after = slope[2], none = 0.0f, most = 1e3f;
+    const floats before = slope[1], after = slope[2], none = 0.0f, most = MAX_LONE_VARIANCE;
     const floats var_before = variance[1], var_after = variance[2];
     const ints smooth = (variance[0] < SMOOTH_VARIANCE) & (variance[3] < SMOOTH_VARIANCE);
     const floats curve = (before + after - (slope[0] + slope[3])) / 16.0f;
@@ -42,10 +43,10 @@ static void steps_between(
     const floats turned = bend * (after - before);
     const floats both = 0.25f * (var_before + var_after) + turned * turned;
     const floats least = LESS_OF(var_before, var_after);
-    const ints known = MORE_OF(var_before, var_after) < KNOWN;
+    const ints known = MORE_OF(var_before, var_after) < UNKNOWN_VARIANCE;
     const floats surer = var_before < var_after ? before : after;
     // A wall ends within the pixel that shows it.
-    const floats little = LESS_OF(least, most) + LONELY + surer * surer;
+    const floats little = LESS_OF(least, most) + LONE_SLOPE_VARIANCE + surer * surer;
     const floats alone = both == INFINITY ? both : little;
     *wanted = known ? step_ : surer;
     *spread = (known ? both : alone) + least_spread;
@@ -79,7 +80,7 @@ LANED __kernel void gather_system(
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const floats none = 0.0f, infinite = INFINITY;
-    const ints still = REST, out = AWAY;
+    const ints still = STATE_REST, out = STATE_AWAY;
     const int i = y * W + x, here = (top + y) * frame_width + left;
     const floats column = (float)x + LANE_NUMBERS, last = (float)(W - 1);
     floats slopes[4], variances[4], wanted, spread;

@@ -5,7 +5,7 @@
 #include "springs.clh"
 #include "height_system.clh"
 
-#define AWAY 2
+#define STATE_AWAY 2
 
 // The height over the whole frame, `by` lower; outside the window it is zero, and where no pixel
 // counts.
@@ -17,6 +17,6 @@ __kernel void place(
     GRID_2(row, column, frame_height, frame_width)
     const int y = row - top, x = column - left;
     const int inside = y >= 0 && y < H && x >= 0 && x < W;
-    const int counts = inside && state[y * W + x] != AWAY;
+    const int counts = inside && state[y * W + x] != STATE_AWAY;
     out[row * frame_width + column] = counts ? z[y * W + x] - by : 0.0f;
 }

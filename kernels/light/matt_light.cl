@@ -91,7 +91,7 @@ LANED __kernel void matt_light(
         const Facing facing = facing_of(&film, n, eye);
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
-            if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MOST_DIFFUSE) {
+            if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MAX_DIFFUSE) {
                 // What a matt film has there, the harmonics stand beside.
                 const floats beside = shaded(&film, known + k, &facing);
                 const floats found = (shown[k] - beside) * scale[k];

@@ -5,7 +5,7 @@
 
 #define MIN_TESTED_SLOPE 0.1f
 #define BLOCK_PX 16
-#define NOISE 0.01f
+#define LIGHT_NOISE_SHARE 0.01f
 
 // The residual of the light under a normal and the film's brightness, and 1 where all LEDs are used
 // on tilted film, else 0.
@@ -32,7 +32,8 @@ LANED __kernel void leave(
         along += shown * (load_floats(light + k * size + at, count) - shown);
         whole += shown * shown;
     }
-    const floats brighter = along * brightness_share(whole, NOISE * NOISE, uneven);
+    const float noise = LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE;
+    const floats brighter = along * brightness_share(whole, noise, uneven);
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats shown = (v.z - v.x * p - v.y * q) * nz;

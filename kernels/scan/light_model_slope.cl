@@ -3,12 +3,12 @@
 #include "light_model.clh"
 
 #define MOST_LEDS 8
-#define LONGEST 0.3f
-#define FLATTEST 0.05f
+#define MAX_TURN_RAD 0.3f
+#define MIN_START_Z 0.05f
 #define LEAST_LIGHT 1e-6f
-#define TINY 1e-20f
-#define SMALLEST 1e-12f
-#define FAINTEST 0.2f
+#define MIN_LENGTH 1e-20f
+#define MIN_DETERMINANT 1e-12f
+#define MIN_EXPECTED_SHARE 0.2f
 
 // The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule.
 static void linear_slope(
@@ -36,7 +36,7 @@ static void linear_slope(
     const floats x = c_xx * bx + c_xy * by + c_xz * bz;
     const floats y = c_xy * bx + c_yy * by + c_yz * bz;
     const floats up = c_xz * bx + c_yz * by + c_zz * bz;
-    const floats least = FLATTEST * sqrt(x * x + y * y + up * up), tiny = TINY;
+    const floats least = MIN_START_Z * sqrt(x * x + y * y + up * up), tiny = MIN_LENGTH;
     const floats at_least = MORE_OF(least, tiny), z = MORE_OF(up, at_least);
     *p = -x / z;
     *q = -y / z;
@@ -52,7 +52,7 @@ static ints shaded(
     for (int k = 0; k < K; ++k) {
         floats x, y, z;
         const floats at_rest = modelled_light(terms[k], none, none, one, &x, &y, &z);
-        const floats faint = FAINTEST * (at_rest - dark[k]), direct = m[k] - dark[k];
+        const floats faint = MIN_EXPECTED_SHARE * (at_rest - dark[k]), direct = m[k] - dark[k];
         const floats least = g * (dark[k] + 0.5f * MORE_OF(direct, faint));
         labels |= image[k] < least ? (ints)(1 << k) : (ints)0;
     }
@@ -77,7 +77,7 @@ LANED __kernel void light_model_slope(
 {
     GRID_LANES(i, count, H * W)
     const int size = H * W;
-    const floats least = LEAST_LIGHT, smallest = SMALLEST, one = 1.0f;
+    const floats least = LEAST_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
     float xs[LANES], ys[LANES];
     for (int l = 0; l < LANES; ++l) {
         const int at = min(i + l, size - 1);
@@ -141,7 +141,7 @@ LANED __kernel void light_model_slope(
         }
         const floats raw = a * c - b * b, determinant = MORE_OF(raw, smallest);
         const floats dp = (c * s - b * t) / determinant, dq = (a * t - b * s) / determinant;
-        const floats length_ = sqrt(dp * dp + dq * dq), longest = LONGEST * square;
+        const floats length_ = sqrt(dp * dp + dq * dq), longest = MAX_TURN_RAD * square;
         const floats shrink = fmin(one, longest / MORE_OF(length_, smallest));
         p += dp * shrink;
         q += dq * shrink;

@@ -8,7 +8,7 @@
 #include "coated_bounce.clh"
 #include "sweep.clh"
 
-#define FAINTEST 1e-6f
+#define MIN_REST_LIGHT 1e-6f
 
 // Light relative to the film at rest.
 LANED __kernel void relative(
@@ -18,7 +18,7 @@ LANED __kernel void relative(
     const int N)
 {
     GRID_LANES(i, count, N)
-    const floats least = FAINTEST, level = load_floats(rest + i, count);
+    const floats least = MIN_REST_LIGHT, level = load_floats(rest + i, count);
     store_floats(load_floats(light + i, count) / MORE_OF(level, least), out + i, count);
 }
 

@@ -1,6 +1,6 @@
 #include "common.clh"
 
-#define HALVINGS 24
+#define BISECTION_STEPS 24
 
 typedef struct {
     __global const float *height;
@@ -112,7 +112,7 @@ __kernel void view(
             }
             above = z;
         }
-        for (int i = 0; i < HALVINGS; ++i) {
+        for (int i = 0; i < BISECTION_STEPS; ++i) {
             const float z = 0.5f * (above + below);
             if (met(scene, u, v, z)) below = z;
             else above = z;

@@ -51,7 +51,7 @@ static float reach_of(const Several *several)
 
 static void enter_leaf(Several *several, const float *light, const Table *table, const int leaf)
 {
-    for (int e = leaf * LEAF; e < (leaf + 1) * LEAF; ++e) {
+    for (int e = leaf * LEAF_ENTRIES; e < (leaf + 1) * LEAF_ENTRIES; ++e) {
         float square = 0.0f;
         for (int k = 0; k < LIGHTS; ++k) {
             const float away = table->entries[e * LIGHTS + k] - light[k];
@@ -126,10 +126,10 @@ typedef struct {
 static void scan_leaf(
     Nearest *nearest, const floats *light, const Table *table, const int leaf)
 {
-    __global const float *entry = table->entries + leaf * LEAF * LIGHTS;
-    floats square[LEAF];
+    __global const float *entry = table->entries + leaf * LEAF_ENTRIES * LIGHTS;
+    floats square[LEAF_ENTRIES];
     #pragma unroll
-    for (int e = 0; e < LEAF; ++e) {
+    for (int e = 0; e < LEAF_ENTRIES; ++e) {
         square[e] = (floats)(0.0f);
         #pragma unroll
         for (int k = 0; k < LIGHTS; ++k) {
@@ -139,12 +139,12 @@ static void scan_leaf(
     }
     floats least = square[0];
     #pragma unroll
-    for (int e = 1; e < LEAF; ++e) least = LESS_OF(square[e], least);
+    for (int e = 1; e < LEAF_ENTRIES; ++e) least = LESS_OF(square[e], least);
     if (!ANY(least <= nearest->square)) return;
-    __global const int *numbers = table->numbers + leaf * LEAF;
+    __global const int *numbers = table->numbers + leaf * LEAF_ENTRIES;
     ints number = (ints)(INT_MAX);
     #pragma unroll
-    for (int e = 0; e < LEAF; ++e) {
+    for (int e = 0; e < LEAF_ENTRIES; ++e) {
         const ints here = (ints)(numbers[e]);
         number = ((square[e] == least) & (here < number)) ? here : number;
     }
@@ -258,8 +258,8 @@ void search_cells(
 {
     const int cell = get_global_id(0), t = table_of_cell(cell, levels);
     const Table table = read_table(t, GIVEN_INDEX);
-    for (int from = starts[cell]; from < starts[cell + 1]; from += PIECE) {
-        const int count = min(PIECE, starts[cell + 1] - from);
+    for (int from = starts[cell]; from < starts[cell + 1]; from += CELL_PIXELS) {
+        const int count = min(CELL_PIXELS, starts[cell + 1] - from);
         if (table.tops == 0) {
             for (int i = 0; i < 2 * count; ++i) found_slopes[2 * from + i] = 0.0f;
             continue;

@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-#define TWELFTH (1.0f / 12.0f)
+#define PIXEL_VARIANCE (1.0f / 12.0f)
 
 typedef struct {
     floats x, y, z;
@@ -74,7 +74,7 @@ LANED __kernel void pixel_mean_slope(
             normals_at(slope, size, below), normals_at(slope, size, above), LOAD_LANES(upright));
     }
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
-    const floats square = 1.0f + p * p + q * q, limit = most * square, by = square * TWELFTH;
+    const floats square = 1.0f + p * p + q * q, limit = most * square, by = square * PIXEL_VARIANCE;
     const floats add_p = down.z * (down.x + p * down.z) + along.z * (along.x + p * along.z);
     const floats add_q = down.z * (down.y + q * down.z) + along.z * (along.y + q * along.z);
     store_floats(p + within(add_p * by, limit), out + at, count);

@@ -2,11 +2,11 @@
 #include "common.clh"
 #include "lanes.clh"
 
-#define SHADES 9
-#define DEGREE 4
-#define TERMS 15
+#define SHADE_COUNT 9
+#define PLACE_DEGREE 4
+#define PLACE_TERMS 15
 #define LIGHTS 8
-#define POWERS (DEGREE + 1)
+#define POWERS (PLACE_DEGREE + 1)
 
 // Along a row a coefficient is a polynomial in u alone, of POWERS numbers.  A work-item does one.
 __kernel void polynomials_of_rows(
@@ -14,14 +14,14 @@ __kernel void polynomials_of_rows(
     __global float *restrict rows,
     const int K, const int H, const int W)
 {
-    GRID_1(i, H * K * SHADES)
-    const int row = i / (K * SHADES), coefficient = i - row * (K * SHADES);
+    GRID_1(i, H * K * SHADE_COUNT)
+    const int row = i / (K * SHADE_COUNT), coefficient = i - row * (K * SHADE_COUNT);
     const float v = ((float)row - 0.5f * (float)(H - 1)) * (2.0f / (float)W);
     // The monomials of degree d are u^d, u^(d-1) v, ..., v^d.
-    __global const float *map = reflectance + coefficient * TERMS;
+    __global const float *map = reflectance + coefficient * PLACE_TERMS;
     for (int power = 0; power < POWERS; ++power) {
         float sum = 0.0f;
-        for (int degree = DEGREE; degree >= power; --degree)
+        for (int degree = PLACE_DEGREE; degree >= power; --degree)
             sum = sum * v + map[degree * (degree + 1) / 2 + degree - power];
         rows[i * POWERS + power] = sum;
     }
@@ -29,8 +29,8 @@ __kernel void polynomials_of_rows(
 
 static floats at_place(__global const float *polynomial, const floats u)
 {
-    floats sum = polynomial[DEGREE];
-    for (int power = DEGREE - 1; power >= 0; --power) sum = sum * u + polynomial[power];
+    floats sum = polynomial[PLACE_DEGREE];
+    for (int power = PLACE_DEGREE - 1; power >= 0; --power) sum = sum * u + polynomial[power];
     return sum;
 }
 
@@ -52,12 +52,12 @@ LANED __kernel void solve(
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, at = row * W + column;
     const floats u = ((float)column + LANE_NUMBERS - 0.5f * (float)(W - 1)) * (2.0f / (float)W);
-    __global const float *polynomials = rows + row * K * SHADES * POWERS;
-    floats coefficients[LIGHTS][SHADES], rest[LIGHTS], weight[LIGHTS];
+    __global const float *polynomials = rows + row * K * SHADE_COUNT * POWERS;
+    floats coefficients[LIGHTS][SHADE_COUNT], rest[LIGHTS], weight[LIGHTS];
     for (int k = 0; k < K; ++k) {
-        for (int b = 0; b < SHADES; ++b)
-            coefficients[k][b] = at_place(polynomials + (k * SHADES + b) * POWERS, u);
-        const floats lifted = coefficients[k][SHADES - 1] * load_floats(height + at, count);
+        for (int b = 0; b < SHADE_COUNT; ++b)
+            coefficients[k][b] = at_place(polynomials + (k * SHADE_COUNT + b) * POWERS, u);
+        const floats lifted = coefficients[k][SHADE_COUNT - 1] * load_floats(height + at, count);
         rest[k] = load_floats(light + k * size + at, count) - 1.0f - lifted;
         weight[k] = load_floats(flat + k * size + at, count);
     }

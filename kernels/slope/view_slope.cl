@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "near_light.clh"
 
-#define LEAST 0.1f
+#define MIN_VIEW_SHARE 0.1f
 
 // Slopes of the seen height, or of the film, equation V2.
 LANED __kernel void view_slope(
@@ -18,7 +18,7 @@ LANED __kernel void view_slope(
     if (camera != 0.0f) {
         floats u, v;
         places(at, H, W, pixel, &u, &v);
-        const floats seen = load_floats(height + at, count), least = LEAST;
+        const floats seen = load_floats(height + at, count), least = MIN_VIEW_SHARE;
         const floats along = p * u + q * v, z = seen / (1.0f + camera * seen);
         const floats nearer = 1.0f - camera * z;
         const floats share = inverse ? 1.0f + camera * (seen - along)

@@ -2,8 +2,8 @@
 #include "lanes.clh"
 #include "near_light.clh"
 
-#define MOST 8
-#define DARKEST 0.1f
+#define MAX_LEDS 8
+#define MIN_MODEL_LIGHT 0.1f
 #define MIN_FREEDOM 0.5f
 #define LEAST_ERROR 0.0015f
 #define UNEVEN_SHARE 0.25f
@@ -33,10 +33,10 @@ LANED __kernel void light_departure(
     const float share_of_noise = 1.0f / (float)cell_px;
     floats x, y;
     places(at, H, W, pixel, &x, &y);
-    floats departs[MOST], along[MOST], product = none, whole = none, leds = none;
+    floats departs[MAX_LEDS], along[MAX_LEDS], product = none, whole = none, leds = none;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats shown = (v.z - v.x * p - v.y * q) * nz, darkest = DARKEST;
+        const floats shown = (v.z - v.x * p - v.y * q) * nz, darkest = MIN_MODEL_LIGHT;
         const floats noise = load_floats(sigma + k * size + at, count) * share_of_noise;
         const floats model = error * MORE_OF(shown, darkest);
         const floats lit = ((bits >> k) & 1) != 0 ? one : none;

@@ -1,16 +1,16 @@
 #include "common.clh"
 
-#define SHADES 9
-#define TERMS 15
-#define DEGREE 4
+#define SHADE_COUNT 9
+#define PLACE_TERMS 15
+#define PLACE_DEGREE 4
 #define LEAST_MAP_ERROR 0.006f
 
 // A coefficient at the place (u, v): the monomials of degree d are u^d, u^(d-1) v, ..., v^d.
 static float at_place(__global const float *map, const float u, const float v)
 {
     float sum = map[0];
-    float of_degree[DEGREE + 1] = {1.0f};
-    for (int degree = 1, term = 1; degree <= DEGREE; ++degree) {
+    float of_degree[PLACE_DEGREE + 1] = {1.0f};
+    for (int degree = 1, term = 1; degree <= PLACE_DEGREE; ++degree) {
         of_degree[degree] = of_degree[degree - 1] * v;
         for (int i = degree - 1; i >= 0; --i) of_degree[i] *= u;
         for (int i = 0; i <= degree; ++i, ++term) sum += map[term] * of_degree[i];
@@ -37,12 +37,12 @@ __kernel void map_departure(
     const float z = 1.0f / sqrt(1.0f + p * p + q * q), x = -p * z, y = -q * z;
     float chi = 0.0f;
     for (int k = 0; k < K; ++k) {
-        float c[SHADES];
-        for (int b = 0; b < SHADES; ++b)
-            c[b] = at_place(reflectance + (k * SHADES + b) * TERMS, u, v);
+        float c[SHADE_COUNT];
+        for (int b = 0; b < SHADE_COUNT; ++b)
+            c[b] = at_place(reflectance + (k * SHADE_COUNT + b) * PLACE_TERMS, u, v);
         const float shown = c[0] * x + c[1] * y + c[2] * (z - 1.0f) + c[3] * (x * y) +
                             c[4] * (x * z) + c[5] * (y * z) + c[6] * (x * x - y * y) +
-                            c[7] * (3.0f * (z * z - 1.0f)) + c[SHADES - 1] * height[at];
+                            c[7] * (3.0f * (z * z - 1.0f)) + c[SHADE_COUNT - 1] * height[at];
         const float left = light[k * size + at] - 1.0f - shown;
         chi += left * left;
     }

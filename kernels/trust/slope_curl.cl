@@ -5,7 +5,7 @@
 #define MIN_SLOPE 0.05f
 #define MAX_CURVATURE 0.5f
 #define NOISE_WEIGHT 2.0f
-#define UNTESTED (-1.0f)
+#define NOT_TESTED (-1.0f)
 
 // The mean of a cell of side x side pixels; beyond the border the border pixels repeat.  Rows are
 // summed first, as in NumPy.
@@ -41,7 +41,7 @@ __kernel void slope_curl(
     GRID_2(row, column, h, w)
     const int size = H * W, side = cell_side(H, W, factor), at = row * w + column;
     if (row == h - 1 || column == w - 1) {
-        out[at] = UNTESTED;
+        out[at] = NOT_TESTED;
         return;
     }
     float p[4], q[4], spread[4], gentlest = INFINITY;
@@ -69,5 +69,5 @@ __kernel void slope_curl(
     const float curl = p_down - q_right;
     const float expected =
         least * least + misfit[0] * misfit[0] + share * share * bent + NOISE_WEIGHT * noise;
-    out[at] = tests ? curl * curl / expected : UNTESTED;
+    out[at] = tests ? curl * curl / expected : NOT_TESTED;
 }

@@ -29,9 +29,9 @@ MIN_FLAT_LIGHT = np.float32(0.02)
 """Light of the film at rest below which nothing is divided by it."""
 MIN_PIXELS = 100
 """Fewest pixels to which tables, a reflectance or LEDs are fitted."""
-FOLDS = 4
+FOLD_COUNT = 4
 """Number of folds that are held out in turn: every fourth ball or slice."""
-SLICES = 16
+BALL_SLICES = 16
 """Slices of a ball, which are held out where there is only one ball."""
 MAX_ERROR_RATIO = 0.95
 """Factor by which a further change of the film must lower the held-out error."""

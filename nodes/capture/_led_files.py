@@ -1,4 +1,4 @@
-"""Which image of a folder is which LED's."""
+"""Assign the images of a folder to LEDs."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from tactograph.graph import InputError, warn
 from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
 from tactograph.nodes.files.image_files import MAX_LEDS
 
-SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
-USUAL = "led{}"
-NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
+USUAL_PATTERN = "led{}"
+NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: what comes before its last number, the number, what comes behind."""
 SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
 
@@ -23,23 +23,23 @@ Named = dict[int, Path]
 
 def images_of(folder: Path) -> list[Path]:
     """Return the image files of a folder in order of name, without hidden ones."""
-    files = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not is_hidden(f))
+    files = (f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not is_hidden(f))
     return sorted(files)
 
 
 def is_hidden(path: Path) -> bool:
-    """Whether it is hidden: the remains of a killed writer (`atomic_files`), or a system file."""
+    """Return whether it is hidden: what a killed writer left (`atomic_files`), or a system file."""
     return path.name.startswith(".")
 
 
 def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> bool:
     """Return whether a folder holds images that are one LED's each."""
-    if pattern != USUAL:
+    if pattern != USUAL_PATTERN:
         return any(_by_pattern(folder, pattern, leds or range(1, MAX_LEDS + 1)).values())
     if is_scan(folder):
         return True
     groups = _by_name(folder)
-    return (USUAL.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
+    return (USUAL_PATTERN.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
 
 
 def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> list[Path]:
@@ -57,7 +57,7 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> li
     """
     if leds is not None and len(set(leds)) < len(leds):
         raise InputError(f"leds={tuple(leds)}: an LED is named twice")
-    if pattern == USUAL:
+    if pattern == USUAL_PATTERN:
         there = _numbered_leds(folder)
     else:
         asked = leds or range(1, MAX_LEDS + 1)
@@ -80,7 +80,7 @@ def _numbered_leds(folder: Path) -> Named:
     if is_scan(folder):
         return dict(enumerate(read_scan(folder).images, start=1))
     groups = _by_name(folder)
-    usual = USUAL.format(""), ""
+    usual = USUAL_PATTERN.format(""), ""
     likely = [usual] if usual in groups else [n for n, g in groups.items() if _may_be_leds(g)]
     if len(likely) > 1:
         names = " and ".join(next(iter(groups[name].values())).name for name in likely)
@@ -90,16 +90,16 @@ def _numbered_leds(folder: Path) -> Named:
         )
     if not likely:
         return {}
-    found = groups[likely[0]]
+    led_files = groups[likely[0]]
     left = [f.name for n, group in groups.items() if n != likely[0] for f in group.values()]
     if left:
         more = f" and {len(left) - 3} more" if len(left) > 3 else ""
         warn(f"{folder}: not read: {', '.join(left[:3])}{more}; the images of LEDs have one name")
-    first, count = min(found), len(found)
+    first, count = min(led_files), len(led_files)
     if likely[0] == usual and first == 1:
-        return found
-    steps = {after - before for before, after in zip(found, [*found][1:], strict=False)}
-    files = [*found.values()]
+        return led_files
+    steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
+    files = [*led_files.values()]
     if len(steps) > 1:
         raise InputError(
             f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
@@ -120,7 +120,7 @@ def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
     """
     groups: dict[tuple[str, str], Named] = {}
     for file in images_of(folder):
-        match = NUMBERED.fullmatch(file.stem)
+        match = NUMBERED_NAME.fullmatch(file.stem)
         if match is None:
             continue
         before, number, behind = match.groups()
@@ -153,7 +153,7 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
-    likely = (s for s in SUFFIXES if listed is None or f"{name}{s}" in listed)
+    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
     there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
     if len(there) > 1:
         names = " and ".join(file.name for file in there)

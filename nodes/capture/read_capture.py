@@ -17,7 +17,7 @@ from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
     SAY_LIGHTS,
-    USUAL,
+    USUAL_PATTERN,
     find_led_files,
     has_led_files,
     images_of,
@@ -90,7 +90,7 @@ class Layout:
 
     lights: Lights = "leds"
     leds: tuple[int, ...] | None = None
-    files: str = USUAL
+    files: str = USUAL_PATTERN
     bits: int | None = None
     crop: Crop | None = None
     channel: Channel | None = None
@@ -102,7 +102,7 @@ def read_capture(
     folder: Path,
     lights: Lights | None = None,
     leds: Leds | None = None,
-    files: str = USUAL,
+    files: str = USUAL_PATTERN,
     crop: Crop | None = None,
     channel: Channel | None = None,
     single: bool = False,

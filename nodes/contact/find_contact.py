@@ -15,7 +15,7 @@ from tactograph.nodes import Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
 """Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
-UNFILLED = np.uint8(255)
+NO_CONTACT = np.uint8(255)
 """Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
 MEDIAN_TO_DEVIATION = 1.4826
 """Median magnitude to standard deviation, for a normal distribution."""
@@ -83,7 +83,7 @@ def find_contact(
     # A contour without a parent surrounds a core; the others surround its holes.
     parents = nested[0, :, 3].tolist()
     outlines = [line for line, parent in zip(lines, parents, strict=True) if parent < 0]
-    raised = (height > np.float32(leave) * level).view(np.uint8) * UNFILLED
+    raised = (height > np.float32(leave) * level).view(np.uint8) * NO_CONTACT
     areas, cores = _fill(raised, outlines)
     contacts = [number for number in areas if cores[number] >= least_px]
     if len(contacts) > most:
@@ -110,9 +110,9 @@ def _fill(
     for size, line in sorted(zip(sizes, outlines, strict=True), key=lambda each: -each[0]):
         x, y = map(int, line[0, 0])
         number = int(raised[y, x])
-        if number == UNFILLED:
+        if number == NO_CONTACT:
             number = len(areas) + 1
-            if number == UNFILLED:
+            if number == NO_CONTACT:
                 break
             areas[number] = float(cv2.floodFill(raised, None, (x, y), number, flags=8)[0])
             cores[number] = 0.0

@@ -15,7 +15,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 """Colours of plots that people with any sight tell apart."""
 DRAWN_BY = "Matplotlib"
-"""How a picture's text chunk ``Software`` begins."""
+"""Beginning of a picture's text chunk ``Software``."""
 
 
 def write_picture(figure: Figure, file: Path) -> None:
@@ -31,7 +31,7 @@ def write_picture(figure: Figure, file: Path) -> None:
 
 
 def _is_free(picture: Path) -> bool:
-    """Whether there is no such file, or one that Matplotlib drew."""
+    """Return whether there is no such file, or one that Matplotlib drew."""
     if not picture.exists():
         return True
     try:

@@ -125,7 +125,7 @@ def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
     FigureCanvasAgg(figure).print_png(file)
 
 
-def _draw_leds(bits: Labels, image: Light, what: str, file: Path) -> None:
+def _draw_leds(bits: Labels, image: Light, label: str, file: Path) -> None:
     """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
@@ -135,7 +135,7 @@ def _draw_leds(bits: Labels, image: Light, what: str, file: Path) -> None:
     drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
     bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))
     bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(count)), "several"])
-    axes.set(title=f"{what}: {(numbers > 0).mean():.1%} of the pixels")
+    axes.set(title=f"{label}: {(numbers > 0).mean():.1%} of the pixels")
     FigureCanvasAgg(figure).print_png(file)
 
 

@@ -43,7 +43,7 @@ MIN_WAVE_WIDTH_MM = np.float32(1e-3)
 
 
 class Unperturbed(NamedTuple):
-    """What the errors start from, inside the window."""
+    """Values without error, inside the window."""
 
     light: F4
     """K x h x w."""
@@ -58,11 +58,11 @@ class Unperturbed(NamedTuple):
     used: U1
     """The LEDs that the slope was found with."""
     free: NDArray[np.bool_]
-    """What is not at rest."""
+    """Mask of film that is not at rest: the height is sought there."""
     bounced: F4
     """K x h x w, the light that the film throws on itself; zero if none is known."""
     changed: F4
-    """By how much that changed in the last pass, likewise."""
+    """Change of `bounced` in the last pass, K x h x w."""
 
     def rows(self, part: slice) -> Unperturbed:
         """The same for some rows."""
@@ -71,10 +71,10 @@ class Unperturbed(NamedTuple):
 
 
 class Causes(NamedTuple):
-    """What is not known for certain."""
+    """Sources of error, with their sizes."""
 
     film: Film
-    """Where the LEDs are, and may be instead; how uneven the film's brightness is."""
+    """Positions of the LEDs, other positions that are possible, and unevenness of the film."""
     misfit: Misfit | None
     flat_noise: np.float32
     """Noise of the flat frame, relative to a touch's."""
@@ -145,7 +145,7 @@ def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
 
 
 def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
-    """What is wrong of the light that the film throws on itself: a share, and its last change."""
+    """Error of the light that the film throws on itself: a share of it, and its last change."""
     wrong = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
     return np.asarray(wrong * seen.bounced + np.float32(SETTLING_SIGNS[number]) * seen.changed)
 

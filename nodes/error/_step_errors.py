@@ -17,7 +17,7 @@ RESOLVED_BEND = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
 
 Steps = tuple[F4, F4]
-"""To the right and down in mm, h x w-1 and h-1 x w."""
+"""Steps to the right and down in mm, h x w-1 and h-1 x w."""
 
 
 def turns(steps: Steps) -> Steps:

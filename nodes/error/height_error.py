@@ -31,7 +31,8 @@ from tactograph.nodes import (
 from tactograph.nodes.error._random_errors import ERROR_COUNT, Keys, drawn, keys_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.error._step_errors import kinks, random_steps, turns, unresolved
-from tactograph.nodes.height.height_equations import FREE, HeightSystem
+from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
+from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
 from tactograph.nodes.height.spring_cells import coarsened, on_pixels
@@ -187,7 +188,7 @@ def _inside(
     bounced: Light | None,
     earlier: Light | None,
 ) -> Unperturbed:
-    """What the errors start from, inside the window."""
+    """Values without error, inside the window."""
     window, (rows, columns) = system.window, height.shape
     inside, pixel = window.of(light), np.float32(system.scales[3])
     thrown = changed = np.broadcast_to(np.float32(0), inside.shape)
@@ -202,7 +203,7 @@ def _inside(
         places(columns, pixel)[None, window.columns],
         places(rows, pixel)[window.rows, None],
         window.of(used),
-        system.state == FREE,
+        system.state == STATE_FREE,
         thrown,
         changed,
     )
@@ -271,13 +272,15 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 def _launch(run: Launch) -> None:
     """Send the same errors through the same networks; no pixel comes to the host."""
     inputs, settings = run.inputs, run.settings
-    solver = HeightSolver(run, MAX_COARSENINGS)
-    pixel = solver.pixel
-    solver.weigh(solver.cut(inputs["height"]), solver.robust)
-    shape, ties, cells = solver.shape, solver.rises, solver.cells
-    coarse = solver.pixels if cells is None else cells
-    wants = solver.room(solver.pixels, ERROR_COUNT if cells is None else PIXEL_ERRORS)
-    wanted = wants if cells is None else solver.room(cells, ERROR_COUNT)
+    networks = HeightNetworks(run, MAX_COARSENINGS)
+    solver = HeightSolver(run, networks)
+    pixel = networks.pixel
+    networks.weigh(networks.cut(inputs["height"]), networks.robust)
+    shape, ties = networks.shape, networks.rises
+    pixels, cells = networks.pixels, networks.cells
+    coarse = pixels if cells is None else cells
+    wants = networks.room(pixels, ERROR_COUNT if cells is None else PIXEL_ERRORS)
+    wanted = wants if cells is None else networks.room(cells, ERROR_COUNT)
     moved, total = (run.scratch((1, *shape)) for _ in range(2))
 
     def clear(plane: DeviceArray) -> None:
@@ -294,20 +297,20 @@ def _launch(run: Launch) -> None:
 
     drawn = [keys_of(settings["seed"], number) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
-    slopes = _launch_slopes(run, solver, drawn)
+    slopes = _launch_slopes(run, networks, drawn)
     # In reverse order: the first errors' steps between pixels must remain afterwards.
     for number in reversed(range(ERROR_COUNT)):
         to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
         run.kernel(
-            "err_steps", run.in_row_lanes(*shape), *solver.wants[:2], slopes,
+            "err_steps", run.in_row_lanes(*shape), *networks.wants[:2], slopes,
             wants.right, wants.down, *shape, number, to, 0.5 * pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
-        err_rises(to, solver.rise_error, keys.rises)
+        err_rises(to, networks.rise_error, keys.rises)
         if cells is not None:
-            solver.wants_of_cells(wants, to, wanted, number)
-    first_energy = solver.energies(solver.pixels, wants)
-    enough = solver.enough(MIN_ENERGY_SHARE, solver.energies(coarse, wanted, ERROR_COUNT))
+            networks.wants_of_cells(wants, to, wanted, number)
+    first_energy = networks.energies(pixels, wants)
+    enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(coarse, wanted, ERROR_COUNT))
     there, of_cells = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     clear(of_cells)
@@ -316,41 +319,37 @@ def _launch(run: Launch) -> None:
     if cells is None:
         total = of_cells
     else:
-        solver.on_pixels(of_cells, 0, total)
-        enough = solver.enough(
-            MIN_ENERGY_SHARE, solver.energies(solver.pixels, wants, PIXEL_ERRORS)
-        )
+        networks.on_pixels(of_cells, 0, total)
+        enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(pixels, wants, PIXEL_ERRORS))
         for number in range(PIXEL_ERRORS):
-            solver.on_pixels(there, number, moved)
-            solver.solve(solver.pixels, wants, moved, CG_STEPS_AFTER_COARSE, enough, number)
+            networks.on_pixels(there, number, moved)
+            solver.solve(pixels, wants, moved, CG_STEPS_AFTER_COARSE, enough, number)
             add_squares(moved, total, [np.float32(1 / PIXEL_ERRORS)])
-    kink = settings["kink"] * pixel
-    by_rows = run.in_row_lanes(*shape)
+    kinked = *networks.wants[:2], wants.right, wants.down
     run.kernel(
-        "err_kinks", by_rows, *solver.wants[:2], wants.right, wants.down, *shape, pixel, kink
+        "err_kinks", run.in_row_lanes(*shape), *kinked, *shape, pixel, settings["kink"] * pixel
     )
     err_rises(0, 0.0, 0)
     clear(moved)
-    enough = solver.enough(
-        MIN_ENERGY_SHARE, solver.energies(solver.pixels, wants), first_energy, KINK_ENERGY_SHARE
-    )
-    solver.solve(solver.pixels, wants, moved, settings["steps"], enough)
+    energy = networks.energies(pixels, wants)
+    enough = solver.enough(MIN_ENERGY_SHARE, energy, first_energy, KINK_ENERGY_SHARE)
+    solver.solve(pixels, wants, moved, settings["steps"], enough)
     add_squares(moved, total, [np.float32(1)])
-    _deviate(run, solver, total)
+    _deviate(run, networks, total)
 
 
-def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> DeviceArray:
+def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys]) -> DeviceArray:
     """All errors of the slopes inside the window: ERROR_COUNT x 2 x rows x columns."""
     inputs, settings = run.inputs, run.settings
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
-    slopes = run.scratch((ERROR_COUNT, 2, *solver.shape))
+    slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
     told = run.keep("kinds", lambda: run.upload(kinds()))
     keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
-        "err_slopes", run.in_row_lanes(*solver.shape),
-        *(inputs[name] for name in ("light", "sigma", "height", "slope")), solver.state,
+        "err_slopes", run.in_row_lanes(*networks.shape),
+        *(inputs[name] for name in ("light", "sigma", "height", "slope")), networks.state,
         *(inputs[name] for name in ("used", "film.lights", "film.others")), slopes,
-        *frame, *solver.place, solver.pixel, settings["flat_noise"],
+        *frame, *networks.place, networks.pixel, settings["flat_noise"],
         math.sqrt(inputs.get("correlation") or 1.0), inputs["film.uneven"],
         told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
@@ -359,24 +358,22 @@ def _launch_slopes(run: Launch, solver: HeightSolver, drawn: Sequence[Keys]) -> 
     return slopes
 
 
-def _deviate(run: Launch, solver: HeightSolver, total: DeviceArray) -> None:
+def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     """Write what `_smooth_deviation` computes to the output."""
-    shape, frame = solver.shape, (run.sizes["H"], run.sizes["W"])
+    shape, frame = networks.shape, (run.sizes["H"], run.sizes["W"])
     kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
-    run.kernel(
-        "free_part", shape, solver.state, total, free, *shape
-    )  # fmt: skip
+    run.kernel("free_part", shape, networks.state, total, free, *shape)
     by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
     out, bent = run.outputs["height_error"], run.scratch(frame)
     height = run.inputs["height"]
-    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, solver.pixel)
+    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, networks.pixel)
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
-    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *solver.place)
+    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *networks.place)
 
 
 @height_error.example

@@ -27,24 +27,24 @@ from tactograph.nodes.optics.light_model import (
     positions,
 )
 
-DRAWS = 16
+DRAW_COUNT = 16
 """Random errors; they come in pairs, whose waves are a quarter of a wave apart."""
-UNKNOWN = 3
-"""Of a pixel: p, q and the brightness; only more LEDs than these show what a model misses."""
+PIXEL_UNKNOWNS = 3
+"""Unknowns of a pixel: p, q and the brightness.  Only more LEDs than these show a model's error."""
 USUAL_MISFIT = 0.01
-"""Of the light by three LEDs, as a share of full scale: between those of two real sensors."""
-TURN, FRAME = np.float32(1), np.float32(2)
+"""Misfit of the light by three LEDs, over full scale: between those of two real sensors."""
+REPEAT_TURN, REPEAT_FRAME = np.float32(1), np.float32(2)
 """Change of the normal, and of the position over the frame's shorter side, after which a model's
 error repeats."""
 CHI_MEDIAN = 0.789
 """Median over mean of a sum of three squares."""
-FAINTEST = 1e-9
-MOST = np.float32(3)
+MIN_DIVISOR = 1e-9
+MAX_SLOPE_ERROR = np.float32(3)
 """Largest error of a slope."""
-STEEPER = np.float32(1.5)
+NOISE_STEEPENING = np.float32(1.5)
 """By how much noise makes slopes steeper, over the variances of p and q of a pixel and the slope:
 1.0 to 2.5 by the models of three sensors."""
-SMOOTH = 2.0
+NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 
 
@@ -65,7 +65,7 @@ def light_model_error(
 
     All inputs are of cells.  What slope and brightness leave of a single pixel's light is noise
     and the model's error, what they leave of a cell's mean light hardly any noise: the two tell
-    both apart.  `DRAWS` random errors of the right size are turned into slopes to first order,
+    both apart.  `DRAW_COUNT` random errors of the right size are turned into slopes to first order,
     integrated, and levelled as the height was; their mean square is the variance.
 
     - Noise is independent from pixel to pixel.  What it does inside a cell of n x n pixels is
@@ -105,19 +105,21 @@ def light_model_error(
     noise, misfit = _parts(residual, single, leds, cell)
     root = _root(by_light) * noise
     normal = slope / np.sqrt(1 + np.sum(slope * slope, axis=0))
-    where = np.stack([*(normal / TURN), *(each / FRAME for each in place)])
+    where = np.stack([*(normal / REPEAT_TURN), *(each / REPEAT_FRAME for each in place)])
     terms, plane = _plane(slope, pixel, level, cell)
 
     def above_plane(wrong: F4) -> F8:
-        height = integrate_dct(np.clip(wrong, -MOST, MOST), pixel).ravel()
+        height = integrate_dct(np.clip(wrong, -MAX_SLOPE_ERROR, MAX_SLOPE_ERROR), pixel).ravel()
         return (height - terms @ (plane @ height)).reshape(rows, columns)
 
-    total = np.square(above_plane(slope * STEEPER * np.square(root * cell).sum(axis=(0, 1))))
-    for number in range(DRAWS):
+    total = np.square(
+        above_plane(slope * NOISE_STEEPENING * np.square(root * cell).sum(axis=(0, 1)))
+    )
+    for number in range(DRAW_COUNT):
         waves = np.float32(misfit) * _waves(number, leds, where)
         wrong = np.einsum("aknm,knm->anm", by_light, waves)
         wrong += np.einsum("abnm,bnm->anm", root, drawn(keys_of(seed, number).light, slope.shape))
-        total += np.square(above_plane(wrong)) / DRAWS
+        total += np.square(above_plane(wrong)) / DRAW_COUNT
     inside = np.log(cell) / (4 * np.pi) * np.square(root).sum(axis=(0, 1)) * pixel**2
     return np.sqrt(total + inside).astype(np.float32)
 
@@ -127,14 +129,14 @@ def _slope_by_light(slope: F4, brightness: F4, model: LightModel, place: tuple[F
     powers = monomials(*place, int(model.degree))
     _, n, by_p, by_q = normal_by_slope(*slope)
     m, gradient = modelled_light(coefficients(model.quadratic, powers), np.stack(n))
-    norm = np.maximum(np.sum(m * m, axis=0), FAINTEST)
+    norm = np.maximum(np.sum(m * m, axis=0), MIN_DIVISOR)
     free = []
     for direction in (by_p, by_q):
         j = along(tuple(gradient), direction)
         free.append(brightness * (j - m * (np.sum(m * j, axis=0) / norm)))
     x_by, y_by = free
     xx, xy, yy = (np.sum(a * b, axis=0) for a, b in combinations_with_replacement(free, 2))
-    determinant = np.maximum(xx * yy - xy * xy, FAINTEST)
+    determinant = np.maximum(xx * yy - xy * xy, MIN_DIVISOR)
     return np.stack([yy * x_by - xy * y_by, xx * y_by - xy * x_by]) / determinant
 
 
@@ -143,11 +145,11 @@ def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
 
     Of n x n pixels the mean has 1 / n of a pixel's noise.
     """
-    shown = leds - UNKNOWN
+    shown = leds - PIXEL_UNKNOWNS
     if not shown:
         return np.zeros_like(residual), USUAL_MISFIT
     square, of_cell = (leds / shown * np.square(each) for each in (single, residual))
-    variance = np.maximum(cv2.GaussianBlur(square - of_cell, (0, 0), SMOOTH), 0)
+    variance = np.maximum(cv2.GaussianBlur(square - of_cell, (0, 0), NOISE_MEAN_CELLS), 0)
     noise = np.sqrt(variance / cell**2)
     left = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2
     return noise.astype(np.float32), float(np.sqrt(max(left, 0)))
@@ -156,7 +158,7 @@ def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
 def _root(by_light: F4) -> F4:
     """A root of the covariance of p and q by equal noise of all LEDs: 2 x 2 x H x W."""
     (pp, pq), (_, qq) = np.einsum("aknm,bknm->abnm", by_light, by_light)
-    alone = np.sqrt(pp + FAINTEST)
+    alone = np.sqrt(pp + MIN_DIVISOR)
     shared = pq / alone
     return np.stack([[alone, 0 * alone], [shared, np.sqrt(np.maximum(qq - shared**2, 0))]])
 

@@ -47,10 +47,10 @@ def _counts(labelled: Labels, truth: Labels) -> NDArray[np.int64]:
 
 
 def _rates(counts: NDArray[np.int64], suffix: str) -> Metrics:
-    both, labelled, true = counts
+    labelled_and_true, labelled, true = counts
     rates = {
-        "precision": (both, labelled),
-        "recall": (both, true),
-        "iou": (both, labelled + true - both),
+        "precision": (labelled_and_true, labelled),
+        "recall": (labelled_and_true, true),
+        "iou": (labelled_and_true, labelled + true - labelled_and_true),
     }
     return {f"shadow_{name}{suffix}": float(n / sum_) for name, (n, sum_) in rates.items() if sum_}

@@ -15,17 +15,17 @@ from tactograph.graph import InputError, Provenance, warn
 from tactograph.graph.declare.ports import make_record, record_ports, record_values
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.graph.disk.file_identity import ABOUT, about_in
+from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import one_line
 from tactograph.nodes.files.sensor_identity import identity_in
 from tactograph.nodes.stored import Value, stored_values, with_older
 
 R = TypeVar("R")
-DARKEST = 1e-3
+MIN_FLAT_LIGHT = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
-CHANNELS = ("bgr", "rgb")
+COLOUR_LIGHTS = ("bgr", "rgb")
 """The orders of lights that are the channels of a colour image."""
-USERS = {
+KIND_USERS = {
     "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
     "camera": "lens=",
@@ -162,7 +162,7 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
 
 
 class About(NamedTuple):
-    """What a calibration says of itself.
+    """Header of a calibration.
 
     `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
     its images held the lights, as for `read_capture`; None where that is not known.  `serial` is
@@ -185,7 +185,7 @@ def read_about(file: Path) -> About:
     InputError
         If the figures are not numbers by name, or the doubts are not sentences.
     """
-    head = about_in(load_arrays(file, only=ABOUT))
+    head = about_in(load_arrays(file, only=ABOUT_ARRAY))
     quality, doubts = head.get("quality", {}), head.get("doubts", [])
     if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
         raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
@@ -222,9 +222,9 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
             f"calibration {file} is doubtful: {about.doubts[0]}{others}; see "
             f"'tactograph show {file}'"
         )
-    if lights not in CHANNELS:
+    if lights not in COLOUR_LIGHTS:
         return
-    if about.lights in CHANNELS and about.lights != lights:
+    if about.lights in COLOUR_LIGHTS and about.lights != lights:
         raise InputError(
             f"{file}: was made with lights={about.lights}, but lights={lights} is asked for; give "
             f"lights={about.lights}, or calibrate with lights={lights}"
@@ -239,7 +239,7 @@ def _is_number(value: object) -> bool:
 
 
 def is_of_kind(file: Path, kind: FileKind) -> bool:
-    """Whether a file claims to be a calibration of this kind; it may still be damaged.
+    """Return whether a file claims to be a calibration of this kind; it may still be damaged.
 
     Raises
     ------
@@ -265,10 +265,12 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
-        found = name.removeprefix("tactograph ")
-        users = f"; a {found} is for {USERS[found]}" if found in USERS else ""
+        kind_found = name.removeprefix("tactograph ")
+        users = (
+            f"; a {kind_found} is for {KIND_USERS[kind_found]}" if kind_found in KIND_USERS else ""
+        )
         raise InputError(
-            f"{file}: is a {found}, not a {kind.name}; '{kind.maker}' makes one{users}"
+            f"{file}: is a {kind_found}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )
     if not isinstance(version, int):
         raise InputError(f"{file}: 'format' is not a whole number; calibrate again")
@@ -296,7 +298,9 @@ def _check_arrays(
 def dark_led(flat: NDArray[Any]) -> int | None:
     """Return the first LED, counted from 1, whose flat frame (K x H x W) is dark."""
     numbered = enumerate(flat, start=1)
-    return next((k for k, plane in numbered if float(np.percentile(plane, 99)) < DARKEST), None)
+    return next(
+        (k for k, plane in numbered if float(np.percentile(plane, 99)) < MIN_FLAT_LIGHT), None
+    )
 
 
 def _check_array(name: str, array: NDArray[Any], value: Value, sizes: dict[str, int]) -> None:

@@ -17,16 +17,16 @@ from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.nodes import F4
 
-SCAN = "scan.yaml"
+SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
 MAX_LEDS = 8
-TERMS = 10
-"""Of the light model, per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
-MONOMIALS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
+LIGHT_TERMS = 10
+"""Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
+DEGREE_BY_ROWS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
 """Rows of a matrix, and the degree in the position that they stand for; the highest degree
 comes first, within a degree falling in u."""
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
-_PAIR = re.compile(r"[\[(]\s*(\d+)\s*,\s*(\d+)\s*[\])]")
+_PIXEL_PAIR = re.compile(r"[\[(]\s*(\d+)\s*,\s*(\d+)\s*[\])]")
 
 
 class Circle(NamedTuple):
@@ -40,7 +40,7 @@ class Circle(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What a ``scan.yaml`` says."""
+    """Contents of a ``scan.yaml``."""
 
     images: list[Path]
     pixel_size: float
@@ -74,8 +74,8 @@ class LightModelFile(NamedTuple):
 
 
 def is_scan(folder: Path) -> bool:
-    """Whether a folder is a scan."""
-    return (folder / SCAN).is_file()
+    """Return whether a folder is a scan."""
+    return (folder / SCAN_FILE).is_file()
 
 
 def read_scan(folder: Path) -> Scan:
@@ -86,7 +86,7 @@ def read_scan(folder: Path) -> Scan:
     InputError
         If it cannot be read, lists no images or files outside the folder, or is cropped.
     """
-    file = folder / SCAN
+    file = folder / SCAN_FILE
     entries = _entries(file)
     images = [_image(folder, name, file) for name in _list(entries, "images", file)]
     if not images:
@@ -116,7 +116,7 @@ def find_light_model(folder: Path) -> Path:
     """
     name = read_scan(folder).model
     if not name:
-        raise InputError(f"{folder / SCAN}: names no light model; give it as model=FILE.yaml")
+        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as model=FILE.yaml")
     for place in (folder / name, folder.parent / name):
         if place.is_file():
             return place
@@ -144,7 +144,7 @@ def read_light_model_file(file: Path) -> LightModelFile:
         height,
         pixel,
         _matrix(entries, "linfit", leds, 3, file),
-        _matrix(entries, "quadfit", leds, TERMS, file),
+        _matrix(entries, "quadfit", leds, LIGHT_TERMS, file),
         leds,
         _per_led(entries.get("black", [0.0] * leds), leds, f"{file}: black"),
         _flat_field(entries.get("flatfield"), leds, file),
@@ -165,10 +165,10 @@ def _entries(file: Path) -> dict[str, Any]:
         raise InputError(f"{file}: is not a text file") from None
     if not text.strip():
         raise InputError(f"{file}: the file is empty")
-    found = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file)).data
-    if not isinstance(found, dict):
+    entries = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file)).data
+    if not isinstance(entries, dict):
         raise InputError(f"{file}: holds no entries such as 'images:' or 'quadfit:'")
-    return found
+    return entries
 
 
 def _list(entries: dict[str, Any], key: str, file: Path) -> list[Any]:
@@ -181,7 +181,7 @@ def _list(entries: dict[str, Any], key: str, file: Path) -> list[Any]:
 def _image(folder: Path, name: Any, file: Path) -> Path:
     plain = PureWindowsPath(str(name)).name
     if plain != str(name):
-        raise InputError(f"{file}: images: '{name}' must be the name of a file beside {SCAN}")
+        raise InputError(f"{file}: images: '{name}' must be the name of a file beside {SCAN_FILE}")
     return folder / plain
 
 
@@ -201,8 +201,10 @@ def _circle(mark: Any, file: Path) -> Circle | None:
     """A marked ball; None for other marks."""
     if not isinstance(mark, dict) or mark.get("type") != "GridCircle":
         return None
-    of = {k: _number(mark.get(k), f"{file}: annotations: {k}") for k in ("gx", "gy", "x", "y", "r")}
-    return Circle(int(of["gx"]), int(of["gy"]), of["x"], of["y"], of["r"])
+    numbers = {
+        k: _number(mark.get(k), f"{file}: annotations: {k}") for k in ("gx", "gy", "x", "y", "r")
+    }
+    return Circle(int(numbers["gx"]), int(numbers["gy"]), numbers["x"], numbers["y"], numbers["r"])
 
 
 def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path) -> F4:
@@ -212,8 +214,8 @@ def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path
         raise InputError(f"{file}: {key}: is missing; this is not a light model")
     rows, columns = (int(_number(entry.get(k), f"{file}: {key}: {k}")) for k in ("rows", "cols"))
     values = _numbers(entry.get("values"), f"{file}: {key}: values")
-    if rows not in MONOMIALS:
-        known = ", ".join(map(str, MONOMIALS))
+    if rows not in DEGREE_BY_ROWS:
+        known = ", ".join(map(str, DEGREE_BY_ROWS))
         raise InputError(f"{file}: {key}: has {rows} rows; positions of {known} rows are known")
     if columns not in (leds * terms, leds * (terms + 1)) or len(values) != rows * columns:
         raise InputError(

@@ -44,11 +44,11 @@ TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
 """24 bytes: some readers take the comment to be as long as TrueMap's own."""
 SUR_SIZES_AT, SUR_SIZES = 108, struct.Struct("<2i")
-"""Where a .sur file says its columns and rows."""
+"""Positions of the numbers of columns and rows in a .sur file."""
 TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
-"""What meshes say of themselves; an STL has room for 80 bytes."""
+"""Comment in meshes; an STL has room for 80 bytes."""
 PLY_HEADER = """\
 ply
 format binary_little_endian 1.0
@@ -193,7 +193,7 @@ def write_mesh(
 ) -> None:
     """PLY (binary), STL (binary) or OBJ by the file's suffix."""
     surface = surface_of(height, pixel, lens, camera)
-    MESHES[file.suffix[1:]](file, surface)
+    MESH_WRITERS[file.suffix[1:]](file, surface)
 
 
 def _write_ply(file: Path, surface: Surface) -> None:
@@ -221,8 +221,8 @@ def _write_obj(file: Path, surface: Surface) -> None:
     file.write_text(f"# {MESH_AXES}\n{vertices}{faces}", encoding="ascii")
 
 
-MESHES = {"ply": _write_ply, "stl": _write_stl, "obj": _write_obj}
-WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
+MESH_WRITERS = {"ply": _write_ply, "stl": _write_stl, "obj": _write_obj}
+HEIGHT_WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
     "npy": write_npy,
     "tiff": write_tiff,
     "png": write_png,
@@ -325,7 +325,7 @@ def _square(width: float, length: float) -> float | None:
     return width if is_size and math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE) else None
 
 
-READERS: Mapping[str, Callable[[Path], HeightFile]] = {
+HEIGHT_READERS: Mapping[str, Callable[[Path], HeightFile]] = {
     ".tiff": read_tiff,
     ".tif": read_tiff,
     ".png": read_png,
@@ -349,4 +349,4 @@ def read_height_file(file: Path) -> HeightFile:
     if suffix in METROLOGY_READERS:
         height, width, length = METROLOGY_READERS[suffix](file)
         return HeightFile(height, _square(width, length))
-    return READERS.get(suffix, read_npy)(file)
+    return HEIGHT_READERS.get(suffix, read_npy)(file)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.nodes.files.image_files import check_exposed
 
-DEPTHS = (8, 10, 12, 14, 16)
+BIT_DEPTHS = (8, 10, 12, 14, 16)
 """Bits of a camera's values."""
 
 
@@ -31,7 +31,7 @@ def _check_fractions(stack: NDArray[Any], name: str) -> None:
     low, high = float(stack.min()), float(stack.max())
     if low >= 0 and high <= 1:
         return
-    full = next((2**bits - 1 for bits in DEPTHS if 2 < high <= 2**bits - 1), None)
+    full = next((2**bits - 1 for bits in BIT_DEPTHS if 2 < high <= 2**bits - 1), None)
     cure = (
         "np.clip(stack, 0, 1) cuts off what noise or resampling put outside"
         if full is None

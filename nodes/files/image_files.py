@@ -18,32 +18,32 @@ from tactograph.graph.disk.array_files import load_array
 
 MAX_LEDS = 8
 """A label has 8 bits."""
-FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
+IMAGE_FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MOST_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
-DARKEST = 0.005
+MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 FEWEST_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
-HIGHEST = 1e4
+MAX_HEIGHT_MM = 1e4
 """Largest absolute value of a height map in mm."""
 MAX_SATURATED = 1e-3
 """Share of saturated pixels that raises a warning."""
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
 """Share of full scale above which a plateau at the largest value is saturation, and of that value
 above which light that was not cut off has at most as many pixels."""
-ORIENTATION = 0x0112
-PHOTOMETRIC = 0x0106
+EXIF_ORIENTATION = 0x0112
+TIFF_PHOTOMETRIC = 0x0106
 """TIFF tag that is 0 where white is 0."""
 Crop = Annotated[tuple[int, int, int, int], "x0,y0,x1,y1"]
 Leds = tuple[Annotated[int, Interval(ge=1)], ...]
 Lights = Literal["leds", "bgr", "rgb"]
 Channel = Literal["blue", "green", "red"]
-CHANNELS: tuple[Channel, ...] = ("blue", "green", "red")
+CHANNEL_NAMES: tuple[Channel, ...] = ("blue", "green", "red")
 MEAN_OF_CHANNELS = (
     "their light is the mean of the three channels; channel=red, green or blue takes one"
 )
-MAXVAL = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
+PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
 """The head of a PGM, up to the value that stands for white."""
 
 
@@ -62,12 +62,12 @@ def read_image(file: Path) -> NDArray[Any]:
     try:
         if file.stat().st_size == 0:
             raise InputError(f"{file}: the file is empty")
-        with Image.open(file, formats=FORMATS) as image:
+        with Image.open(file, formats=IMAGE_FORMATS) as image:
             _check_plain(image, file)
             plane = np.asarray(image)
             plain = image.mode == "L"
         # Pillow reports damage precisely, but converts some bit depths.
-        found = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        pixels = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     except UnidentifiedImageError:
         raise InputError(f"{file}: not an image, or damaged at its start") from None
     except Image.DecompressionBombError:
@@ -80,9 +80,9 @@ def read_image(file: Path) -> NDArray[Any]:
         raise
     except Exception as error:  # a damaged file fails anywhere inside its decoder
         raise InputError(f"{file}: cannot be decoded, the file is damaged: {error}") from None
-    if found is None:
+    if pixels is None:
         raise InputError(f"{file}: cannot be decoded; save it as 8 or 16 bit grey or RGB")
-    return _without_alpha(np.asarray(found), file)
+    return _without_alpha(np.asarray(pixels), file)
 
 
 def _check_plain(image: Image.Image, file: Path) -> None:
@@ -96,13 +96,13 @@ def _check_plain(image: Image.Image, file: Path) -> None:
     frames = getattr(image, "n_frames", 1)
     if frames > 1:
         raise InputError(f"{file}: holds {frames} pages or frames; save each as a file of its own")
-    turned = image.getexif().get(ORIENTATION, 1)
+    turned = image.getexif().get(EXIF_ORIENTATION, 1)
     if turned != 1:
         raise InputError(
             f"{file}: its orientation tag ({turned}) asks to turn or mirror it; "
             "save the pixels as the camera saw them, without the tag"
         )
-    if image.format == "TIFF" and image.getexif().get(PHOTOMETRIC) == 0:
+    if image.format == "TIFF" and image.getexif().get(TIFF_PHOTOMETRIC) == 0:
         raise InputError(
             f"{file}: its photometric tag says that 0 is white, as in a negative; "
             "save it with black as 0"
@@ -172,8 +172,8 @@ def check_heights(height: NDArray[np.float32], file: Path, *, unknown: bool = Fa
         raise InputError(f"{file}: holds infinite values; write NaN where the film is unknown")
     if not is_known.any():
         raise InputError(f"{file}: holds no height, only NaN; reconstruct it again")
-    if np.abs(height[is_known]).max() > HIGHEST:
-        raise InputError(f"{file}: holds a height beyond {HIGHEST:g} mm; heights are in mm")
+    if np.abs(height[is_known]).max() > MAX_HEIGHT_MM:
+        raise InputError(f"{file}: holds a height beyond {MAX_HEIGHT_MM:g} mm; heights are in mm")
 
 
 def read_numbers(file: Path) -> NDArray[Any]:
@@ -194,7 +194,7 @@ def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
         return image
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
     if channel is not None or (colours == colours[..., :1]).all():
-        at = 0 if channel is None or colours.shape[2] == 1 else CHANNELS.index(channel)
+        at = 0 if channel is None or colours.shape[2] == 1 else CHANNEL_NAMES.index(channel)
         return np.ascontiguousarray(colours[..., at])
     return np.ascontiguousarray(colours)
 
@@ -225,8 +225,8 @@ def bits_of(file: Path) -> int | None:
     if file.suffix.lower() != ".pgm":
         return None
     with file.open("rb") as opened:
-        found = MAXVAL.match(opened.read(1024))
-    bits = int(found[1]).bit_length() if found else 16
+        head = PGM_HEAD.match(opened.read(1024))
+    bits = int(head[1]).bit_length() if head else 16
     return bits if 8 < bits < 16 else None
 
 
@@ -310,8 +310,8 @@ def check_exposed(
     brightest = [plane.max().item() for plane in stack]
     shallow = ""
     if counts and full > 4095 and max(brightest) < 4096:
-        found = 8 if max(brightest) < 256 else 12
-        shallow = f"if it is {found} bit, {how_depth.format(bits=found, full=2**found - 1)}"
+        depth = 8 if max(brightest) < 256 else 12
+        shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
     for plane, name, most in zip(stack, names, brightest, strict=True):
         if most == 0:
             raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
@@ -323,7 +323,7 @@ def check_exposed(
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
     if shallow and bits is None:
-        warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**found - 1}; {shallow}")
+        warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")
 
 
 def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
@@ -336,21 +336,21 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
     share = np.count_nonzero(plane == most) / plane.size
     if most == full or share <= MAX_SATURATED:
         return share
-    beside = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
-    return share if 0 < beside < share else 0.0
+    side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
+    return share if 0 < side_share < share else 0.0
 
 
 def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
     """Refuse dark images, whose noise would give a flat height."""
     counts = FEWEST_COUNTS if plane.dtype.kind == "u" else 0
-    seen, least = plane[::4, ::4], max(DARKEST * full, counts)
+    seen, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
     # With two per cent above the limit, the slow percentile need not be computed.
     if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
         return
     light = float(np.percentile(seen, 99))
     if light >= least:
         return
-    hint = f"; {shallow}" if shallow and light > DARKEST * 4095 else ""
+    hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
     raise InputError(
         f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
         f"and the exposure long enough?{hint}"

@@ -5,14 +5,11 @@ file nor its index (`mcap_read.py`).  One thread writes to the system, which sur
 program's end; another syncs to the disk, which survives the computer's.
 
 All topics are CDR, because ``ros2 bag`` refuses mixed serialisation.
-
-Long because writing, syncing, rotating and failing share the state of one open file.
 """
 
 from __future__ import annotations
 
 import contextlib
-import io
 import os
 import re
 import threading
@@ -22,24 +19,23 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, cast
+from typing import Literal
 
 from tactograph.graph import InputError, warn
 from tactograph.graph.extras import need
-from tactograph.nodes.files.ros_messages import DEFINITIONS, Message
-
-if TYPE_CHECKING:
-    from mcap.records import Schema
+from tactograph.nodes.files.mcap_file import McapFile
+from tactograph.nodes.files.ros_messages import Message
 
 WhenFull = Literal["stop", "oldest"]
 FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")
 """A running number, so that the order does not depend on the computer's clock."""
 PATIENCE_S = 0.25
-"""How long a call waits until its messages are written; it does not wait if others wait already."""
+"""Longest wait of a call for its messages to be written; it does not wait if others wait
+already."""
 RETRY_S = 1.0
 """Pause before a failed disk is tried again."""
 CLOSING_S = 10.0
-SHARES = 4
+MIN_FILES = 4
 """Fewest files into which the disk space is divided, so that one can be deleted."""
 
 
@@ -55,9 +51,10 @@ class Limits:
     sync_s: float = 0.0
     wait: bool = False
 
-    @property
-    def rotate_at(self) -> float:
-        return min(self.file_bytes, self.total_bytes / SHARES)
+    def ends(self, file: McapFile) -> bool:
+        """Return whether the next message belongs into another file."""
+        full = min(self.file_bytes, self.total_bytes / MIN_FILES)
+        return not file.is_empty and (file.size >= full or file.age_s >= self.file_s)
 
 
 def need_mcap() -> None:
@@ -114,7 +111,7 @@ class McapLog:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._old = {file: file.stat().st_size for file in log_files(folder)}
-            self._file: _File | None = None
+            self._file: McapFile | None = None
             self._next_file()
         except OSError as error:
             raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
@@ -220,7 +217,7 @@ class McapLog:
             if self._disk_error is not None:
                 error, self._disk_error = self._disk_error, None
                 raise error
-            if self._file is not None and self._file.is_over(self._limits):
+            if self._file is not None and self._limits.ends(self._file):
                 self._end(self._file)
             if not self._make_room():
                 self._drop()
@@ -282,7 +279,7 @@ class McapLog:
             self._delete(next(iter(self._old)))
         self._retry_at = time.monotonic() + RETRY_S
 
-    def _end(self, file: _File) -> None:
+    def _end(self, file: McapFile) -> None:
         try:
             file.write_index()
         except OSError as error:
@@ -293,7 +290,7 @@ class McapLog:
             )
         self._put_away(file)
 
-    def _put_away(self, file: _File) -> None:
+    def _put_away(self, file: McapFile) -> None:
         """Hand the file over for syncing."""
         with self._changed:
             self._file = None
@@ -301,13 +298,13 @@ class McapLog:
             self._ended.append(file.handle)
             self._changed.notify_all()
 
-    def _next_file(self) -> _File:
+    def _next_file(self) -> McapFile:
         last = max((int(file.name[:6]) for file in self._old), default=0)
         stamp = datetime.now(UTC).strftime("%Y-%m-%dT%H-%M-%S")
         while True:
             last += 1
             with contextlib.suppress(FileExistsError):
-                file = _File(self._folder / f"{last:06}_{stamp}.mcap", self._about)
+                file = McapFile(self._folder / f"{last:06}_{stamp}.mcap", self._about)
                 break
         with self._changed:
             self._file = file
@@ -323,87 +320,3 @@ class McapLog:
     def _say(self, line: str) -> None:
         if line not in self._lines:
             self._lines.append(line)
-
-
-class _File:
-    """One MCAP file: complete up to `size`, synced to the disk up to `kept`."""
-
-    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
-        from mcap_ros2.writer import Writer
-
-        self.path = path
-        self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self.size = self.kept = self.messages = 0
-        self._began = time.monotonic()
-        self._pending = _Pending()
-        # Chunks of size 0: each message ends its chunk.
-        self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
-        self._schemas: dict[str, Schema] = {}
-        self._writer.add_metadata("tactograph", dict(about))
-        try:
-            self._flush()
-        except OSError:
-            os.close(self.handle)
-            path.unlink(missing_ok=True)
-            raise
-
-    @property
-    def is_empty(self) -> bool:
-        return self.messages == 0
-
-    def is_over(self, limits: Limits) -> bool:
-        if self.is_empty:
-            return False
-        age = time.monotonic() - self._began
-        return self.size >= limits.rotate_at or age >= limits.file_s
-
-    def write(self, messages: Sequence[Message]) -> None:
-        for message in messages:
-            if message.type not in self._schemas:
-                definition = DEFINITIONS[message.type]
-                self._schemas[message.type] = self._writer.register_msgdef(message.type, definition)
-            self._writer.write_message(
-                message.topic,
-                self._schemas[message.type],
-                message.body,
-                log_time=message.time,
-                sequence=message.sequence,
-            )
-        self._flush()
-        self.messages += len(messages)
-
-    def write_index(self) -> None:
-        self._writer.finish()
-        self._flush()
-
-    def cut(self) -> None:
-        """Remove what was only partly written."""
-        with contextlib.suppress(OSError):
-            os.ftruncate(self.handle, self.size)
-
-    def _flush(self) -> None:
-        data = memoryview(self._pending.take())
-        length = len(data)
-        while data:
-            data = data[os.write(self.handle, data) :]
-        self.size += length
-
-
-class _Pending(io.BufferedIOBase):
-    """Collects what the MCAP library has written since the last `take`."""
-
-    def __init__(self) -> None:
-        self._parts: list[bytes] = []
-        self._at = 0
-
-    def write(self, data: Any) -> int:
-        self._parts.append(bytes(data))
-        self._at += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        return self._at
-
-    def take(self) -> bytes:
-        parts, self._parts = self._parts, []
-        return b"".join(parts)

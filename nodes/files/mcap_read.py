@@ -16,7 +16,7 @@ from tactograph.nodes.files.mcap_log import need_mcap
 if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema
 
-MAGIC = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 MOST_BYTES = 2**28
 """Largest record, and largest chunk after decompression: a quarter of a gigabyte."""
 LZ4_RATIO = 255
@@ -73,8 +73,8 @@ class McapFile:
             raise InputError(f"{self.path}: {error.strerror or error}") from None
 
     def _check_start(self, stream: IO[bytes]) -> None:
-        start = stream.read(len(MAGIC))
-        if not MAGIC.startswith(start) and start.strip(b"\0"):
+        start = stream.read(len(MCAP_MAGIC))
+        if not MCAP_MAGIC.startswith(start) and start.strip(b"\0"):
             raise InputError(f"{self.path}: is no MCAP file, or damaged at its start")
 
     def _decoded(self, stream: IO[bytes]) -> Iterator[Read]:
@@ -115,18 +115,18 @@ class McapFile:
         # record to record by their lengths and lets the library decode the contents.
         for opcode, payload in self._payloads(stream):
             data = ReadDataStream(io.BytesIO(payload))
-            found: list[Any] = []
+            records: list[Any] = []
             try:
                 if opcode == Opcode.CHUNK:
                     chunk = Chunk.read(data)
                     _check_size(chunk.compression, chunk.uncompressed_size, chunk.data)
-                    found = breakup_chunk(chunk, validate_crc=True)
+                    records = breakup_chunk(chunk, validate_crc=True)
                 elif opcode == Opcode.SCHEMA:
-                    found = [Schema.read(data)]
+                    records = [Schema.read(data)]
                 elif opcode == Opcode.CHANNEL:
-                    found = [Channel.read(data)]
+                    records = [Channel.read(data)]
                 elif opcode == Opcode.MESSAGE:
-                    found = [Message.read(data, len(payload))]
+                    records = [Message.read(data, len(payload))]
                 elif opcode == Opcode.METADATA:
                     metadata = Metadata.read(data)
                     if metadata.name == "tactograph":
@@ -136,12 +136,12 @@ class McapFile:
                     return
             except _damage():
                 self.lost += len(payload)
-            yield from found
+            yield from records
 
     def _payloads(self, stream: IO[bytes]) -> Iterator[tuple[int, bytes]]:
         """The complete records of the file."""
         size = stream.seek(0, io.SEEK_END)
-        at = stream.seek(min(len(MAGIC), size))
+        at = stream.seek(min(len(MCAP_MAGIC), size))
         while size - at >= _OPCODE_AND_LENGTH.size:
             opcode, length = _OPCODE_AND_LENGTH.unpack(stream.read(_OPCODE_AND_LENGTH.size))
             # After a power cut some file systems leave zeros where data should be.

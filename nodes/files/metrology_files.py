@@ -16,18 +16,18 @@ import numpy as np
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, HeightError
 
-M = 1e-3
+METRES_PER_MM = 1e-3
 """A millimetre in metres."""
 GWY_HEIGHT, GWY_ERROR = 0, 1
 """Channels of a .gwy file."""
-_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
+_KIND_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
 
 
 def write_x3p(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
     """ISO 25178-72: 64-bit floats, NaN where unknown; the error is a second layer."""
     layers = [height] if error is None else [height, error]
-    data = M * np.stack(layers).astype(np.float64)
-    _package("x3p").write(file, data, x_scale=M * pixel, y_scale=M * pixel)
+    data = METRES_PER_MM * np.stack(layers).astype(np.float64)
+    _package("x3p").write(file, data, x_scale=METRES_PER_MM * pixel, y_scale=METRES_PER_MM * pixel)
 
 
 def write_gwy(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
@@ -48,11 +48,11 @@ def write_gwy(file: Path, height: Height, pixel: float, error: HeightError | Non
 def _field(gwy: Any, data: Any, pixel: float) -> Any:
     rows, columns = data.shape
     unit = gwy.objects.GwySIUnit(unitstr="m")
-    scale = 1.0 if data.dtype == bool else M
+    scale = 1.0 if data.dtype == bool else METRES_PER_MM
     return gwy.objects.GwyDataField(
         scale * data.astype(np.float64),
-        xreal=M * pixel * columns,
-        yreal=M * pixel * rows,
+        xreal=METRES_PER_MM * pixel * columns,
+        yreal=METRES_PER_MM * pixel * rows,
         si_unit_xy=unit,
         si_unit_z=unit,
     )
@@ -61,9 +61,9 @@ def _field(gwy: Any, data: Any, pixel: float) -> Any:
 def write_gsf(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
     """Gwyddion's simple field: 32-bit floats, NaN where unknown; it has room for no error."""
     rows, columns = height.shape
-    sizes = {"XReal": M * pixel * columns, "YReal": M * pixel * rows}
+    sizes = {"XReal": METRES_PER_MM * pixel * columns, "YReal": METRES_PER_MM * pixel * rows}
     about = {**sizes, "XYUnits": "m", "ZUnits": "m", "Title": "Height"}
-    _package("gsf").write_gsf(file, (M * height).astype(np.float32), about)
+    _package("gsf").write_gsf(file, (METRES_PER_MM * height).astype(np.float32), about)
 
 
 def read_x3p(file: Path) -> tuple[F4, float, float]:
@@ -72,7 +72,11 @@ def read_x3p(file: Path) -> tuple[F4, float, float]:
     if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
         raise InputError(f"{file}: holds no surface, but a profile or points")
     width, length = _read("x3p", lambda _: layers[0].spacing, file)
-    return (np.asarray(layers[0].z) / M).astype(np.float32), width / M, length / M
+    return (
+        (np.asarray(layers[0].z) / METRES_PER_MM).astype(np.float32),
+        width / METRES_PER_MM,
+        length / METRES_PER_MM,
+    )
 
 
 def read_gwy(file: Path) -> tuple[F4, float, float]:
@@ -84,11 +88,15 @@ def read_gwy(file: Path) -> tuple[F4, float, float]:
     field, mask = container[f"/{min(channels)}/data"], container.get(f"/{min(channels)}/mask")
     if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
         raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
-    z = np.array(field.data) / M
+    z = np.array(field.data) / METRES_PER_MM
     if mask is not None:
         z[np.asarray(mask.data) > 0] = np.nan
     rows, columns = z.shape
-    return z.astype(np.float32), field.xreal / columns / M, field.yreal / rows / M
+    return (
+        z.astype(np.float32),
+        field.xreal / columns / METRES_PER_MM,
+        field.yreal / rows / METRES_PER_MM,
+    )
 
 
 def read_gsf(file: Path) -> tuple[F4, float, float]:
@@ -97,7 +105,11 @@ def read_gsf(file: Path) -> tuple[F4, float, float]:
     if about.get("ZUnits", "m") != "m" or about.get("XYUnits", "m") != "m":
         raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
     width, length = (float(about.get(key, math.nan)) for key in ("XReal", "YReal"))
-    return (data / M).astype(np.float32), width / data.shape[1] / M, length / data.shape[0] / M
+    return (
+        (data / METRES_PER_MM).astype(np.float32),
+        width / data.shape[1] / METRES_PER_MM,
+        length / data.shape[0] / METRES_PER_MM,
+    )
 
 
 def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
@@ -114,10 +126,10 @@ def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
 
 def _package(kind: str) -> Any:
     try:
-        return importlib.import_module(_PACKAGES[kind])
+        return importlib.import_module(_KIND_PACKAGES[kind])
     except ImportError:
         raise InputError(
-            f".{kind} files need {_PACKAGES[kind]}, which is not installed; "
+            f".{kind} files need {_KIND_PACKAGES[kind]}, which is not installed; "
             "pip install 'tactograph[metrology]'"
         ) from None
 

@@ -9,13 +9,13 @@ from typing import Any
 
 from tactograph.graph import InputError
 
-RESULT = "result.json"
+RESULT_FILE = "result.json"
 
 
 def read_result(folder: Path) -> dict[str, Any]:
     """Return what a folder's result says; nothing if there is none, or it cannot be read."""
     try:
-        said = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        said = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
     return said if isinstance(said, dict) else {}
@@ -38,6 +38,6 @@ def refuse_changed(file: Path) -> None:
     stated = checksums.get(file.name) if isinstance(checksums, dict) else None
     if stated is not None and stated != checksum(file):
         raise InputError(
-            f"{file}: is not what {RESULT} beside it was written with: the write was cut off, or "
-            "it was changed since; reconstruct again, or copy it to another folder"
+            f"{file}: is not what {RESULT_FILE} beside it was written with: the write was cut off, "
+            "or it was changed since; reconstruct again, or copy it to another folder"
         )

@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 
-MM = 1e-3
+METRES_PER_MM = 1e-3
 """A millimetre in metres."""
-_RULE = "=" * 80
-_HEADER = f"""{_RULE}
+_MESSAGE_RULE = "=" * 80
+_HEADER_DEFINITION = f"""{_MESSAGE_RULE}
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
-{_RULE}
+{_MESSAGE_RULE}
 MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-DEFINITIONS = {
+MESSAGE_DEFINITIONS = {
     "std_msgs/msg/String": "string data\n",
     "sensor_msgs/msg/Image": f"""std_msgs/Header header
 uint32 height
@@ -35,7 +35,7 @@ string encoding
 uint8 is_bigendian
 uint32 step
 uint8[] data
-{_HEADER}""",
+{_HEADER_DEFINITION}""",
     "sensor_msgs/msg/PointCloud2": f"""std_msgs/Header header
 uint32 height
 uint32 width
@@ -45,7 +45,7 @@ uint32 point_step
 uint32 row_step
 uint8[] data
 bool is_dense
-{_RULE}
+{_MESSAGE_RULE}
 MSG: sensor_msgs/PointField
 uint8 INT8=1
 uint8 UINT8=2
@@ -59,10 +59,10 @@ string name
 uint32 offset
 uint8 datatype
 uint32 count
-{_HEADER}""",
+{_HEADER_DEFINITION}""",
     "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
 diagnostic_msgs/DiagnosticStatus[] status
-{_RULE}
+{_MESSAGE_RULE}
 MSG: diagnostic_msgs/DiagnosticStatus
 byte OK=0
 byte WARN=1
@@ -73,19 +73,19 @@ string name
 string message
 string hardware_id
 diagnostic_msgs/KeyValue[] values
-{_RULE}
+{_MESSAGE_RULE}
 MSG: diagnostic_msgs/KeyValue
 string key
 string value
-{_HEADER}""",
+{_HEADER_DEFINITION}""",
 }
 """Definitions that are stored in the file, so that a reader does not need ROS."""
-_ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
-_COLOURS = {"u1": "bgr8", "u2": "bgr16"}
+_GRAY_ENCODINGS = {"u1": "mono8", "u2": "mono16", "f4": "32FC1"}
+_COLOUR_ENCODINGS = {"u1": "bgr8", "u2": "bgr16"}
 """Encodings of pictures with three channels, blue, green, red, as in OpenCV."""
-_READ = {
-    **{encoding: (kind, 1) for kind, encoding in _ENCODINGS.items()},
-    **{encoding: (kind, 3) for kind, encoding in _COLOURS.items()},
+_READ_ENCODINGS = {
+    **{encoding: (kind, 1) for kind, encoding in _GRAY_ENCODINGS.items()},
+    **{encoding: (kind, 3) for kind, encoding in _COLOUR_ENCODINGS.items()},
     # Other names that camera drivers use.
     "8UC1": ("u1", 1),
     "16UC1": ("u2", 1),
@@ -93,7 +93,7 @@ _READ = {
     "rgb16": ("u2", 3),
 }
 """Element type and number of channels of the encodings that can be read."""
-_FLOAT32 = 7
+_FIELD_FLOAT32 = 7
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def image_message(
 ) -> Message:
     """A sensor_msgs/Image by the array's type: H x W is mono8, mono16 or 32FC1; H x W x 3 bgr."""
     rows, columns, *channels = image.shape
-    encodings = _COLOURS if channels else _ENCODINGS
+    encodings = _COLOUR_ENCODINGS if channels else _GRAY_ENCODINGS
     little = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
     body = {
         "header": _header(time, frame),
@@ -144,11 +144,11 @@ def read_image(body: Any) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If its encoding is not in `_READ`, or its size contradicts its header.
+        If its encoding is not in `_READ_ENCODINGS`, or its size contradicts its header.
     """
-    if body.encoding not in _READ:
+    if body.encoding not in _READ_ENCODINGS:
         raise InputError(f"images are {body.encoding}; mono8, mono16, bgr8 or bgr16 is needed")
-    code, channels = _READ[body.encoding]
+    code, channels = _READ_ENCODINGS[body.encoding]
     kind = np.dtype((">" if body.is_bigendian else "<") + code)
     used = body.width * channels * kind.itemsize
     if body.step < used or len(body.data) != body.step * body.height:
@@ -171,7 +171,7 @@ def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) 
         "height": len(points) if points.ndim > 2 else 1,
         "width": width,
         "fields": [
-            {"name": name, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
+            {"name": name, "offset": 4 * i, "datatype": _FIELD_FLOAT32, "count": 1}
             for i, name in enumerate(fields)
         ],
         "is_bigendian": False,

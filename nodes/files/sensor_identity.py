@@ -53,7 +53,7 @@ class UsedCalibration(NamedTuple):
 
 
 def check_sensor(
-    place: object, found: SensorIdentity, calibration: Path | None, another_sensor: bool
+    place: object, identity: SensorIdentity, calibration: Path | None, another_sensor: bool
 ) -> None:
     """Refuse images of another sensor than the calibration's, as far as both are known.
 
@@ -77,10 +77,10 @@ def check_sensor(
         return
     said = file_identity(calibration)
     known = identity_in(said)
-    if all(a == b or not (a and b) for a, b in zip(found, known, strict=True)):
+    if all(a == b or not (a and b) for a, b in zip(identity, known, strict=True)):
         return
     when = f" of {said['date'][:10]}" if "date" in said else ""
-    line = f"{place}: is of {found}, but the calibration {calibration}{when} is of {known}"
+    line = f"{place}: is of {identity}, but the calibration {calibration}{when} is of {known}"
     if not another_sensor:
         raise InputError(
             f"{line}; give the calibration of this sensor, or another_sensor=true to take it "

@@ -11,9 +11,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import read_yaml
 
-FOLDER = Path(__file__).parent / "sensors"
+PRESET_FOLDER = Path(__file__).parent / "sensors"
 MAX_SETTING = 1e9
-"""Of a number for the driver, in whatever unit it has there."""
+"""Largest size of a number for the driver, in the driver's unit."""
 LONGEST_WAIT_S = 3600.0
 SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-6, 10.0
 Side = Annotated[int, Interval(ge=8, le=16384)]
@@ -61,9 +61,9 @@ def read_preset(sensor: str) -> SensorPreset:
     """
     file = Path(sensor)
     if file.suffix != ".yaml":
-        file = FOLDER / f"{sensor}.yaml"
+        file = PRESET_FOLDER / f"{sensor}.yaml"
     if not file.is_file():
-        there = ", ".join(sorted(each.stem for each in FOLDER.glob("*.yaml")))
+        there = ", ".join(sorted(each.stem for each in PRESET_FOLDER.glob("*.yaml")))
         raise InputError(f"sensor={sensor}: is neither a file (.yaml) nor one of {there}")
     document = read_yaml(file)
     try:

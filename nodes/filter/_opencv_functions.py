@@ -40,19 +40,26 @@ Row = Annotated[list[Number], Len(1, 31)]
 Matrix = Annotated[list[Row], Len(1, 31), AfterValidator(_even_rows)]
 Border = Literal["BORDER_REPLICATE", "BORDER_REFLECT", "BORDER_REFLECT_101", "BORDER_CONSTANT"]
 
-BORDER = {"borderType": (Border, "BORDER_REPLICATE")}
-SCALED = {"scale": (Number, 1.0), "delta": (Number, 0.0), **BORDER}
-ELEMENT = {"kernel": (Matrix, ...), "iterations": (Annotated[int, Interval(ge=1, le=31)], 1)}
+BORDER_ARGUMENTS = {"borderType": (Border, "BORDER_REPLICATE")}
+SCALE_ARGUMENTS = {"scale": (Number, 1.0), "delta": (Number, 0.0), **BORDER_ARGUMENTS}
+ELEMENT_ARGUMENTS = {
+    "kernel": (Matrix, ...),
+    "iterations": (Annotated[int, Interval(ge=1, le=31)], 1),
+}
 
-FUNCTIONS: Mapping[str, Mapping[str, Any]] = {
-    "blur": {"ksize": (tuple[Side, Side], ...), **BORDER},
-    "boxFilter": {"ksize": (tuple[Side, Side], ...), "normalize": (bool, True), **BORDER},
-    "sqrBoxFilter": {"ksize": (tuple[Side, Side], ...), "normalize": (bool, True), **BORDER},
+FUNCTION_ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
+    "blur": {"ksize": (tuple[Side, Side], ...), **BORDER_ARGUMENTS},
+    "boxFilter": {"ksize": (tuple[Side, Side], ...), "normalize": (bool, True), **BORDER_ARGUMENTS},
+    "sqrBoxFilter": {
+        "ksize": (tuple[Side, Side], ...),
+        "normalize": (bool, True),
+        **BORDER_ARGUMENTS,
+    },
     "GaussianBlur": {
         "ksize": (tuple[OddSide, OddSide], ...),
         "sigmaX": (Sigma, ...),
         "sigmaY": (Annotated[float, Interval(ge=0, le=100)], 0.0),
-        **BORDER,
+        **BORDER_ARGUMENTS,
     },
     "stackBlur": {"ksize": (tuple[OddSide, OddSide], ...)},
     "medianBlur": {"ksize": (Literal[3, 5], ...)},
@@ -60,22 +67,27 @@ FUNCTIONS: Mapping[str, Mapping[str, Any]] = {
         "d": (Annotated[int, Interval(ge=1, le=31)], ...),
         "sigmaColor": (Sigma, ...),
         "sigmaSpace": (Sigma, ...),
-        **BORDER,
+        **BORDER_ARGUMENTS,
     },
-    "filter2D": {"kernel": (Matrix, ...), "delta": (Number, 0.0), **BORDER},
-    "sepFilter2D": {"kernelX": (Row, ...), "kernelY": (Row, ...), "delta": (Number, 0.0), **BORDER},
-    "Sobel": {"dx": (Order, ...), "dy": (Order, ...), "ksize": (Derivative, 3), **SCALED},
-    "Scharr": {"dx": (Order, ...), "dy": (Order, ...), **SCALED},
-    "Laplacian": {"ksize": (Derivative, 1), **SCALED},
-    "erode": ELEMENT,
-    "dilate": ELEMENT,
+    "filter2D": {"kernel": (Matrix, ...), "delta": (Number, 0.0), **BORDER_ARGUMENTS},
+    "sepFilter2D": {
+        "kernelX": (Row, ...),
+        "kernelY": (Row, ...),
+        "delta": (Number, 0.0),
+        **BORDER_ARGUMENTS,
+    },
+    "Sobel": {"dx": (Order, ...), "dy": (Order, ...), "ksize": (Derivative, 3), **SCALE_ARGUMENTS},
+    "Scharr": {"dx": (Order, ...), "dy": (Order, ...), **SCALE_ARGUMENTS},
+    "Laplacian": {"ksize": (Derivative, 1), **SCALE_ARGUMENTS},
+    "erode": ELEMENT_ARGUMENTS,
+    "dilate": ELEMENT_ARGUMENTS,
     "flip": {"flipCode": (Literal[-1, 0, 1], ...)},
 }
 WITH_DEPTH = frozenset(
     {"boxFilter", "sqrBoxFilter", "filter2D", "sepFilter2D", "Sobel", "Scharr", "Laplacian"}
 )
 """Functions with an argument for the depth of their output."""
-TRIAL = np.zeros((8, 8), np.float32)
+TRIAL_IMAGE = np.zeros((8, 8), np.float32)
 
 Arguments = dict[str, bool | int | float | str | list[Any]]
 
@@ -90,7 +102,7 @@ def checked_call(call: dict[str, Arguments]) -> dict[str, Arguments]:
         or OpenCV refuses them together.
     """
     try:
-        call_opencv(TRIAL, call)
+        call_opencv(TRIAL_IMAGE, call)
     except InputError as error:
         raise ValueError(str(error)) from None
     return call
@@ -107,10 +119,13 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
     if len(call) != 1:
         raise InputError(f"name one function of OpenCV, not {', '.join(call) or 'none'}")
     ((name, given),) = call.items()
-    if name not in FUNCTIONS:
+    if name not in FUNCTION_ARGUMENTS:
         raise InputError(
             f"'{name}' is not on the list of OpenCV's functions"
-            f"{did_you_mean(name, FUNCTIONS) or '; it has ' + ', '.join(FUNCTIONS)}"
+            + (
+                did_you_mean(name, FUNCTION_ARGUMENTS)
+                or f"; it has {', '.join(FUNCTION_ARGUMENTS)}"
+            )
         )
     keywords = _keywords(name, given)
     if name in WITH_DEPTH:
@@ -124,12 +139,13 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
 def _keywords(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """A function's arguments as OpenCV takes them, defaults filled in."""
     for argument in given:
-        if argument not in FUNCTIONS[name]:
+        if argument not in FUNCTION_ARGUMENTS[name]:
             raise InputError(
-                f"'{name}' has no argument '{argument}'; it has {', '.join(FUNCTIONS[name])}"
+                f"'{name}' has no argument '{argument}'; it has "
+                + ", ".join(FUNCTION_ARGUMENTS[name])
             )
     try:
-        model = MODELS[name].model_validate(dict(given))
+        model = ARGUMENT_MODELS[name].model_validate(dict(given))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
@@ -144,9 +160,9 @@ def _as_opencv(value: Any) -> Any:
     return np.asarray(value, np.float32) if isinstance(value, list) else value
 
 
-MODELS: Mapping[str, type[BaseModel]] = {
+ARGUMENT_MODELS: Mapping[str, type[BaseModel]] = {
     name: create_model(
         name, __config__=ConfigDict(extra="forbid", allow_inf_nan=False), **dict(arguments)
     )
-    for name, arguments in FUNCTIONS.items()
+    for name, arguments in FUNCTION_ARGUMENTS.items()
 }

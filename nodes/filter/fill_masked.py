@@ -14,9 +14,9 @@ from tactograph.nodes import F4, Light, Mask
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-LEAST = np.float32(1e-3)
+MIN_KNOWN_SHARE = np.float32(1e-3)
 """Share of the weights that must be known."""
-HELD = 0.02
+TILT_REGULARISATION = 0.02
 """Regularisation towards a level plane where little is known: a share of the weights' variance."""
 
 
@@ -43,17 +43,17 @@ def fill_masked(
     away, taps = _taps(radius_px)
     known = (mask > 0).astype(np.float32)
     total = _spread(known, taps, taps)
-    empty = (mask == 0) & (total > LEAST)
-    near = np.maximum(total, LEAST)
+    empty = (mask == 0) & (total > MIN_KNOWN_SHARE)
+    near = np.maximum(total, MIN_KNOWN_SHARE)
 
     def mean(plane: F4, in_x: F4, in_y: F4) -> F4:
-        found = _spread(plane * known, taps * in_x, taps * in_y)
-        return np.asarray(found / near, np.float32)
+        weighted = _spread(plane * known, taps * in_x, taps * in_y)
+        return np.asarray(weighted / near, np.float32)
 
     one, square = np.ones_like(away), away * away
     plain = np.ones_like(known)
     x, y = mean(plain, away, one), mean(plain, one, away)
-    held = np.float32(HELD * (radius_px / 2) ** 2)
+    held = np.float32(TILT_REGULARISATION * (radius_px / 2) ** 2)
     xx = mean(plain, square, one) - x * x + held
     yy = mean(plain, one, square) - y * y + held
     xy = mean(plain, away, away) - x * y
@@ -76,8 +76,8 @@ def _taps(radius: int) -> tuple[F4, F4]:
 
 
 def _spread(plane: F4, in_x: F4, in_y: F4) -> F4:
-    found = cv2.sepFilter2D(plane, cv2.CV_32F, in_x, in_y, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(found, np.float32)
+    filtered = cv2.sepFilter2D(plane, cv2.CV_32F, in_x, in_y, borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(filtered, np.float32)
 
 
 @fill_masked.opencl()
@@ -88,5 +88,5 @@ def _launch(run: Launch) -> None:
     taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
     sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     planes = run.inputs["light"], run.inputs["mask"], taps, run.outputs["fill_masked"]
-    held = HELD * (radius / 2) ** 2
-    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(LEAST), held)
+    held = TILT_REGULARISATION * (radius / 2) ** 2
+    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(MIN_KNOWN_SHARE), held)

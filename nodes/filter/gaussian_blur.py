@@ -13,7 +13,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light
 from tactograph.nodes.filter._border import BORDER_TYPES, Border
 
-REACH = 4
+CUTOFF_SIGMAS = 4
 """Standard deviations after which the Gaussian is cut off, as in OpenCV for floats."""
 
 
@@ -46,7 +46,7 @@ def gaussian_blur(
 
 def _taps(sigma: float) -> F4:
     """The Gaussian's weights, an odd number of them; they sum to 1."""
-    side = 2 * int(np.ceil(REACH * sigma)) + 1
+    side = 2 * int(np.ceil(CUTOFF_SIGMAS * sigma)) + 1
     return np.asarray(cv2.getGaussianKernel(side, sigma, cv2.CV_32F), np.float32).ravel()
 
 

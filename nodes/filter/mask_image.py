@@ -25,8 +25,8 @@ def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
         The light elsewhere; 1 is the film at rest, once divided by the flat field.
     """
     kept = np.full_like(light, outside)
-    for plane, found in zip(light, kept, strict=True):
-        cv2.copyTo(plane, mask, found)
+    for plane, masked in zip(light, kept, strict=True):
+        cv2.copyTo(plane, mask, masked)
     return kept
 
 

@@ -14,20 +14,20 @@ from tactograph.nodes import U1, Mask
 
 Operation = Literal["erode", "dilate", "open", "close"]
 Shape = Literal["rect", "cross", "ellipse"]
-OPERATIONS: dict[Operation, int] = {
+OPENCV_OPERATIONS: dict[Operation, int] = {
     "erode": cv2.MORPH_ERODE,
     "dilate": cv2.MORPH_DILATE,
     "open": cv2.MORPH_OPEN,
     "close": cv2.MORPH_CLOSE,
 }
-PASSES: dict[Operation, tuple[int, ...]] = {
+KERNEL_PASSES: dict[Operation, tuple[int, ...]] = {
     "erode": (0,),
     "dilate": (1,),
     "open": (0, 1),
     "close": (1, 0),
 }
 """The kernel's passes, in order: 0 takes the lowest value, 1 the highest."""
-SHAPES: dict[Shape, int] = {
+OPENCV_SHAPES: dict[Shape, int] = {
     "rect": cv2.MORPH_RECT,
     "cross": cv2.MORPH_CROSS,
     "ellipse": cv2.MORPH_ELLIPSE,
@@ -59,14 +59,14 @@ def morphology(
     shape
         Shape of the structuring element, as `getStructuringElement` draws it.
     """
-    found = cv2.morphologyEx(mask, OPERATIONS[operation], _element(shape, radius))
-    return np.asarray(found, np.uint8)
+    changed = cv2.morphologyEx(mask, OPENCV_OPERATIONS[operation], _element(shape, radius))
+    return np.asarray(changed, np.uint8)
 
 
 def _element(shape: Shape, radius: int) -> U1:
     """The structuring element: 1 where a pixel counts."""
     side = 2 * radius + 1
-    return np.asarray(cv2.getStructuringElement(SHAPES[shape], (side, side)), np.uint8)
+    return np.asarray(cv2.getStructuringElement(OPENCV_SHAPES[shape], (side, side)), np.uint8)
 
 
 @morphology.opencl()
@@ -75,9 +75,9 @@ def _launch(run: Launch) -> None:
     radius = int(run.settings["radius"])
     element = run.put(_element(run.settings["shape"], radius))
     grid = run.sizes["H"], run.sizes["W"]
-    passes = PASSES[run.settings["operation"]]
+    passes = KERNEL_PASSES[run.settings["operation"]]
     there, out = run.inputs["mask"], run.outputs["morphology"]
     for number, highest in enumerate(passes, start=1):
-        found = out if number == len(passes) else run.scratch(grid, np.uint8)
-        run.kernel("extreme", grid, there, element, found, *grid, radius, highest)
-        there = found
+        target = out if number == len(passes) else run.scratch(grid, np.uint8)
+        run.kernel("extreme", grid, there, element, target, *grid, radius, highest)
+        there = target

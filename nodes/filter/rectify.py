@@ -17,7 +17,7 @@ from tactograph.nodes.optics.bicubic import between_pixels
 Corner = tuple[float, float]
 Corners = tuple[Corner, Corner, Corner, Corner]
 Millimetres = Annotated[float, Interval(gt=0, le=1000)]
-HORIZON = np.float32(1e-3)
+MIN_DEPTH = np.float32(1e-3)
 """Smallest divisor of the homography: nothing lies behind the camera."""
 
 
@@ -79,10 +79,10 @@ def _homography(
     frame = ((left, top), (right, top), (right, bottom), (left, bottom))
     half = np.array([width_mm, height_mm]) / pixel / 2
     even = half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    found = cv2.getPerspectiveTransform(
+    homography = cv2.getPerspectiveTransform(
         np.asarray(even, np.float32), np.asarray(seen or frame, np.float32)
     )
-    return np.asarray(found, np.float32).ravel()
+    return np.asarray(homography, np.float32).ravel()
 
 
 def _places(h: F4, shape: tuple[int, ...]) -> tuple[F4, F4]:
@@ -90,7 +90,7 @@ def _places(h: F4, shape: tuple[int, ...]) -> tuple[F4, F4]:
     rows, columns = shape
     u = np.arange(columns, dtype=np.float32) - np.float32((columns - 1) / 2)
     v = (np.arange(rows, dtype=np.float32) - np.float32((rows - 1) / 2))[:, None]
-    depth = np.maximum(h[6] * u + h[7] * v + h[8], HORIZON)
+    depth = np.maximum(h[6] * u + h[7] * v + h[8], MIN_DEPTH)
     return (h[0] * u + h[1] * v + h[2]) / depth, (h[3] * u + h[4] * v + h[5]) / depth
 
 
@@ -103,4 +103,4 @@ def _launch(run: Launch) -> None:
     homography = run.put(_homography(shape, pixel, *size, corners))
     light, out = run.inputs["light"], run.outputs["rectify"]
     grid = run.in_row_lanes(*shape)
-    run.kernel("look_up", grid, light, homography, out, run.sizes["K"], *shape, float(HORIZON))
+    run.kernel("look_up", grid, light, homography, out, run.sizes["K"], *shape, float(MIN_DEPTH))

@@ -15,8 +15,8 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light, ResizedLight
 
 Method = Literal["area", "linear"]
-METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
-SLIVER = 1e-3
+OPENCV_METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}
+MIN_PIXEL_PART = 1e-3
 """A smaller part of a pixel is left out of an area, as in OpenCV."""
 
 
@@ -61,19 +61,19 @@ def resize_image(
     """
     _count, rows, columns = light.shape
     size = _side(columns, scale), _side(rows, scale)
-    planes = [cv2.resize(plane, size, interpolation=METHODS[method]) for plane in light]
+    planes = [cv2.resize(plane, size, interpolation=OPENCV_METHODS[method]) for plane in light]
     return np.asarray(planes, np.float32)
 
 
 @lru_cache(maxsize=16)
 def _taps(before: int, after: int, method: Method) -> tuple[NDArray[np.int32], F4]:
-    """For each pixel of the result, along one side: the first that it reads, and the shares."""
+    """First pixel read, and shares, for each pixel of the result along one side."""
     find = _area if method == "area" else _linear
-    found = [find(at, before / after, before) for at in range(after)]
-    count = max(len(shares) for _, shares in found)
-    first = np.array([min(start, before - count) for start, _ in found], np.int32)
+    parts = [find(at, before / after, before) for at in range(after)]
+    count = max(len(shares) for _, shares in parts)
+    first = np.array([min(start, before - count) for start, _ in parts], np.int32)
     table = np.zeros((after, count), np.float32)
-    for row, (start, shares), moved in zip(table, found, first, strict=True):
+    for row, (start, shares), moved in zip(table, parts, first, strict=True):
         row[start - moved :][: len(shares)] = shares
     return first, table
 
@@ -90,9 +90,9 @@ def _area(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
     width = end - start
     left, right = int(np.ceil(start)), min(int(end), before - 1)
     shares = [1 / width] * (right - left)
-    if end - right > SLIVER:
+    if end - right > MIN_PIXEL_PART:
         shares.append(min(end - right, 1) / width)
-    if left - start > SLIVER:
+    if left - start > MIN_PIXEL_PART:
         return left - 1, [(left - start) / width, *shares]
     return left, shares
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-LEAST, MOST = 1e-3, 20.0
+MIN_KH, MAX_KH = 1e-3, 20.0
 """k h below which the layer is squeezed as a whole, and above which the window is not felt."""
 
 
@@ -27,8 +27,8 @@ def layer_compliance(k: Array, thickness: float, poisson: float) -> Array:
 
     Divided by a modulus in kPa it is the displacement in mm of a pressure of 1 kPa.
     """
-    k = np.maximum(k, LEAST / thickness)
-    q = np.minimum(k * thickness, MOST)
+    k = np.maximum(k, MIN_KH / thickness)
+    q = np.minimum(k * thickness, MAX_KH)
     stiff = 3 - 4 * poisson
     share = stiff * np.sinh(2 * q) - 2 * q
     share /= stiff * np.cosh(2 * q) + 2 * q * q + 5 - 12 * poisson + 8 * poisson**2
@@ -36,7 +36,7 @@ def layer_compliance(k: Array, thickness: float, poisson: float) -> Array:
 
 
 def wave_numbers(shape: tuple[int, int], pixel: float) -> Array:
-    """Of the waves of a cosine transform of H x W pixels, in 1/mm."""
+    """Wave numbers of a cosine transform of H x W pixels, in 1/mm."""
     rows, columns = shape
     v = np.pi * np.arange(rows)[:, None] / (rows * pixel)
     u = np.pi * np.arange(columns)[None] / (columns * pixel)

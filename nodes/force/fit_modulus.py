@@ -17,7 +17,7 @@ from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
 
-THICKNESSES = 0.3, 30.0
+THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""
 MIN_PRESSES = 3
 """Fewest presses that tell modulus and thickness apart."""
@@ -75,14 +75,14 @@ def fit_modulus(
         return np.asarray(force_n) / np.array(forces)
 
     if thickness_mm is None:
-        low, high = (float(np.log(end)) for end in THICKNESSES)
-        found = minimize_scalar(
+        low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
+        minimum = minimize_scalar(
             lambda log: float(np.std(np.log(moduli(float(np.exp(log)))))),
             bounds=(low, high),
             method="bounded",
             options={"xatol": 0.01},
         )
-        thickness_mm = float(np.exp(found.x))
+        thickness_mm = float(np.exp(minimum.x))
     each = moduli(thickness_mm)
     spread = float(np.std(each) / np.mean(each))
     if spread > MAX_SPREAD:
@@ -121,7 +121,7 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:
 
 def _force(height: F4, pixel: float, thickness: float, poisson: float) -> float:
     """The force in newtons of all contacts, at a modulus of 1 kPa."""
-    found = press_to_pressure(
+    pressure = press_to_pressure(
         height,
         find_contact(height),
         pixel,
@@ -129,4 +129,4 @@ def _force(height: F4, pixel: float, thickness: float, poisson: float) -> float:
         thickness_mm=thickness,
         poisson=poisson,
     )
-    return sum(v for name, v in found.figures.items() if name.startswith("contact_force_n"))
+    return sum(v for name, v in pressure.figures.items() if name.startswith("contact_force_n"))

@@ -18,7 +18,7 @@ from tactograph.nodes.force.elastic_layer import layer_compliance, wave_numbers
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
 Array = NDArray[np.float64]
-N = 1e-3
+NEWTONS_PER_KPA_MM2 = 1e-3
 """A kPa mm^2 in newtons."""
 MAX_STRAIN = 0.3
 """Depth over thickness above which a linear layer is too soft."""
@@ -95,7 +95,9 @@ def press_to_pressure(
     if error is not None:
         for number in np.unique(contact[inside]):
             functional = _filtered(solve(np.where(contact == number, 1.0, 0.0)), to_load)
-            chance = N * pixel**2 * _deviation(functional * np.nan_to_num(error), k)
+            chance = (
+                NEWTONS_PER_KPA_MM2 * pixel**2 * _deviation(functional * np.nan_to_num(error), k)
+            )
             force = figures[f"contact_force_n/c{number}"]
             deviation = float(np.hypot(chance, modulus_error * force))
             figures[f"contact_force_sd_n/c{number}"] = deviation
@@ -141,7 +143,7 @@ def _figures(pressure: Array, contact: Contacts, pixel: float) -> Metrics:
         y, x = np.nonzero(contact == number)
         part = pressure[y, x]
         total = float(part.sum())
-        figures[f"contact_force_n/c{number}"] = N * pixel**2 * total
+        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * pixel**2 * total
         figures[f"contact_pressure_kpa/c{number}"] = float(part.max(initial=0))
         if total > 0:
             figures[f"contact_force_x_px/c{number}"] = float(x @ part) / total

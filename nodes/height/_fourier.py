@@ -10,7 +10,7 @@ from tactograph.graph.backends.launch import DeviceArray, Launch
 
 
 def missing_vkfft() -> str | None:
-    """What is not installed, with the remedy; None if it is."""
+    """Message that VkFFT is not installed, with the remedy; None if it is."""
     if importlib.util.find_spec("pyvkfft") is not None:
         return None
     return "pyvkfft is not installed (pip install 'tactograph[vkfft]')"
@@ -24,19 +24,19 @@ class _Vkfft:
 
         self._app = VkFFTApp(shape, dtype, queue=run.queue, ndim=2, dct=dct, norm=1, inplace=True)
 
-    def forward(self, run: Launch, found: DeviceArray) -> None:
-        self._app.fft(run.as_array(found))
+    def forward(self, run: Launch, field: DeviceArray) -> None:
+        self._app.fft(run.as_array(field))
 
-    def inverse(self, run: Launch, found: DeviceArray) -> None:
-        self._app.ifft(run.as_array(found))
+    def inverse(self, run: Launch, field: DeviceArray) -> None:
+        self._app.ifft(run.as_array(field))
 
 
 class _OnePixel:
     """VkFFT refuses to transform nothing; one pixel is its own spectrum."""
 
-    def forward(self, run: Launch, found: DeviceArray) -> None: ...
+    def forward(self, run: Launch, field: DeviceArray) -> None: ...
 
-    def inverse(self, run: Launch, found: DeviceArray) -> None: ...
+    def inverse(self, run: Launch, field: DeviceArray) -> None: ...
 
 
 Transform = _Vkfft | _OnePixel

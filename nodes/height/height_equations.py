@@ -11,9 +11,9 @@ from tactograph.graph.declare.ports import Port
 from tactograph.nodes import F4, I4, U1, Height
 from tactograph.nodes.height.springs import Springs, Ties
 
-HOLD = np.float32(1e5)
+REST_STIFFNESS = np.float32(1e5)
 """Stiffness of the film at rest; that of the surest step is 1."""
-FREE, REST, AWAY = 0, 1, 2
+STATE_FREE, STATE_REST, STATE_AWAY = 0, 1, 2
 """The states of a pixel: its height is sought, it is at rest, or it does not count."""
 
 Pixel = TypeVar("Pixel", bound=np.generic)
@@ -71,10 +71,10 @@ class HeightSystem(NamedTuple):
 
     def cut(self, height: Height) -> F4:
         """A height over the frame inside the window, put to zero on the film at rest."""
-        return np.where(self.state == REST, np.float32(0), self.window.of(height))
+        return np.where(self.state == STATE_REST, np.float32(0), self.window.of(height))
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
-        """By how much the height departs from the equations, in mm."""
+        """Departures of the height from the equations, in mm."""
         (right, down), flat = self.steps, height.ravel()
         return (
             height[:, 1:] - height[:, :-1] - right,
@@ -83,7 +83,7 @@ class HeightSystem(NamedTuple):
         )
 
     def cost(self, height: F4, scale: float) -> float:
-        """What is minimised if c is `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
+        """Cost that is minimised if c is `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
         square = np.float32(scale * scale)
 
         def part(residual: F4, variance: F4 | np.float32) -> float:
@@ -109,7 +109,7 @@ class HeightSystem(NamedTuple):
         return Springs(
             stiffness(right, self.right_variance[:, :-1]),
             stiffness(down, self.down_variance[:-1]),
-            (self.state == REST) * HOLD,
+            (self.state == STATE_REST) * REST_STIFFNESS,
             Ties(top, foot, stiffness(rise, rise_variance(self.scales))),
         )
 

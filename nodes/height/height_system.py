@@ -10,22 +10,27 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, I4, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
-from tactograph.nodes.height.height_equations import AWAY, FREE, REST, HeightSystem, Window
+from tactograph.nodes.height.height_equations import (
+    STATE_AWAY,
+    STATE_FREE,
+    STATE_REST,
+    HeightSystem,
+    Window,
+)
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-MARGIN = 8
+MARGIN_PX = 8
 """Pixels around what is touched."""
-KNOWN = np.float32(1e6)
+UNKNOWN_VARIANCE = np.float32(1e6)
 """Variance from which on a slope is unknown."""
-SMOOTH = np.float32(1)
+MAX_CUBIC_VARIANCE = np.float32(1)
 """Variance up to which a slope counts in a cubic."""
-LONELY = np.float32(4)
+LONE_SLOPE_VARIANCE = np.float32(4)
 """Variance that a step has in addition if only one slope is known."""
-WALL = np.float32(1e3)
+MAX_LONE_VARIANCE = np.float32(1e3)
 """Most of that slope's own variance that counts then."""
-HALF, QUARTER = np.float32(0.5), np.float32(0.25)
 
 
 @node(tolerance=Close(1e-6, 1e-5, why="sums that a device rounds otherwise"))
@@ -74,14 +79,14 @@ def height_system(
     HeightSystem
         T of the rises have both ends inside the window.
     """
-    states = np.where(rest != 0, np.uint8(REST), np.uint8(FREE))
+    states = np.where(rest != 0, np.uint8(STATE_REST), np.uint8(STATE_FREE))
     if mask is not None:
-        states[mask == 0] = AWAY
-    touched = states == FREE
+        states[mask == 0] = STATE_AWAY
+    touched = states == STATE_FREE
     window = _window_around(touched.any(axis=1), touched.any(axis=0))
-    anchored, state = bool((states == REST).any()), window.of(states)
+    anchored, state = bool((states == STATE_REST).any()), window.of(states)
     slopes = window.of(slope)
-    variances = np.where(state == AWAY, np.float32(np.inf), window.of(variance))
+    variances = np.where(state == STATE_AWAY, np.float32(np.inf), window.of(variance))
     right, right_variance = _steps(slopes[0], variances[0], bend, floor)
     down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
     size = np.float32(pixel)
@@ -103,9 +108,9 @@ def _window_around(rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> Windo
     )
 
 
-def _span(found: NDArray[np.intp], size: int) -> slice:
-    first, last = (int(found[0]), int(found[-1])) if found.size else (0, 0)
-    return slice(max(first - MARGIN, 0), min(last + 1 + MARGIN, size))
+def _span(numbers: NDArray[np.intp], size: int) -> slice:
+    first, last = (int(numbers[0]), int(numbers[-1])) if numbers.size else (0, 0)
+    return slice(max(first - MARGIN_PX, 0), min(last + 1 + MARGIN_PX, size))
 
 
 def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
@@ -117,24 +122,31 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
     """
     before, after = slope[:, :-1], slope[:, 1:]
     of_before, of_after = variance[:, :-1], variance[:, 1:]
-    step = HALF * (before + after)
+    step = 0.5 * (before + after)
     step[:, 1:-1] += _cubic_part(slope, variance)
     turn = np.float32(bend) * (after - before)
-    both = QUARTER * (of_before + of_after) + turn * turn
+    both_known = 0.25 * (of_before + of_after) + turn * turn
     surer = np.where(of_before < of_after, before, after)
     # A wall ends within the pixel that shows it.
-    little = np.minimum(np.minimum(of_before, of_after), WALL) + LONELY + surer * surer
-    alone = np.where(np.isinf(both), both, little)
-    known = np.maximum(of_before, of_after) < KNOWN
-    return np.where(known, step, surer), np.where(known, both, alone) + np.float32(floor * floor)
+    little = (
+        np.minimum(np.minimum(of_before, of_after), MAX_LONE_VARIANCE)
+        + LONE_SLOPE_VARIANCE
+        + surer * surer
+    )
+    alone = np.where(np.isinf(both_known), both_known, little)
+    known = np.maximum(of_before, of_after) < UNKNOWN_VARIANCE
+    return np.where(known, step, surer), np.where(known, both_known, alone) + np.float32(
+        floor * floor
+    )
 
 
 def _cubic_part(slope: F4, variance: F4) -> F4:
-    """What four slopes add to the mean of the inner two; at most a quarter of their difference."""
+    """Contribution of four slopes beyond the mean of the inner two, at most a quarter of their
+    difference."""
     before, after = slope[:, 1:-2], slope[:, 2:-1]
     curve = (before + after - (slope[:, :-3] + slope[:, 3:])) / np.float32(16)
-    limit = QUARTER * np.abs(after - before)
-    smooth = (variance[:, :-3] < SMOOTH) & (variance[:, 3:] < SMOOTH)
+    limit = 0.25 * np.abs(after - before)
+    smooth = (variance[:, :-3] < MAX_CUBIC_VARIANCE) & (variance[:, 3:] < MAX_CUBIC_VARIANCE)
     return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
 
 
@@ -173,13 +185,13 @@ def _constants(
 def _launch(run: Launch) -> None:
     """The pixels there; the host finds the window and the rises inside it."""
     rows, columns = size = run.sizes["H"], run.sizes["W"]
-    of, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
+    inputs, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
     lines = run.scratch((rows,), np.uint8), run.scratch((columns,), np.uint8)
-    rest, mask = of["rest"], of.get("mask")
+    rest, mask = inputs["rest"], inputs.get("mask")
     run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
     # One transfer brings all that the host must know before the device goes on.
-    coming = [run.begin_download(of[f"rises.{name}"]) for name in ShadowRises._fields]
-    has_rises = of["rises.top"].shape[0] > 0
+    coming = [run.begin_download(inputs[f"rises.{name}"]) for name in ShadowRises._fields]
+    has_rises = inputs["rises.top"].shape[0] > 0
     mask_coming = run.begin_download(mask) if mask is not None and has_rises else None
     in_rows, in_columns = map(run.download, lines)
     window = _window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
@@ -190,11 +202,12 @@ def _launch(run: Launch) -> None:
     limits = settings["floor"], settings["rise_px"], settings["robust"]
     told: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
     (top, height), (left, width) = ((part.start, part.stop - part.start) for part in window)
-    for symbol, found in (("h", height), ("w", width), ("T", ends[0].size)):
-        run.found(symbol, found)
+    for symbol, length in (("h", height), ("w", width), ("T", ends[0].size)):
+        run.found(symbol, length)
     out = run.outputs
     run.kernel(
-        "gather_system", run.in_row_lanes(height, width), of["slope"], of["variance"], rest, mask,
+        "gather_system", run.in_row_lanes(height, width),
+        inputs["slope"], inputs["variance"], rest, mask,
         *(out[name] for name in ("right", "down", "right_variance", "down_variance", "state")),
         rows * columns, columns, top, left, height, width,
         pixel, settings["bend"], float(np.float32(settings["floor"] ** 2)),

@@ -59,17 +59,17 @@ def _twice_divergence(slope: F4) -> F4:
     """
     p, q = slope
     twice = np.zeros(p.shape, np.float32)
-    for slopes, found in ((p.T, twice.T), (q, twice)):
+    for slopes, sums in ((p.T, twice.T), (q, twice)):
         if len(slopes) > 1:
-            found[0] += slopes[0] + slopes[1]
-            found[1:-1] += slopes[2:] - slopes[:-2]
-            found[-1] -= slopes[-2] + slopes[-1]
+            sums[0] += slopes[0] + slopes[1]
+            sums[1:-1] += slopes[2:] - slopes[:-2]
+            sums[-1] -= slopes[-2] + slopes[-1]
     return twice
 
 
 @lru_cache(maxsize=8)
 def _to_mm(shape: tuple[int, int], pixel: float) -> F4:
-    """From the spectrum of twice the divergence to that of the height."""
+    """Factor from the spectrum of twice the divergence to that of the height."""
     return np.asarray(inverse_laplacian(shape) * np.float32(0.5 * pixel), np.float32)
 
 
@@ -87,7 +87,7 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
 
 
 def _can_run(device: DeviceTraits) -> Obstacle | None:
-    """On devices with lanes the kernels transform without VkFFT."""
+    """Transform without VkFFT on devices with lanes."""
     missing = None if device.lanes > 1 else missing_vkfft()
     return Obstacle(missing) if missing else None
 

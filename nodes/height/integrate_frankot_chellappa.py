@@ -129,12 +129,12 @@ def _launch_periodic(run: Launch) -> None:
     height, width = shape = run.sizes["H"], run.sizes["W"]
     v, u = run.keep(("frequencies", shape), lambda: _uploaded(run, _frequencies(shape)))
     # Both real fields as one complex field p + i q: one transform instead of two.
-    both = run.scratch(shape, np.complex64)
+    packed = run.scratch(shape, np.complex64)
     fourier = fourier_transform(run, shape)
-    run.kernel("pack", shape, run.inputs["slope"], both, height, width)
-    fourier.forward(run, both)
+    run.kernel("pack", shape, run.inputs["slope"], packed, height, width)
+    fourier.forward(run, packed)
     spectrum = run.scratch(shape, np.complex64)
-    run.kernel("combine", shape, both, v, u, spectrum, height, width)
+    run.kernel("combine", shape, packed, v, u, spectrum, height, width)
     fourier.inverse(run, spectrum)
     out = run.outputs["integrate_frankot_chellappa"]
     run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, U1, Height
-from tactograph.nodes.height.height_equations import AWAY, HeightSystem
+from tactograph.nodes.height.height_equations import STATE_AWAY, HeightSystem
+from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
 from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
@@ -18,7 +19,7 @@ from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-ENOUGH = 4e-9
+MIN_ENERGY_SHARE = 4e-9
 """Stop when less than this share of the steps' energy is left to gain."""
 
 
@@ -74,7 +75,7 @@ def integrate_weighted(
         # An unchanged height has the same weights: the remaining rounds would change nothing.
         if height is last and scale == scales[-1]:
             break
-    counts, rows, columns = system.state != AWAY, *system.window
+    counts, rows, columns = system.state != STATE_AWAY, *system.window
     out = np.zeros(start.shape, np.float32)
     out[rows, columns] = height * counts
     if not system.anchored[0]:
@@ -93,7 +94,7 @@ def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
     """One round: weights from the height, then a better height."""
     springs = system.springs(height, scale)
     force = springs.pull(*system.steps, system.rise)
-    enough = ENOUGH * springs.energy(*system.steps)
+    enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
     return conjugate_gradients(hierarchy(springs), force, height, steps, enough)
 
 
@@ -104,35 +105,36 @@ def _border_median(height: F4, state: U1, rows: slice, columns: slice) -> np.flo
     """
     border: NDArray[np.bool_] = np.ones(height.shape, bool)
     border[1:-1, 1:-1] = False
-    found = height[rows, columns][border[rows, columns] & (state != AWAY)]
-    return np.float32(np.median(found) if found.size else 0)
+    border_heights = height[rows, columns][border[rows, columns] & (state != STATE_AWAY)]
+    return np.float32(np.median(border_heights) if border_heights.size else 0)
 
 
 @integrate_weighted.opencl()
 def _launch(run: Launch) -> None:
     size = run.sizes["H"], run.sizes["W"]
     settings, out = run.settings, run.outputs["integrate_weighted"]
-    solver = HeightSolver(run)
-    height, warm = solver.cut(run.inputs["start"]), False
+    networks = HeightNetworks(run)
+    solver = HeightSolver(run, networks)
+    height, warm = networks.cut(run.inputs["start"]), False
     if run.inputs.get("before") is not None:
-        known = solver.cut(run.inputs["before"])
-        warm = solver.cost(known, solver.robust) < solver.cost(height, solver.robust)
+        known = networks.cut(run.inputs["before"])
+        warm = networks.cost(known, networks.robust) < networks.cost(height, networks.robust)
         height = known if warm else height
-    scales = _scales(settings["rounds"], solver.robust, settings["ease"], warm=warm)
+    scales = _scales(settings["rounds"], networks.robust, settings["ease"], warm=warm)
     for scale in scales:
-        solver.weigh(height, scale)
-        enough = solver.enough(ENOUGH, solver.energies(solver.pixels, solver.wants))
-        moved = solver.solve(solver.pixels, solver.wants, height, settings["steps"], enough)
+        networks.weigh(height, scale)
+        enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(networks.pixels, networks.wants))
+        moved = solver.solve(networks.pixels, networks.wants, height, settings["steps"], enough)
         if scale == scales[-1] and not moved():
             break
 
     def place(by: float) -> None:
-        run.kernel("place", size, height, solver.state, out, by, *size, *solver.place)
+        run.kernel("place", size, height, networks.state, out, by, *size, *networks.place)
 
     place(0.0)
-    if not solver.anchored:
-        state = run.download(solver.state)
-        place(float(_border_median(run.download(out), state, *solver.window)))
+    if not networks.anchored:
+        state = run.download(networks.state)
+        place(float(_border_median(run.download(out), state, *networks.window)))
 
 
 @integrate_weighted.example

@@ -14,11 +14,11 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
-WINDOW = 5
+WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""
-FEWEST, PLENTY = 0.1, 0.3
+MIN_REST_SHARE, MIN_CURVED_SHARE = 0.1, 0.3
 """Shares of the frame at rest: below the first nothing is fitted, below the second a plane."""
-ROUNDS = 5
+FIT_ROUNDS = 5
 """Rounds of robust least squares; film draping around a touch looks calm and gets little weight."""
 ENOUGH_CELLS = 8192
 """Enough cells for ten coefficients; if there are more, every n-th row and column is used."""
@@ -71,9 +71,9 @@ def level_height(
         for cells, size in zip(light.shape[1:], height.shape, strict=True)
     )
     sampled = height[rows[:, None], columns]
-    found = _surface(sampled, light, grain, degree)
+    coefficients = _surface(sampled, light, grain, degree)
     u, v = _axes(height.shape)
-    for c, (i, j) in zip(found, _powers(), strict=True):
+    for c, (i, j) in zip(coefficients, _powers(), strict=True):
         if c:
             height = height - np.float32(c) * u**i * v**j
     return height
@@ -98,28 +98,28 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     none = np.zeros(len(_powers()), np.float32)
     if not grain > 0:
         return none
-    window = (WINDOW, WINDOW)
+    window = (WINDOW_CELLS, WINDOW_CELLS)
     mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)
     calm &= np.isfinite(sampled)
-    if calm.mean() < FEWEST:
+    if calm.mean() < MIN_REST_SHARE:
         return none
-    used = TERMS_OF[degree if calm.mean() >= PLENTY else min(degree, 1)]
+    used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
     u, v = _axes(sampled.shape)
     apart = slice(None, None, math.ceil(math.sqrt(calm.size / ENOUGH_CELLS)))
     u, v, calm, sampled = u[:, apart], v[apart], calm[apart, apart], sampled[apart, apart]
     terms = [np.broadcast_to(u**i * v**j, sampled.shape)[calm] for i, j in _powers()[:used]]
     basis, z = np.stack(terms, axis=1).astype(np.float64), sampled[calm].astype(np.float64)
-    weight, found = np.ones(z.size), np.zeros(used)
-    for _ in range(ROUNDS):
+    weight, coefficients = np.ones(z.size), np.zeros(used)
+    for _ in range(FIT_ROUNDS):
         sure = basis * weight[:, None]
         square = sure.T @ basis
         held = 1e-9 * np.trace(square) * np.eye(used)
-        found = np.linalg.solve(square + held, sure.T @ z)
-        left = z - basis @ found
+        coefficients = np.linalg.solve(square + held, sure.T @ z)
+        left = z - basis @ coefficients
         spread = 1.4826 * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / spread) ** 2)
-    none[:used] = found
+    none[:used] = coefficients
     return none
 
 
@@ -130,15 +130,15 @@ def _launch(run: Launch) -> None:
     rows, columns = run.sizes["H"], run.sizes["W"]
     cell = cell_side(rows, columns, run.settings["cell"])
     cells = run.sizes["h"], run.sizes["w"]
-    found = np.zeros(len(_powers()), np.float32)
+    coefficients = np.zeros(len(_powers()), np.float32)
     grain = float(run.inputs["grain"])
     if grain > 0:
         sampled = run.scratch(cells)
         run.kernel("sample_cells", cells, height, sampled, rows, columns, *cells, cell)
         settings = grain, int(run.settings["degree"])
-        found = _surface(run.download(sampled), run.download(light), *settings)
+        coefficients = _surface(run.download(sampled), run.download(light), *settings)
     lanes = run.in_lanes(rows, columns)
-    run.kernel("take_off", lanes, height, out, rows, columns, *map(float, found))
+    run.kernel("take_off", lanes, height, out, rows, columns, *map(float, coefficients))
 
 
 @level_height.example

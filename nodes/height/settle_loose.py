@@ -10,8 +10,6 @@ from annotated_types import Ge
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, SlopeVariance
 
-HALF = np.float32(0.5)
-
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6))
 def settle_loose(
@@ -46,7 +44,7 @@ def _departure(padded: F4, dy: int, dx: int) -> F4:
     def shifted(down: int, right: int) -> F4:
         return padded[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
 
-    return np.asarray(shifted(0, 0) - HALF * (shifted(dy, dx) + shifted(-dy, -dx)))
+    return np.asarray(shifted(0, 0) - 0.5 * (shifted(dy, dx) + shifted(-dy, -dx)))
 
 
 settle_loose.opencl(grid="H W", lanes="rows")

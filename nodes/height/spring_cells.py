@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4
 from tactograph.nodes.height.springs import Springs, Ties, join_ends, pair_sums, quad_sums
 
-WEAKEST = np.float32(1e-12)
+MIN_STIFFNESS = np.float32(1e-12)
 """Smallest stiffness that is divided by."""
 
 
@@ -97,7 +97,7 @@ def _in_series(stiffness: F4) -> F4:
 
     In a row of odd length, the spring beyond the last pixel is rigid.
     """
-    gives = np.asarray(np.float32(1) / np.maximum(stiffness, WEAKEST), np.float32)
+    gives = np.asarray(np.float32(1) / np.maximum(stiffness, MIN_STIFFNESS), np.float32)
     return np.asarray(np.float32(1) / _one_by_one(gives), np.float32)
 
 

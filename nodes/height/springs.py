@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4
 
-SMALLEST = 128
+MAX_DENSE_PIXELS = 128
 """A network of at most this many pixels is solved by its inverse matrix."""
 SINGLE_VISITS = 2
-"""How many of the finest networks are visited once a cycle; the coarser ones twice."""
-DAMPING = np.float32(0.7)
-OVERSHOOT = np.float32(1.5)
+"""Number of the finest networks that are visited once a cycle; the coarser ones twice."""
+JACOBI_DAMPING = np.float32(0.7)
+BLOCK_OVERSHOOT = np.float32(1.5)
 """Rigid blocks are too stiff: their correction is too small by this factor."""
 
-TINY = np.float32(1e-30)
+MIN_TOTAL_STIFFNESS = np.float32(1e-30)
 
 Pixels = NDArray[np.int64]
 """Flat indices."""
@@ -85,7 +85,9 @@ class Springs:
         total[:-1] += self.down
         np.add.at(total.ravel(), self.ties.top, self.ties.stiffness)
         np.add.at(total.ravel(), self.ties.foot, self.ties.stiffness)
-        return np.where(total > 0, DAMPING / np.maximum(total, TINY), np.float32(0))
+        return np.where(
+            total > 0, JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS), np.float32(0)
+        )
 
     @cached_property
     def inverse(self) -> F4:
@@ -172,7 +174,7 @@ def quad_sums(plane: F4) -> F4:
 def hierarchy(springs: Springs) -> list[Springs]:
     """The network and its coarser ones down to a few pixels."""
     levels = [springs]
-    while levels[-1].ground.size > SMALLEST:
+    while levels[-1].ground.size > MAX_DENSE_PIXELS:
         levels.append(levels[-1].coarser())
     return levels
 
@@ -189,7 +191,7 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
         moved = moved + cycle(coarser, left - coarser[0].apply(moved), depth + 1)
     # Every pixel of a block moves as the block does.
     rows, columns = height.shape
-    height += OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+    height += BLOCK_OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
     height += network.relax * (force - network.apply(height))
     return height
 

@@ -13,7 +13,7 @@ from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.bounce import bounce, launch_bounce, launch_cells
 from tactograph.nodes.optics.radiosity import (
-    AZIMUTHS,
+    COATED_AZIMUTHS,
     Grid,
     cell_grid,
     cells_of,
@@ -46,7 +46,7 @@ def film_bounce(
     slope: Slope | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=20000)] = DEFAULT_MAX_CELLS,
-    azimuths: Annotated[int, Interval(ge=2, le=64)] = AZIMUTHS,
+    azimuths: Annotated[int, Interval(ge=2, le=64)] = COATED_AZIMUTHS,
     share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
 ) -> Light | None:
     r"""Return the part of the light that comes from other places of the film.

@@ -1,4 +1,4 @@
-"""How each LED's light has drifted since the flat frame, as the film at rest shows it."""
+"""Drift of each LED's light since the flat frame, from the film at rest."""
 
 from __future__ import annotations
 

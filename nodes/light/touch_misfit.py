@@ -20,7 +20,7 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.optics.block_sums import block_sums
-from tactograph.nodes.optics.film import NOISE
+from tactograph.nodes.optics.film import LIGHT_NOISE_SHARE
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
@@ -154,7 +154,7 @@ def _left(
 
 def brighter(departs: F4, shown: F4, uneven: float) -> F4:
     """Return by what share the film is brighter than predicted, from the light's residuals."""
-    noise = np.float32(NOISE * NOISE)
+    noise = np.float32(LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE)
     share = brightness_share((shown * shown).sum(axis=0), noise, np.float32(uneven))
     return np.asarray((departs * shown).sum(axis=0) * share)
 

@@ -12,8 +12,9 @@ from scipy.ndimage import gaussian_filter
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Height, PixelSize
 
-ALPHA = np.sqrt(np.log(2) / np.pi)
-"""Of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting index."""
+GAUSSIAN_ALPHA = np.sqrt(np.log(2) / np.pi)
+"""Constant of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting
+index."""
 MAX_FITTED = 100_000
 """Pixels that the form is fitted to; more add nothing."""
 
@@ -61,8 +62,8 @@ def filter_surface(
 
 
 def gaussian_mean(height: F4, nesting_px: float) -> F4:
-    """The mean weighted by exp(-pi (x / (ALPHA nesting index))^2); NaN stays NaN."""
-    sigma = ALPHA * nesting_px / np.sqrt(2 * np.pi)
+    """The mean weighted by exp(-pi (x / (GAUSSIAN_ALPHA nesting index))^2); NaN stays NaN."""
+    sigma = GAUSSIAN_ALPHA * nesting_px / np.sqrt(2 * np.pi)
     known = np.isfinite(height)
     shares = gaussian_filter(known.astype(float), sigma, mode="constant")
     sums = gaussian_filter(np.where(known, height, 0).astype(float), sigma, mode="constant")

@@ -13,12 +13,12 @@ from tactograph.nodes.files.image_files import read_image
 
 MAX_FITTED = 200_000
 """Pixels that the plane is fitted to; more add nothing."""
-ROUNDS = 30
+FIT_ROUNDS = 30
 ROBUST_WIDTH = 2.0
 """Residual, over the median of all, from which a pixel counts less (Cauchy's weight)."""
 MIN_SPREAD = 1e-6
 """Median residual in mm below which all counts alike."""
-BORDER = 0.02
+REST_BORDER_SHARE = 0.02
 """Share of the shorter side that is at rest around the frame, where film at rest is named."""
 
 
@@ -67,7 +67,7 @@ def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.
     if level == "plane":
         return None
     if level == "rest":
-        width = max(1, round(BORDER * min(shape)))
+        width = max(1, round(REST_BORDER_SHARE * min(shape)))
         border = np.ones(shape, bool)
         border[width:-width, width:-width] = False
         return border
@@ -89,10 +89,10 @@ def plane_terms(rows: int, columns: int) -> tuple[F8, F8, F8]:
 
 
 def plane_weights(terms: F8, z: F8) -> F8:
-    """How much each of N heights says of the plane that most of them agree on; terms N x 3."""
+    """Weights of N heights for the plane that most of them agree on; terms N x 3."""
     weights = np.ones_like(z)
     plane = weighted_plane(terms, z, weights)
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         rest = np.abs(z - terms @ plane)
         scale = ROBUST_WIDTH * np.median(rest)
         if scale < MIN_SPREAD:

@@ -16,20 +16,20 @@ MIN_PROFILES = 5
 MIN_ZONE_PX = 3
 """Fewest pixels of a level that is measured."""
 EDGE_SHARE = 0.5
-"""Of the depth, where an edge is counted."""
+"""Share of the depth at which an edge is counted."""
 WALL_SHARES = 0.2, 0.8
-"""Of the depth, between which a wall's angle is taken."""
+"""Shares of the depth between which a wall's angle is taken."""
 END_SHARE = 0.05
-"""Of a profile, the ends that tell its tilt: of a groove both lie on one level."""
+"""Share of a profile at each end that tells its tilt: a groove's ends lie on one level."""
 MAX_UNEVEN = 0.2
 """Spread of the widths, over their median, above which profiles do not show one groove."""
 MAX_WALL_SHARE = 0.6
-"""Of a groove's width, the widest wall that leaves both levels free."""
+"""Widest wall, as a share of a groove's width, that leaves both levels free."""
 Line = NDArray[np.float64]
 
 
 class Profile(NamedTuple):
-    """Of one profile: depth in mm (above 0: a groove, or a step down) and its standard deviation,
+    """Depth of a profile in mm (above 0: a groove, or a step down), its standard deviation,
     edges in px, walls in degrees."""
 
     depth: float
@@ -89,29 +89,30 @@ def measure_step(
     measured = (
         _measure(*each, pixel, edges, smooth_px) for each in zip(lines, doubts, strict=True)
     )
-    found = [profile for profile in measured if profile]
-    if len(found) < MIN_PROFILES:
-        what = "a groove or ridge" if edges == 2 else "a step"
+    profiles = [profile for profile in measured if profile]
+    if len(profiles) < MIN_PROFILES:
+        shape = "a groove or ridge" if edges == 2 else "a step"
         raise InputError(
-            f"{len(found)} of {len(lines)} profiles along {along} show {what}: crop=x0,y0,x1,y1 "
-            "to the part that holds one, say along=x or y, whichever crosses it, and edges=1 or 2"
+            f"{len(profiles)} of {len(lines)} profiles along {along} show {shape}: "
+            "crop=x0,y0,x1,y1 to the part that holds one, say along=x or y, whichever crosses it, "
+            "and edges=1 or 2"
         )
-    depths = 1e3 * np.array([profile.depth for profile in found])
+    depths = 1e3 * np.array([profile.depth for profile in profiles])
     spread = float(np.std(depths, ddof=1))
-    stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in found])))
+    stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
     figures = {
         "step_depth_um": float(np.median(depths)),
         "step_spread_um": spread,
-        "step_uncertainty_um": float(np.hypot(spread / np.sqrt(len(found)), stated)),
-        "step_profiles": float(len(found)),
+        "step_uncertainty_um": float(np.hypot(spread / np.sqrt(len(profiles)), stated)),
+        "step_profiles": float(len(profiles)),
     }
     if edges == 2:
-        widths = pixel * np.array([p.edges[1] - p.edges[0] for p in found])
+        widths = pixel * np.array([p.edges[1] - p.edges[0] for p in profiles])
         figures["step_width_mm"] = float(np.median(widths))
         if np.std(widths) > MAX_UNEVEN * np.median(widths):
             warn("the profiles' widths differ by a fifth: they do not cross one straight groove")
     for wall in range(edges):
-        angles = [profile.walls[wall] for profile in found]
+        angles = [profile.walls[wall] for profile in profiles]
         figures[f"wall_{wall + 1}_deg"] = float(np.median(angles))
     _warn_of_wide_walls(figures)
     return figures
@@ -152,7 +153,7 @@ def _measure(line: Line, error: Line, pixel: float, edges: int, smooth_px: int) 
 
 
 def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:
-    """Where the profile crosses the middle between its two levels, `count` times."""
+    """Places where the profile crosses the middle between its two levels, `count` of them."""
     if count == 2:
         ends = max(1, int(END_SHARE * len(x)))
         rise = np.median(z[-ends:]) - np.median(z[:ends])
@@ -195,7 +196,9 @@ def _wall_deg(x: Line, share: Line, place: float, depth_px: float) -> float:
     near = np.abs(x - place) < np.abs(x - place)[np.abs(share) > high].min(initial=np.inf) + 1
     wall = near & (share > low) & (share < high)
     few = wall.sum() < MIN_ZONE_PX
-    beside = np.abs(x - place) < MIN_ZONE_PX
-    per_px = np.abs(np.diff(share[beside])).max() if few else np.polyfit(x[wall], share[wall], 1)[0]
+    near_edge = np.abs(x - place) < MIN_ZONE_PX
+    per_px = (
+        np.abs(np.diff(share[near_edge])).max() if few else np.polyfit(x[wall], share[wall], 1)[0]
+    )
     per_px /= 2
     return float(np.degrees(np.arctan(abs(per_px) * depth_px)))

@@ -1,1 +1,1 @@
-"""What moves from frame to frame."""
+"""Motion from frame to frame."""

@@ -1,4 +1,4 @@
-"""Where one touched surface may lie on another: masked correlation of curvatures.
+"""Possible places of one touched surface on another: masked correlation of curvatures.
 
 D. Padfield, "Masked object registration in the Fourier domain", 2012.  Curvature does not change
 when a surface turns about z or is shifted; turns are tried one by one.
@@ -17,9 +17,9 @@ from tactograph.nodes.motion._surface import F8, Surface, small_motion
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0
-GUESSES = 4
+MAX_GUESSES = 4
 """Most motions tried per pair."""
-APART = 3
+MIN_SHIFT_CELLS = 3
 """Cells between the shifts of two of them."""
 
 
@@ -27,14 +27,14 @@ def likely_motions(
     first: Surface, second: Surface, turn_deg: float, least_overlap: float
 ) -> list[F8]:
     """Motions 4 x 4, shifts in the film's plane and turns about z, the likeliest first."""
-    found = []
+    candidates = []
     size = [next_fast_len(2 * n, real=True) for n in first.height.shape]
     others = _transforms(second, 0.0, size)
     least = least_overlap * min(np.count_nonzero(s.touched) for s in (first, second))
     turns = int(turn_deg / STEP_DEG)
     for turn in np.arange(-turns, turns + 1) * STEP_DEG:
         one = [plane.conj() for plane in _transforms(first, float(turn), size)]
-        both, alike, mine, its = (
+        overlap, alike, mine, its = (
             irfft2(a * b, size)
             for a, b in (
                 (one[0], others[0]),
@@ -44,22 +44,25 @@ def likely_motions(
             )
         )
         # Correlation times the root of what overlaps: how unlikely it is by chance.
-        sure = alike / np.sqrt(np.maximum(mine * its, 1e-9)) * np.sqrt(np.maximum(both, 0))
-        sure[both < max(least, 1)] = 0
+        sure = alike / np.sqrt(np.maximum(mine * its, 1e-9)) * np.sqrt(np.maximum(overlap, 0))
+        sure[overlap < max(least, 1)] = 0
         y, x = np.unravel_index(int(np.argmax(sure)), sure.shape)
         shift = [(n - m if n > m / 2 else n) * first.side for n, m in ((x, size[1]), (y, size[0]))]
         motion = small_motion(np.array([*shift, 0, 0, 0, np.radians(turn)]))
-        found.append((float(sure[y, x]), motion))
+        candidates.append((float(sure[y, x]), motion))
     guesses: list[F8] = []
-    for _, motion in sorted(found, key=lambda each: -each[0]):
+    for _, motion in sorted(candidates, key=lambda each: -each[0]):
         # Turns that lead to one shift lead to one fit.
-        if all(np.abs(motion - guess)[:2, 3].max() > APART * first.side for guess in guesses):
+        if all(
+            np.abs(motion - guess)[:2, 3].max() > MIN_SHIFT_CELLS * first.side for guess in guesses
+        ):
             guesses.append(motion)
-    return guesses[:GUESSES]
+    return guesses[:MAX_GUESSES]
 
 
 def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
-    """Of the touched cells, their curvature, and its square; turned about the image's middle."""
+    """Spectra of the mask of touched cells, their curvature, and its square, turned about the
+    middle."""
     curved = cv2.Laplacian(cv2.GaussianBlur(surface.height, (0, 0), SMOOTH_CELLS), cv2.CV_32F)
     inner = cv2.erode(surface.touched.view(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)
     rows, columns = inner.shape

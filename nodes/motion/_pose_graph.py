@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from tactograph.nodes.motion._rigid_fit import Fit
 from tactograph.nodes.motion._surface import F8, six_numbers, small_motion
 
-FLOOR = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
+MIN_PAIR_VARIANCE = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
 """Variance in mm^2 and rad^2 that no pair goes below: what a film does alike is in no scatter."""
 MAX_APART = 5.0
 """Standard deviations by which a pair may miss the poses before it counts as false."""
@@ -59,10 +59,10 @@ def _chained(count: int, pairs: list[Pair]) -> dict[int, F8]:
 
 
 def _missed(poses: dict[int, F8], pair: Pair) -> F8:
-    """By how many standard deviations the poses miss a pair's motion."""
+    """Departure of the poses from a pair's motion, in standard deviations."""
     motion = np.linalg.inv(poses[pair.second]) @ poses[pair.first]
     step = six_numbers(motion @ np.linalg.inv(pair.fit.motion))
-    spread = np.linalg.cholesky(pair.fit.covariance + np.diag(FLOOR))
+    spread = np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
     return np.asarray(np.linalg.solve(spread, step))
 
 
@@ -78,5 +78,5 @@ def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> dict[int, F8]:
         now = moved(steps)
         return np.concatenate([_missed(now, pair) for pair in pairs])
 
-    found = least_squares(missed, np.zeros(6 * len(others)), loss="cauchy", x_scale="jac")
-    return moved(found.x)
+    solution = least_squares(missed, np.zeros(6 * len(others)), loss="cauchy", x_scale="jac")
+    return moved(solution.x)

@@ -36,26 +36,26 @@ from tactograph.nodes.motion._surface import (
     trimmed,
 )
 
-STEPS = 6
+MAX_STEPS = 6
 """Most Gauss-Newton steps of a level."""
-STILL = 1e-2
-"""Of a cell's side: a step below it ends a level."""
-ENOUGH = 0.9
+MIN_STEP_SHARE = 1e-2
+"""Share of a cell's side: a shorter step ends a level."""
+SURE_LIKENESS = 0.9
 """Likeness of a fit that needs no other."""
 MIN_PAIRS = 30
 OPEN_SHARE = 0.25
-"""Of what the shape tells of a motion: if noise alone would tell more, the motion is open."""
+"""Share of the information on a motion above which noise alone gives it: the motion is open."""
 OPEN_MM = 100.0
 """Standard deviation of an open motion."""
 TURN_COST = 30.0
 """Of motions that differ by an open one, the one that turns least, this much, is taken."""
 ZERO_MM = 0.01
 """Standard deviation of a height's zero."""
-TAIL = 2.4
+CAUCHY_SIGMAS = 2.4
 """Standard deviations beyond which a difference loses weight (Cauchy)."""
-BLOCK = 8
+BLOCK_CELLS = 8
 """Cells of a side of the blocks whose gradients give the scatter."""
-INTEGRATED = 4.0
+SLOPE_VARIANCE_RATIO = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
 
@@ -114,7 +114,7 @@ def _to_middle(surface: Surface) -> F8:
 
 
 class _Seen(NamedTuple):
-    """What is left between the first surface and the second, moved back."""
+    """Differences between the first surface and the second, moved back."""
 
     both: NDArray[np.bool_]
     residual: F4
@@ -137,19 +137,19 @@ class _Seen(NamedTuple):
 
 def _see(key: _Key, now: Surface, motion: F8) -> _Seen | None:
     first = key.surface
-    residual, both = pulled_back(now, motion, key.x, key.y, first.height, key.steepness)
-    both &= first.touched
-    seen = _pairs(both)[key.pairs]
+    residual, touched = pulled_back(now, motion, key.x, key.y, first.height, key.steepness)
+    touched &= first.touched
+    seen = _pairs(touched)[key.pairs]
     if np.count_nonzero(seen) < MIN_PAIRS:
         return None
     left = _slopes(residual, key.pairs, first.side)
     level = MEDIAN_TO_DEVIATION * float(np.median(np.abs(left[seen]))) + 1e-9
-    weight = seen / (1 + (left / np.float32(TAIL * level)) ** 2)
+    weight = seen / (1 + (left / np.float32(CAUCHY_SIGMAS * level)) ** 2)
     if first.variance is None or now.variance is None:
-        weight /= np.float32(INTEGRATED * level**2)
+        weight /= np.float32(SLOPE_VARIANCE_RATIO * level**2)
     else:
         weight /= np.float32(first.variance + now.variance)
-    return _Seen(both, residual, left, level, weight)
+    return _Seen(touched, residual, left, level, weight)
 
 
 def _pairs(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -189,29 +189,29 @@ def fit_motion(first: list[Surface], second: list[Surface], guess: F8) -> Fit | 
     keys = [_key(surface, to_middle) for surface in inner]
     # A small motion needs no coarse cells, on which a fine texture may be taken for its repeat.
     fit = _fitted(keys[-1:], second[-1:], guess)
-    if fit is not None and (fit.likeness > ENOUGH or _is_noise(fit, first[-1], second[-1])):
+    if fit is not None and (fit.likeness > SURE_LIKENESS or _is_noise(fit, first[-1], second[-1])):
         return fit
     other = _fitted(keys, second, guess)
     return max((f for f in (fit, other) if f), key=lambda f: f.likeness, default=None)
 
 
 def _is_noise(fit: Fit, first: Surface, second: Surface) -> bool:
-    """Whether no more is left than what both surfaces state."""
+    """Return whether no more is left than what both surfaces state."""
     if first.variance is None or second.variance is None:
         return False
-    return INTEGRATED * fit.misfit**2 < 2 * (first.variance + second.variance)
+    return SLOPE_VARIANCE_RATIO * fit.misfit**2 < 2 * (first.variance + second.variance)
 
 
 def _fitted(keys: list[_Key], second: list[Surface], guess: F8) -> Fit | None:
     """The motion, coarse to fine; once more without those that turn out open."""
-    found = _descend(keys, second, guess, np.zeros((6, 0)))
-    told = _told(keys[-1], found[1]) if found else None
+    descent = _descend(keys, second, guess, np.zeros((6, 0)))
+    told = _told(keys[-1], descent[1]) if descent else None
     if told and told.open.shape[1]:
-        found = _descend(keys, second, guess, told.open)
-        told = _told(keys[-1], found[1]) if found else None
-    if not (found and told):
+        descent = _descend(keys, second, guess, told.open)
+        told = _told(keys[-1], descent[1]) if descent else None
+    if not (descent and told):
         return None
-    motion, seen = found
+    motion, seen = descent
     spread = carried(motion) @ keys[-1].to_middle
     return Fit(
         motion,
@@ -229,7 +229,7 @@ def _descend(
     """Gauss-Newton, coarse to fine, without the motions `still`, 6 x k and orthonormal."""
     seen, free = None, null_space(still.T) if still.size else np.eye(6)
     for key, now in zip(keys, second, strict=True):
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             seen = _see(key, now, motion)
             if seen is None:
                 break
@@ -237,7 +237,7 @@ def _descend(
             matrix += np.eye(6) / OPEN_MM**2
             step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
             motion = motion @ small_motion(key.to_middle @ step)
-            if np.abs(step).max() < STILL * key.surface.side:
+            if np.abs(step).max() < MIN_STEP_SHARE * key.surface.side:
                 break
     return None if seen is None else (motion, seen)
 
@@ -284,8 +284,8 @@ def _scatter(key: _Key, seen: _Seen, told: F8) -> float:
     What the film's model leaves is alike over many cells, and weighs more than the same noise.
     Half of a noise is curl, which integration has taken out.
     """
-    down, right = (index // BLOCK for index in np.nonzero(key.pairs)[1:])
-    block = down * (seen.both.shape[1] // BLOCK + 1) + right
+    down, right = (index // BLOCK_CELLS for index in np.nonzero(key.pairs)[1:])
+    block = down * (seen.both.shape[1] // BLOCK_CELLS + 1) + right
     gradients = told.T.astype(np.float32) @ (key.slopes * (seen.weight * seen.left))
     sums = np.stack([np.bincount(block, row) for row in gradients])
     return max(1.0, 2 * float(np.square(sums).sum()) / max(told.shape[1], 1))

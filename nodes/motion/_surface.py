@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tactograph.nodes import F4
 
 F8 = NDArray[np.float64]
-LEVELS = 8, 4, 2, 1
+CELL_SIDES_PX = 8, 4, 2, 1
 """Pixels of a side in a cell, coarse to fine."""
 IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
 """Six numbers in mm and rad to mm and degrees."""
@@ -33,9 +33,11 @@ class Surface(NamedTuple):
 def pyramid(
     height: F4, touched: NDArray[np.bool_], variance: float | None, pixel: float, finest: int
 ) -> list[Surface]:
-    """The surface on cells of `LEVELS` down to `finest` px, without its untouched film."""
+    """The surface on cells of `CELL_SIDES_PX` down to `finest` px, without its untouched film."""
     return [
-        _cells(height, touched, variance, pixel, factor) for factor in LEVELS if factor >= finest
+        _cells(height, touched, variance, pixel, factor)
+        for factor in CELL_SIDES_PX
+        if factor >= finest
     ]
 
 
@@ -114,7 +116,8 @@ def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4,
 def pulled_back(
     surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: tuple[F4, F4]
 ) -> tuple[F4, NDArray[np.bool_]]:
-    """How far `surface`, moved back by `motion`, lies above the points, and where it is touched.
+    """Height of `surface`, moved back by `motion`, above the points, and the mask where it is
+    touched.
 
     Parameters
     ----------
@@ -123,10 +126,10 @@ def pulled_back(
     """
     column, row, up = cells_at(surface, motion, x, y, z)
     heights = cv2.remap(surface.height, column, row, cv2.INTER_LINEAR)
-    both = cv2.remap(surface.touched.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+    touched = cv2.remap(surface.touched.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
     r = motion.astype(np.float32)
     leaning = r[2, 0] * steepness[0] + r[2, 1] * steepness[1] + r[2, 2]
-    return (heights - up) * leaning, both
+    return (heights - up) * leaning, touched
 
 
 def columns_of(x: F4, y: F4, z: F4, steepness: tuple[F4, F4], up: float) -> list[F4]:

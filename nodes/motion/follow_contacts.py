@@ -15,16 +15,16 @@ from tactograph.nodes import F4, Contacts, Metrics, PixelSize
 
 MAX_NUMBER = 254
 """Largest number of a contact: labels have 8 bits."""
-AGE, UNSEEN, X, Y, VX, VY = range(6)
+COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
 px per frame."""
-FORBIDDEN = 1e3
+FORBIDDEN_COST = 1e3
 """Cost of a pair that cannot be one contact."""
 VELOCITY_SHARE = 0.5
-"""Of the newest displacement in the velocity; the rest is the velocity before."""
+"""Weight of the newest displacement in the velocity; the rest is the velocity before."""
 MIN_RADIUS_PX = 3.0
 Tracks = Annotated[F4, Port("254 6", "frames, px, px/frame")]
-"""A row per number, see `AGE`; age 0: the number is free."""
+"""A row per number, see `COLUMN_AGE`; age 0: the number is free."""
 
 
 class FollowedContacts(NamedTuple):
@@ -76,32 +76,34 @@ def follow_contacts(
         ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
     """
     known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
-    found = np.unique(contact[contact > 0])
-    alive = np.flatnonzero(known[:, AGE] > 0)
-    areas = np.array([np.count_nonzero(contact == number) for number in found])
-    places = np.array(center_of_mass(contact > 0, contact, found)).reshape(-1, 2)[:, ::-1]
-    cost = _costs(contact, found, areas, places, before, known, alive, reach)
+    numbers = np.unique(contact[contact > 0])
+    alive = np.flatnonzero(known[:, COLUMN_AGE] > 0)
+    areas = np.array([np.count_nonzero(contact == number) for number in numbers])
+    places = np.array(center_of_mass(contact > 0, contact, numbers)).reshape(-1, 2)[:, ::-1]
+    cost = _costs(contact, numbers, areas, places, before, known, alive, reach)
     pairs = zip(*linear_sum_assignment(cost), strict=True)
-    number_of = {int(now): int(alive[then]) for now, then in pairs if cost[now, then] < FORBIDDEN}
-    known[alive, UNSEEN] += 1
-    free = iter(np.flatnonzero(known[:, AGE] == 0).tolist())
+    number_of = {
+        int(now): int(alive[then]) for now, then in pairs if cost[now, then] < FORBIDDEN_COST
+    }
+    known[alive, COLUMN_UNSEEN] += 1
+    free = iter(np.flatnonzero(known[:, COLUMN_AGE] == 0).tolist())
     lasting = np.zeros(256, np.uint8)
-    for now, number in enumerate(found):
+    for now, number in enumerate(numbers):
         row = number_of.get(now)
         if row is None:
             row = next(free, None)
         if row is not None:
             _go_on(known[row], places[now])
             lasting[number] = row + 1
-    ended = known[:, UNSEEN] > patience
+    ended = known[:, COLUMN_UNSEEN] > patience
     known[ended] = 0
-    seen = np.flatnonzero((known[:, AGE] > 0) & (known[:, UNSEEN] == 0))
+    seen = np.flatnonzero((known[:, COLUMN_AGE] > 0) & (known[:, COLUMN_UNSEEN] == 0))
     return FollowedContacts(lasting[contact], known, _figures(known, seen, pixel))
 
 
 def _costs(
     contact: Contacts,
-    found: NDArray[np.uint8],
+    numbers: NDArray[np.uint8],
     areas: NDArray[np.int_],
     places: NDArray[np.float64],
     before: Contacts | None,
@@ -109,14 +111,17 @@ def _costs(
     alive: NDArray[np.intp],
     reach: float,
 ) -> NDArray[np.float64]:
-    """Of every contact now and every one before: below 0 where they overlap."""
-    cost = np.full((len(found), len(alive)), FORBIDDEN)
-    frames = known[alive, UNSEEN] + 1
-    expected = known[alive][:, [X, Y]] + frames[:, None] * known[alive][:, [VX, VY]]
-    for now, (number, area, place) in enumerate(zip(found, areas, places, strict=True)):
+    """Costs of pairs of a contact now and one before: below 0 where they overlap."""
+    cost = np.full((len(numbers), len(alive)), FORBIDDEN_COST)
+    frames = known[alive, COLUMN_UNSEEN] + 1
+    expected = (
+        known[alive][:, [COLUMN_X, COLUMN_Y]]
+        + frames[:, None] * known[alive][:, [COLUMN_VX, COLUMN_VY]]
+    )
+    for now, (number, area, place) in enumerate(zip(numbers, areas, places, strict=True)):
         radius = max(np.sqrt(area / np.pi), MIN_RADIUS_PX)
         apart = np.hypot(*(expected - place).T) / (reach * radius * np.sqrt(frames))
-        cost[now] = np.where(apart < 1, apart, FORBIDDEN)
+        cost[now] = np.where(apart < 1, apart, FORBIDDEN_COST)
         if before is not None:
             shared = np.bincount(before[contact == number], minlength=256)[alive + 1]
             earlier = np.bincount(before.ravel(), minlength=256)[alive + 1]
@@ -127,19 +132,19 @@ def _costs(
 
 def _go_on(track: F4, place: NDArray[np.float64]) -> None:
     """Note where a contact is now."""
-    if track[AGE] > 0:
-        moved = (place - track[[X, Y]]) / max(float(track[UNSEEN]), 1.0)
-        track[[VX, VY]] += VELOCITY_SHARE * (moved - track[[VX, VY]])
-    track[[X, Y]] = place
-    track[AGE] += max(float(track[UNSEEN]), 1.0)
-    track[UNSEEN] = 0
+    if track[COLUMN_AGE] > 0:
+        moved = (place - track[[COLUMN_X, COLUMN_Y]]) / max(float(track[COLUMN_UNSEEN]), 1.0)
+        track[[COLUMN_VX, COLUMN_VY]] += VELOCITY_SHARE * (moved - track[[COLUMN_VX, COLUMN_VY]])
+    track[[COLUMN_X, COLUMN_Y]] = place
+    track[COLUMN_AGE] += max(float(track[COLUMN_UNSEEN]), 1.0)
+    track[COLUMN_UNSEEN] = 0
 
 
 def _figures(known: F4, seen: NDArray[np.intp], pixel: float) -> Metrics:
     figures: Metrics = {}
     for row in seen:
         name = f"c{row + 1}"
-        figures[f"contact_age/{name}"] = float(known[row, AGE])
-        figures[f"contact_speed_x_mm/{name}"] = pixel * float(known[row, VX])
-        figures[f"contact_speed_y_mm/{name}"] = pixel * float(known[row, VY])
+        figures[f"contact_age/{name}"] = float(known[row, COLUMN_AGE])
+        figures[f"contact_speed_x_mm/{name}"] = pixel * float(known[row, COLUMN_VX])
+        figures[f"contact_speed_y_mm/{name}"] = pixel * float(known[row, COLUMN_VY])
     return figures

@@ -11,12 +11,12 @@ from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
 from tactograph.nodes.files.image_files import check_heights, read_heights
-from tactograph.nodes.files.result_file import RESULT, refuse_changed
+from tactograph.nodes.files.result_file import RESULT_FILE, refuse_changed
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
-MOST = 255
+MAX_TOUCHES = 255
 
 
 class Touches(NamedTuple):
@@ -42,13 +42,13 @@ def read_touches(*, folder: Path) -> Touches:
     InputError
         If there are not 2 to 255 results, or they differ in size or pixel size.
     """
-    if (folder / RESULT).is_file():
+    if (folder / RESULT_FILE).is_file():
         raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
-    results = sorted(file.parent for file in folder.glob(f"*/{RESULT}"))
-    if not 2 <= len(results) <= MOST:
+    results = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
+    if not 2 <= len(results) <= MAX_TOUCHES:
         raise InputError(
-            f"{folder}: holds {len(results)} results, and 2 to {MOST} are needed; give a folder "
-            "that 'tactograph run reconstruct' wrote for a stream"
+            f"{folder}: holds {len(results)} results, and 2 to {MAX_TOUCHES} are needed; give a "
+            "folder that 'tactograph run reconstruct' wrote for a stream"
         )
     heights = [_read(result / "height.npy") for result in results]
     pixels = [read_pixel_size(height=result / "height.npy") for result in results]

@@ -30,14 +30,14 @@ from tactograph.nodes.motion._surface import (
 )
 from tactograph.nodes.motion.read_touches import TouchHeights
 
-COARSE = 1
+COARSE_LEVEL = 1
 """The level, of 4 px, on which touches are matched."""
-PULLS = 4
+HEIGHT_STEPS = 4
 """Steps in which a height on a turned surface is found."""
 MOST_CELLS = 10**8
 
 Stitched = Annotated[F4, Port("Y X", "mm", nan=True)]
-"""On a grid of the touches' pixel size; NaN where nothing touched."""
+"""Surface on a grid of the touches' pixel size; NaN where nothing touched."""
 
 
 Sources = Annotated[U1, Port("Y X", "touch number", high=255)]
@@ -148,7 +148,7 @@ def stitch(
 
 
 def _touched(height: F4, error: F4, margin_px: int) -> NDArray[np.bool_]:
-    """Where the film touches the object: contacts without their rims."""
+    """Mask of film that touches the object: contacts without their rims."""
     known = np.isfinite(height)
     stated = np.nan_to_num(error) if np.isfinite(error[known]).all() else None
     contact = find_contact(np.nan_to_num(height), stated)
@@ -158,7 +158,8 @@ def _touched(height: F4, error: F4, margin_px: int) -> NDArray[np.bool_]:
 
 
 def _slope_variance(error: F4, touched: NDArray[np.bool_], pixel: float) -> float | None:
-    """Of the white slopes whose integral has the stated error; None where none is stated."""
+    """Variance of the white slopes whose integral has the stated error; None where none is
+    stated."""
     if not touched.any() or not np.isfinite(error[touched]).all():
         return None
     k = wave_numbers(error.shape, pixel)
@@ -172,12 +173,12 @@ def _matched(
     pairs = []
     for first, second in combinations(range(len(levels)), 2):
         one, other = levels[first], levels[second]
-        if not (one[COARSE].touched.any() and other[COARSE].touched.any()):
+        if not (one[COARSE_LEVEL].touched.any() and other[COARSE_LEVEL].touched.any()):
             continue
         sizes = [np.count_nonzero(surface[-1].touched) for surface in (one, other)]
         least = least_overlap * min(sizes) / sizes[0]
-        guesses = likely_motions(one[COARSE], other[COARSE], turn_deg, least_overlap)
-        fits = [fit_motion(one[COARSE:], other[COARSE:], guess) for guess in guesses]
+        guesses = likely_motions(one[COARSE_LEVEL], other[COARSE_LEVEL], turn_deg, least_overlap)
+        fits = [fit_motion(one[COARSE_LEVEL:], other[COARSE_LEVEL:], guess) for guess in guesses]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))
@@ -234,7 +235,7 @@ def _turned(surface: Surface, deviation: F4, motion: F8, grid: Surface) -> tuple
     """A touch's height on the grid, and its weight, 0 where it does not touch."""
     x, y = places(grid)
     height, steepness = grid.height, (grid.height, grid.height)
-    for _ in range(PULLS):
+    for _ in range(HEIGHT_STEPS):
         above, touched = pulled_back(surface, motion, x, y, height, steepness)
         height = np.where(touched, height + above, np.float32(0))
         steepness = normals(height, grid.side)

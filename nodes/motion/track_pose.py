@@ -1,4 +1,4 @@
-"""How the object that is touched has moved since the touch began."""
+"""Motion of the touched object since the touch began."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ Pose = Annotated[F4, Port("6", "mm, deg")]
 """Shift x, y, z and turn vector x, y, z of the object, about the image's middle on the film at
 rest.  A turn about z is positive from x to y."""
 PoseCovariance = Annotated[F4, Port("6 6", "mm, deg")]
-"""Of the pose's six numbers; turns about the film's axes."""
+"""Covariance of the pose's six numbers; turns about the film's axes."""
 KeySurface = Annotated[F4, Port("H W", "mm", nan=True)]
 """The touched heights of the key frame; NaN elsewhere."""
 Memory = Annotated[F4, Port("9 6", "mm, rad")]
-"""Rows 0 to 5: the covariance of the key frame's pose; then rows `KEY`, `SINCE`, `COUNTS`."""
-KEY, SINCE, COUNTS = 6, 7, 8
+"""Rows 0 to 5: covariance of the key frame's pose; then `ROW_KEY`, `ROW_SINCE`, `ROW_COUNTS`."""
+ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 """Motion from the first frame to the key frame, and on to the frame before; frames, key frames,
 and the variance of the key frame's slopes (0: not stated)."""
-AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
-UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
+POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
+POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
 OPEN_SHARE = 0.3
-"""Of an axis, that lies in the open motions."""
+"""Share of an axis that lies in the open motions."""
 
 
 class TrackedPose(NamedTuple):
@@ -109,38 +109,38 @@ def track_pose(
     heights = np.where(touched, height, np.float32(np.nan))
     if key is None or memory is None:
         return _begin(heights, stated, touched)
-    found = _fit(key, memory, heights, stated, pixel, cell_px)
-    shared = 0.0 if found is None else _shared(found, key, touched)
-    if found is None or shared < least_overlap / 2:
+    fit = _fit(key, memory, heights, stated, pixel, cell_px)
+    shared = 0.0 if fit is None else _shared(fit, key, touched)
+    if fit is None or shared < least_overlap / 2:
         return _begin(heights, stated, touched)
-    begun = small_motion(memory[KEY].astype(np.float64))
-    pose = found.motion @ begun
-    onwards = carried(found.motion)
-    covariance = onwards @ memory[:6].astype(np.float64) @ onwards.T + found.covariance
-    counts = memory[COUNTS] + np.array([1, 0, 0, 0, 0, 0], np.float32)
+    begun = small_motion(memory[ROW_KEY].astype(np.float64))
+    pose = fit.motion @ begun
+    onwards = carried(fit.motion)
+    covariance = onwards @ memory[:6].astype(np.float64) @ onwards.T + fit.covariance
+    counts = memory[ROW_COUNTS] + np.array([1, 0, 0, 0, 0, 0], np.float32)
     if shared < least_overlap:
         counts[1:3] = counts[1] + 1, stated
         kept = _memory(covariance, six_numbers(pose), np.zeros(6), counts)
         key = heights
     else:
-        kept = _memory(memory[:6], memory[KEY], six_numbers(found.motion), counts)
-    named = np.square(found.open).sum(axis=1) > OPEN_SHARE
-    return _tracked(pose, covariance, key, kept, named, found, shared)
+        kept = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
+    named = np.square(fit.open).sum(axis=1) > OPEN_SHARE
+    return _tracked(pose, covariance, key, kept, named, fit, shared)
 
 
 def _fit(key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int) -> Fit | None:
-    variances = float(memory[COUNTS, 2]) or None, stated or None
+    variances = float(memory[ROW_COUNTS, 2]) or None, stated or None
     first, second = (
         pyramid(np.nan_to_num(plane), np.isfinite(plane), doubt, pixel, cell_px)
         for plane, doubt in zip((key, heights), variances, strict=True)
     )
-    return fit_motion(first, second, small_motion(memory[SINCE].astype(np.float64)))
+    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
 
 
-def _shared(found: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
+def _shared(fit: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
     """Share of the smaller contact that both frames see."""
     before, now = int(np.isfinite(key).sum()), int(touched.sum())
-    return found.overlap * before / max(min(before, now), 1)
+    return fit.overlap * before / max(min(before, now), 1)
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:
@@ -162,7 +162,7 @@ def _tracked(
     key: F4,
     memory: F4,
     named: NDArray[np.bool_],
-    found: Fit | None,
+    fit: Fit | None,
     shared: float,
 ) -> TrackedPose:
     """The pose in mm and degrees with its figures, and a warning of open motions."""
@@ -174,16 +174,16 @@ def _tracked(
     covariance = spread @ covariance @ spread.T
     figures: Metrics = {}
     for axis, unit, value, deviation in zip(
-        AXES, UNITS, pose, np.sqrt(np.diag(covariance)), strict=True
+        POSE_AXES, POSE_UNITS, pose, np.sqrt(np.diag(covariance)), strict=True
     ):
         figures[f"pose_{axis}_{unit}"] = float(value)
         figures[f"pose_sd_{axis}_{unit}"] = float(deviation)
-    count = 0 if found is None else found.open.shape[1]
+    count = 0 if fit is None else fit.open.shape[1]
     figures["pose_open"] = float(count)
-    names = [axis for axis, is_open in zip(AXES, named, strict=True) if is_open]
+    names = [axis for axis, is_open in zip(POSE_AXES, named, strict=True) if is_open]
     figures |= {f"pose_open/{name}": 1.0 for name in names}
     figures["pose_overlap"] = shared
-    figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[COUNTS, :2])
+    figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])
     if count:
         # The same words in each frame, so that a stream says it once.
         warn(

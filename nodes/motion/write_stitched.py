@@ -12,7 +12,7 @@ from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics, PixelSize
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.result_file import RESULT, checksum
+from tactograph.nodes.files.result_file import RESULT_FILE, checksum
 from tactograph.nodes.motion.stitch import Sources, Stitched
 
 
@@ -53,7 +53,7 @@ def write_stitched(
     # Loading Matplotlib takes longer than the rest.
     from tactograph.nodes.drawing.result_pictures import draw_error, draw_height, draw_seams
 
-    with atomic_files(folder, last=RESULT) as target:
+    with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)
         np.save(target / "error.npy", error)
         write_tiff(target / "height.tiff", height, pixel)
@@ -66,8 +66,8 @@ def write_stitched(
         about = {
             **provenance.as_dict(),
             "pixel_size_mm": float(pixel),
-            "files": sorted([*checksums, RESULT]),
+            "files": sorted([*checksums, RESULT_FILE]),
             "checksums": checksums,
             "metrics": metrics,
         }
-        (target / RESULT).write_text(json.dumps(about, indent=1) + "\n")
+        (target / RESULT_FILE).write_text(json.dumps(about, indent=1) + "\n")

@@ -23,13 +23,13 @@ def between_pixels(plane: F4, x: F4, y: F4) -> F4:
     left, top = np.floor(x), np.floor(y)
     across, down = _weights(x - left), _weights(y - top)
     at_x, at_y = left.astype(np.int32), top.astype(np.int32)
-    beside = [np.clip(at_x + (i - 1), 0, columns - 1) for i in range(4)]
+    neighbours = [np.clip(at_x + (i - 1), 0, columns - 1) for i in range(4)]
     flat, total = plane.ravel(), np.zeros(x.shape, np.float32)
     for j in range(4):
         start = np.clip(at_y + (j - 1), 0, rows - 1) * columns
         line = np.zeros(x.shape, np.float32)
         for i in range(4):
-            line += across[i] * flat[start + beside[i]]
+            line += across[i] * flat[start + neighbours[i]]
         total += down[j] * line
     return total
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-ONE = np.float32(1)
-
 
 def bilinear(plane: F4, x: F4, y: F4) -> F4:
     """Interpolate `plane` (H x W) at the points (x, y) in px; border pixels are replicated."""
@@ -15,8 +13,8 @@ def bilinear(plane: F4, x: F4, y: F4) -> F4:
     left = np.clip(np.floor(x), 0, columns - 1).astype(np.int32)
     upper = np.clip(np.floor(y), 0, rows - 1).astype(np.int32)
     right, lower = np.minimum(left + 1, columns - 1), np.minimum(upper + 1, rows - 1)
-    u = np.clip(x - left.astype(np.float32), np.float32(0), ONE)
-    v = np.clip(y - upper.astype(np.float32), np.float32(0), ONE)
-    above = plane[upper, left] * (ONE - u) + plane[upper, right] * u
-    below = plane[lower, left] * (ONE - u) + plane[lower, right] * u
-    return np.asarray(above * (ONE - v) + below * v, np.float32)
+    u = np.clip(x - left.astype(np.float32), 0, 1)
+    v = np.clip(y - upper.astype(np.float32), 0, 1)
+    above = plane[upper, left] * (1 - u) + plane[upper, right] * u
+    below = plane[lower, left] * (1 - u) + plane[lower, right] * u
+    return np.asarray(above * (1 - v) + below * v, np.float32)

@@ -43,8 +43,8 @@ def bounce(
     sources[frame] *= light
     matt_film = film.refraction == 1
     law = matt(sources) if matt_film else coated(film, cells, sources, grid, from_above)
-    found = arriving(seen, law, len(light), grid)
-    return np.float32(film.albedo) * found / cells.rest[frame]
+    bounced = arriving(seen, law, len(light), grid)
+    return np.float32(film.albedo) * bounced / cells.rest[frame]
 
 
 def launch_cells(
@@ -58,10 +58,10 @@ def launch_cells(
 ) -> DeviceArray:
     """Return a table of the cells of `light` and of the node's height (`radiosity.clh`)."""
     count, *size = (run.sizes[symbol] for symbol in "KHW")
-    every, of = math.prod(grid.whole), run.inputs
+    every, inputs = math.prod(grid.whole), run.inputs
     table = run.scratch((7 + 2 * count, every))
     shape = *size, grid.factor, grid.rows, grid.columns, grid.rim
-    arguments = light, of["height"], slope, lights, of["pixel"], table, *shape, camera
+    arguments = light, inputs["height"], slope, lights, inputs["pixel"], table, *shape, camera
     run.kernel("lay_out", run.in_row_lanes(*grid.whole), *arguments, constants=constants)
     return table
 

@@ -10,7 +10,7 @@ from tactograph.graph.run.cores import cores
 
 T = TypeVar("T")
 
-BLOCK = 32768
+BLOCK_PIXELS = 32768
 """Pixels of a block: few enough for the cache, many enough to hide the cost of calling NumPy."""
 
 
@@ -20,7 +20,7 @@ def in_blocks(work: Callable[[slice], T], count: int, pixels: int = 1) -> list[T
     Each counted item has `pixels` pixels: a row has as many as there are columns.  NumPy
     releases the interpreter's lock during an operation, so threads help.
     """
-    step = max(1, BLOCK // pixels)
+    step = max(1, BLOCK_PIXELS // pixels)
     blocks = [slice(first, min(first + step, count)) for first in range(0, count, step)]
     if len(blocks) == 1:
         return [work(blocks[0])]

@@ -1,4 +1,4 @@
-"""How many pixels wide the cells of a coarser image are; `cell_side.clh` is the same."""
+"""Width in pixels of the cells of a coarser image; `cell_side.clh` is the same."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from annotated_types import Interval
 from tactograph.graph import SizeRule
 
 CellSide = Annotated[int, Interval(ge=0, le=64)]
-"""In pixels; 0 depends on the image."""
+"""Side of a cell in pixels; 0 depends on the image."""
 LARGE_PX = 2 << 20
 """A large image has more pixels than this; one of 1920 x 1080 does not."""
 

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
-TAIL = 0.4361836, -0.1201676, 0.9372980
+NORMAL_TAIL_POWERS = 0.4361836, -0.1201676, 0.9372980
 """The tail of the normal distribution in powers of 1 / (1 + 0.33267 z) (Abramowitz and Stegun,
 26.2.16)."""
 
 ROOT_3 = 3**0.5
 
-GRAZING = 0.05
+MIN_COSINE = 0.05
 """Smallest cosine for which a coat is evaluated."""
 LET_IN_TERMS = 10
 """Terms of the polynomial that stands for T of one coat."""
@@ -54,7 +54,9 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
     z = cosine / spread
     density = np.exp(-0.5 * z * z) * (1 / np.sqrt(2 * np.pi)).astype(cosine.dtype)
     w = 1 / (1 + 0.33267 * z)
-    facing = 1 - density * w * (TAIL[0] + w * (TAIL[1] + w * TAIL[2]))
+    facing = 1 - density * w * (
+        NORMAL_TAIL_POWERS[0] + w * (NORMAL_TAIL_POWERS[1] + w * NORMAL_TAIL_POWERS[2])
+    )
     open_, grazed = cosine * facing, spread * density
     seen = open_ + grazed
     mean, beyond = spread * facing / seen, grazed / seen
@@ -78,13 +80,13 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
 
 @lru_cache(maxsize=64)
 def let_in_curve(roughness: float, index: float) -> Array:
-    """Return T of one coat as a polynomial of 2 c - 1, of the cosines c from `GRAZING` to 1.
+    """Return T of one coat as a polynomial of 2 c - 1, of the cosines c from `MIN_COSINE` to 1.
 
     Fitted at Chebyshev's nodes.  It departs from `let_in` by less than 2e-5 for a roughness of 0.2
     and by less than 5e-4 for one of 0.05.
     """
     turns = (np.arange(4 * LET_IN_TERMS) + 0.5) * np.pi / (4 * LET_IN_TERMS)
-    cosines = GRAZING + (1 - GRAZING) * (1 + np.cos(turns)) / 2
+    cosines = MIN_COSINE + (1 - MIN_COSINE) * (1 + np.cos(turns)) / 2
     powers = np.vander(2 * cosines - 1, LET_IN_TERMS, increasing=True)
     share = let_in(cosines, roughness, index) if index != 1 else np.ones_like(cosines)
     return np.asarray(np.linalg.lstsq(powers, share)[0])
@@ -94,11 +96,11 @@ def let_in_by(curve: Array, cosine: Array) -> Array:
     """Return the share T of light that a coat lets through, by its `let_in_curve`."""
     curve = curve.astype(cosine.dtype)
     x = 2 * cosine - 1
-    found = np.full_like(x, curve[-1])
+    total = np.full_like(x, curve[-1])
     for term in curve[-2::-1]:
-        found *= x
-        found += term
-    return found
+        total *= x
+        total += term
+    return total
 
 
 def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:

@@ -30,15 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.optics.coat import GRAZING, fresnel, let_in_by, let_in_curve, masking
+from tactograph.nodes.optics.coat import MIN_COSINE, fresnel, let_in_by, let_in_curve, masking
 from tactograph.nodes.optics.film import direct_share, glint, to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
 from tactograph.nodes.optics.sweep import Law
 
-LEAST = np.float32(GRAZING)
-NEAREST = np.float32(1e-12)
+MIN_COSINE_F4 = np.float32(MIN_COSINE)
+MIN_DIVISOR = np.float32(1e-12)
 """Prevents division by 0."""
-FADED = np.float32(-9)
+MIN_LOBE_EXPONENT = np.float32(-9)
 """Exponent below which a lobe counts as 0."""
 
 
@@ -100,15 +100,15 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool =
             _dot(facing, aside),
         )
         reach = square - rises * rises
-        found = np.empty((len(by_rest), at.size), np.float32)
+        reflectance = np.empty((len(by_rest), at.size), np.float32)
         for k, led in enumerate(sent.towards):
             light, half = led[:, other], sent.facing[k, other] + c_out
             lobe = _facets(
                 film, half, 2 - 2 * _dot(light, away), reach, _dot(light, aside) - half * rises
             )
             base = sent.base[k, other] * let_out
-            found[k] = back * (base + sent.mirrored[k, other] * unhidden * lobe)
-        return np.asarray(found * by_rest[:, at], np.float32)
+            reflectance[k] = back * (base + sent.mirrored[k, other] * unhidden * lobe)
+        return np.asarray(reflectance * by_rest[:, at], np.float32)
 
     return thrown
 
@@ -137,7 +137,7 @@ def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], 
         seen = sources[k] * rest(light, there.at)
         lobe = _mirrored(film, facing[k], there.to_eye, _dot(led, there.eye))
         unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
-        whole *= np.minimum(seen / np.maximum(unshadowed, NEAREST), 1)
+        whole *= np.minimum(seen / np.maximum(unshadowed, MIN_DIVISOR), 1)
         base[k] = np.maximum(seen - whole * lobe, 0) / there.let_out
         mirrored[k] = whole * _unhidden(film, facing[k])
         towards.append(np.asarray(led, np.float32))
@@ -158,20 +158,22 @@ def _at_rest(film: Film, light: F4, at: F4) -> F4:
 
 def _let_in(film: Film, cosine: F4) -> F4:
     curve = let_in_curve(film.roughness, film.refraction)
-    return let_in_by(curve, np.maximum(cosine, LEAST))
+    return let_in_by(curve, np.maximum(cosine, MIN_COSINE_F4))
 
 
 def _unhidden(film: Film, cosine: F4) -> F4:
     """The factor of f_m that depends on one direction alone."""
-    c = np.maximum(cosine, LEAST)
+    c = np.maximum(cosine, MIN_COSINE_F4)
     return np.asarray(masking(c, film.roughness) / c, np.float32)
 
 
 def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
     """f_m in units of base / pi, from the cosines to the light, to the eye and between both."""
-    size = np.sqrt(np.maximum(2 + 2 * between, NEAREST))
-    c_h = np.maximum((c_i + c_o) / size, LEAST)
-    lobe = glint(film, np.maximum(c_i, LEAST), np.maximum(c_o, LEAST), c_h, size / 2)
+    size = np.sqrt(np.maximum(2 + 2 * between, MIN_DIVISOR))
+    c_h = np.maximum((c_i + c_o) / size, MIN_COSINE_F4)
+    lobe = glint(
+        film, np.maximum(c_i, MIN_COSINE_F4), np.maximum(c_o, MIN_COSINE_F4), c_h, size / 2
+    )
     return np.asarray(np.float32(np.pi / film.base) * lobe, np.float32)
 
 
@@ -184,19 +186,19 @@ def _facets(film: Film, half: F4, square: F4, reach: F4, sideways: F4) -> F4:
     too, wider by 2 / 3 of the square of half of the line.  `reach` is the square of the component
     of s perpendicular to the normal, `sideways` its product with that of the sum.
     """
-    size = np.maximum(square, 0) + NEAREST
-    forwards = np.maximum(half, LEAST * np.sqrt(size))
-    of = np.float32(film.roughness**2) * forwards * forwards
-    moved = of + np.float32(2 / 3) * reach
-    falls = (np.float32(2 / 3) * sideways * sideways / moved - (size - half * half)) / of
-    found, near = np.zeros_like(half), np.nonzero(falls > FADED)
+    size = np.maximum(square, 0) + MIN_DIVISOR
+    forwards = np.maximum(half, MIN_COSINE_F4 * np.sqrt(size))
+    width = np.float32(film.roughness**2) * forwards * forwards
+    moved = width + np.float32(2 / 3) * reach
+    falls = (np.float32(2 / 3) * sideways * sideways / moved - (size - half * half)) / width
+    factors, near = np.zeros_like(half), np.nonzero(falls > MIN_LOBE_EXPONENT)
     size = size[near]
-    lobe = np.exp(np.minimum(falls[near], 0)) * np.sqrt(of[near] / moved[near])
+    lobe = np.exp(np.minimum(falls[near], 0)) * np.sqrt(width[near] / moved[near])
     cosine = forwards[near] ** 2 / size
     mirrored = fresnel(np.sqrt(size) / 2, film.refraction)
     scale = np.float32(0.25 / (film.base * film.roughness**2))
-    found[near] = scale * lobe / (cosine * cosine) * mirrored
-    return found
+    factors[near] = scale * lobe / (cosine * cosine) * mirrored
+    return factors
 
 
 def _cross(a: F4, b: F4) -> F4:

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import Film
 from tactograph.nodes.optics.coat import (
-    GRAZING,
+    MIN_COSINE,
     beckmann,
     fresnel,
     let_in_by,
@@ -44,28 +44,28 @@ from tactograph.nodes.optics.near_light import wrapped
 from tactograph.nodes.stored import with_older
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
-"""What equation F1 adds to a matt film, in parts that a model may do without."""
+"""Parts that equation F1 adds to a matt film; a model may do without each."""
 LIGHT_FIELDS = (
     "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
     "roughness", "refraction", "camera",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
-SHADES, TERMS = 8, 6
+HARMONIC_COUNT, PLACE_TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
-FADE = 0.15
+FADE_WIDTH = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 
-TURN = 0.02
+TRIAL_TURN_RAD = 0.02
 """Radians by which a normal is turned for the derivative of a coat's light."""
-LONGEST = 0.3
+MAX_TURN_RAD = 0.3
 """Longest step of a normal, in radians."""
 FLATTEST_TRIED = 0.1
 """Smallest n_z of a normal that is tried."""
-DIM, LIT = 0.05, 0.2
+MIN_MATT_LIGHT, FULL_MATT_LIGHT = 0.05, 0.2
 """Matt light at which an LED begins to count for the normal, and at which it counts in full."""
-NOISE = 0.01
+LIGHT_NOISE_SHARE = 0.01
 """Noise of a pixel's light, as a share of it."""
-DARKEST = 0.05
+MIN_DIRECT_SHARE = 0.05
 """Smallest 1 - b that is divided by."""
 
 Array = NDArray[Any]
@@ -78,7 +78,7 @@ def matt_film(lights: Array) -> Film:
 
 
 def is_affine(film: Film) -> bool:
-    """Whether light, but for its end at the terminator, is a linear function of the normal."""
+    """Return whether light, up to the terminator, is a linear function of the normal."""
     return film.refraction == 1 and film.camera == 0 and not film.harmonics.any()
 
 
@@ -131,7 +131,7 @@ def _strengths(film: Film, x: Array, y: Array, z: Array) -> Iterator[Array]:
 
 def _fade(film: Film, n: Array) -> Array:
     """Return the fade of equation F1."""
-    return np.asarray(np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1))
+    return np.asarray(np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1))
 
 
 def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
@@ -147,7 +147,7 @@ def touch_gain(film: Film, z: Array) -> Array:
 
 def direct_share(film: Film) -> Array:
     """Return 1 - b by LED."""
-    return np.maximum(1 - film.diffuse, DARKEST)
+    return np.maximum(1 - film.diffuse, MIN_DIRECT_SHARE)
 
 
 def turned(
@@ -175,7 +175,7 @@ def turned(
         x, y, z in mm.
     uneven
         Standard deviation of the film's brightness, as a share; the light of each LED has the
-        standard deviation `NOISE`.
+        standard deviation `LIGHT_NOISE_SHARE`.
     rest
         As for `predict`.
     """
@@ -189,8 +189,11 @@ def turned(
     by_s, by_t = _changes(film, n, tangents, place, rest, reflected)
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     shown = (light / touch_gain(film, place[2]) - diffuse) / direct
-    weight = np.clip((shown - DIM) / (LIT - DIM), 0, 1) / np.maximum(light, LIT) ** 2
-    share = uneven**2 / (NOISE**2 + uneven**2 * (weight * before * before).sum(0))
+    weight = (
+        np.clip((shown - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
+        / np.maximum(light, FULL_MATT_LIGHT) ** 2
+    )
+    share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
 
     def told(f: Array, g: Array, i: int, j: int) -> Array:
@@ -203,7 +206,7 @@ def turned(
     a, c = a + held, c + held
     inverse = 1 / (a * c - b * b)
     s, t = (c * g - b * h) * inverse, (a * h - b * g) * inverse
-    shrink = LONGEST / np.maximum(np.sqrt(s * s + t * t), LONGEST)
+    shrink = MAX_TURN_RAD / np.maximum(np.sqrt(s * s + t * t), MAX_TURN_RAD)
     s, t = s * shrink, t * shrink
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
     np.maximum(new[2], FLATTEST_TRIED, out=new[2])
@@ -225,13 +228,13 @@ def _changes(
     if film.refraction == 1:
         ways = [_way(light, *place) for light in film.lights]
         towards = [np.stack(to) / (square * away) for *to, square, away in ways]
-        found = [np.stack([(along * to).sum(0) for to in towards]) for along in tangents]
+        differences = [np.stack([(along * to).sum(0) for to in towards]) for along in tangents]
     else:
-        turns = (_unit(n + TURN * along) for along in tangents)
+        turns = (_unit(n + TRIAL_TURN_RAD * along) for along in tangents)
         after = (np.stack(list(_reflected(film, turn, *place))) for turn in turns)
-        found = [(light - reflected) / TURN for light in after]
+        differences = [(light - reflected) / TRIAL_TURN_RAD for light in after]
     scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) / rest
-    s, t = (scale * change for change in found)
+    s, t = (scale * change for change in differences)
     if film.harmonics.any():
         by_s, by_t = (_shades_change(film, n, along) for along in tangents)
         for k, strength in enumerate(_strengths(film, *place)):
@@ -246,7 +249,7 @@ def _shades_change(film: Film, n: Array, along: Array) -> Array:
     by = [dx, dy, dz, dx * y + x * dy, dx * z + x * dz, dy * z + y * dz]
     change = np.stack([*by, 2 * (x * dx - y * dy), 6 * z * dz])
     fade = _fade(film, n)
-    fading = np.where((fade > 0) & (fade < 1), dz / FADE, 0)
+    fading = np.where((fade > 0) & (fade < 1), dz / FADE_WIDTH, 0)
     return np.asarray(fade * change + fading * shades(n))
 
 
@@ -256,9 +259,9 @@ def _unit(n: Array) -> Array:
 
 def rest_light(film: Film, x: Array, y: Array) -> Array:
     """Return the light of the film at rest, K x N, up to a factor for each LED."""
-    found = at_rest(film, x, y)
+    light_at_rest = at_rest(film, x, y)
     scale = [np.linalg.norm(light) ** 2 for light in film.lights]
-    return np.stack([by * plane for by, plane in zip(scale, found, strict=True)])
+    return np.stack([by * plane for by, plane in zip(scale, light_at_rest, strict=True)])
 
 
 def rest_below(film: Film, x: Array, y: Array, z: Array) -> Array:
@@ -291,7 +294,7 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
     if coated:
         curve = let_in_curve(film.roughness, film.refraction)
         vx, vy, vz = to_pupil(film.camera, x, y, z)
-        c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, GRAZING)
+        c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, MIN_COSINE)
         let_out = let_in_by(curve, c_o)
     for light in film.lights:
         dx, dy, dz, square, away = _way(light, x, y, z)
@@ -302,8 +305,8 @@ def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[A
         lx, ly, lz = dx / away, dy / away, dz / away
         hx, hy, hz = lx + vx, ly + vy, lz + vz
         half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
-        c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, GRAZING)
-        c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, GRAZING)
+        c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, MIN_COSINE)
+        c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, MIN_COSINE)
         v_h = (vx * hx + vy * hy + vz * hz) * half
         base = film.base * (let_in_by(curve, c_i) * let_out) / np.pi
         yield np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))

@@ -1,4 +1,4 @@
-"""Where the points that a camera's pixels see lie on the film, and a regular grid of them.
+"""Places on the film that a camera's pixels see, and a regular grid of them.
 
 A camera whose pupil is D above the film sees a point of height z that lies at (u, v) (1 - z / D)
 where it sees the place (u, v) of the film at rest.  Its lens moves that place in the image
@@ -17,7 +17,7 @@ from tactograph.nodes import F4, Height, Lens
 from tactograph.nodes.optics.bicubic import between_pixels
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, is_straight, seen_offset
 
-HALVINGS = 10
+BISECTION_STEPS = 10
 """Bisections of the interval that holds the pixel which sees a point of the grid."""
 
 Places = NDArray[Any]
@@ -93,15 +93,15 @@ def on_even_grid(
 
     low = np.full(u.shape, 1 / (1 - camera * min(float(height.min()), 0.0)))
     high = np.full(u.shape, 1 / (1 - camera * max(float(height.max()), 0.0)))
-    for _ in range(HALVINGS if camera else 0):
+    for _ in range(BISECTION_STEPS if camera else 0):
         middle = (low + high) / 2
         is_beyond = beyond(middle) > 0
         low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
     x, y = seen((low + high) / 2)
     inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
-    found = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
+    heights = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
     nowhere = np.float32(np.nan)
-    return np.where(inside, found, nowhere), [
+    return np.where(inside, heights, nowhere), [
         np.where(inside, np.float32(_linear(other, x, y)), nowhere) for other in others
     ]
 

@@ -6,15 +6,14 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-ONE = np.float32(1)
-SMALLEST = np.float32(1e-12)
+MIN_DETERMINANT = np.float32(1e-12)
 Vector = tuple[F4, F4, F4]
 
 
 def normal_by_slope(p: F4, q: F4) -> tuple[F4, Vector, Vector, Vector]:
     """1 + p^2 + q^2, the unit normal, and its derivatives by p and by q."""
-    square: F4 = np.add(ONE + p * p, q * q, dtype=np.float32)
-    w: F4 = np.divide(ONE, np.sqrt(square), dtype=np.float32)
+    square: F4 = np.add(1 + p * p, q * q, dtype=np.float32)
+    w: F4 = np.divide(1, np.sqrt(square), dtype=np.float32)
     cube: F4 = np.divide(w, square, dtype=np.float32)
     by_p = (p * p * cube - w, p * q * cube, -p * cube)
     by_q = (p * q * cube, q * q * cube - w, -q * cube)
@@ -29,9 +28,9 @@ def along(gradient: Vector, direction: Vector) -> F4:
 def limited_step(matrix: Vector, right: tuple[F4, F4], longest: F4) -> tuple[F4, F4]:
     """Solve a dp + b dq = u, b dp + c dq = v, and shorten (dp, dq) to `longest`."""
     (a, b, c), (u, v) = matrix, right
-    determinant = np.maximum(a * c - b * b, SMALLEST)
+    determinant = np.maximum(a * c - b * b, MIN_DETERMINANT)
     dp = np.divide(c * u - b * v, determinant, dtype=np.float32)
     dq = np.divide(a * v - b * u, determinant, dtype=np.float32)
     length: F4 = np.sqrt(dp * dp + dq * dq, dtype=np.float32)
-    shrink = np.minimum(ONE, longest / np.maximum(length, SMALLEST), dtype=np.float32)
+    shrink = np.minimum(1, longest / np.maximum(length, MIN_DETERMINANT), dtype=np.float32)
     return np.asarray(dp * shrink, np.float32), np.asarray(dq * shrink, np.float32)

@@ -1,4 +1,4 @@
-"""How lens distortion and a tilted camera map a regular grid on the film.
+"""Map of a regular grid on the film by lens distortion and a tilted camera.
 
 Places are counted from the image's middle in halves of its diagonal, so that r = 1 is a corner,
 whatever the resolution.  The ideal image has square pixels of one size on the film at rest,
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, Lens
 
-TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
-STEPS = 4
+LENS_TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
+NEWTON_STEPS = 4
 """Newton's steps for the inverse of L2; from 20 % of distortion they leave 2e-2, 2e-4, 2e-8."""
 MAX_OBLONG = 1.3
 """Largest ratio of a pixel's sides; beyond, the ideal image would lack a large part of the film."""
@@ -35,7 +35,7 @@ Places = NDArray[Any]
 
 
 def is_straight(lens: Lens) -> bool:
-    """Whether every place is seen where it is."""
+    """Return whether every place is seen where it is."""
     return not lens.any()
 
 
@@ -63,7 +63,7 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
 
 def pixel_sides(lens: Lens | None, pixel: float) -> tuple[float, float]:
     """Return the sides along x and y of the camera's pixels, for those of the ideal image."""
-    a = 0.0 if lens is None else float(lens[TERMS.index("a")])
+    a = 0.0 if lens is None else float(lens[LENS_TERMS.index("a")])
     return pixel / (1 + a), pixel / (1 - a)
 
 
@@ -94,7 +94,7 @@ def ideal_offset(lens: Sequence[Any] | Lens, x: Places, y: Places) -> tuple[Plac
     one = k1 * square
     two = k2 * square * square
     f = np.ones_like(square)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         ff = f * f
         f = f - (f * (one * ff + two * ff * ff + 1) - 1) / (3 * one * ff + 5 * two * ff * ff + 1)
     qx, qy = cx + f * dx, cy + f * dy

@@ -15,7 +15,7 @@ import numpy as np
 from tactograph.graph import Port
 from tactograph.nodes import F4, Light
 
-TERMS = 11
+MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
 LEAST_SCALE = np.float32(1e-3)
 
@@ -30,7 +30,7 @@ class LightModel(NamedTuple):
     view: Annotated[F4, Port("3", "px", high=0.02)]
     """x and y of the frame's middle, and one over its shorter side."""
     degree: Annotated[float, Port(unit="1", high=4)]
-    """Of the monomials; coefficients of higher ones are 0."""
+    """Largest degree of the monomials; coefficients of higher ones are 0."""
     dark: Annotated[F4, Port("K", "1", high=0.2)]
     """Light in the shadow of an LED, which the gel diffuses; it only tells shadows."""
     gain: Light | None

@@ -22,7 +22,7 @@ UNLIT_LIGHT_SIGMA = 0.5
 MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
 LEAST_WRAP = 1e-9
-"""What a w of 0 is divided by."""
+"""Smallest 4 w that is divided by."""
 
 
 def places(count: int, pixel: np.float32) -> F4:

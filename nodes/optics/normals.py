@@ -135,7 +135,7 @@ def _inverse(h: F4, soft: float) -> F4:
 
 
 def cofactors(a: Any) -> Any:
-    """Of symmetric 3 x 3 matrices: their inverse times their determinant."""
+    """Adjugates of symmetric 3 x 3 matrices: their inverse times their determinant."""
     return np.array([_cross(a[1], a[2]), _cross(a[2], a[0]), _cross(a[0], a[1])])
 
 

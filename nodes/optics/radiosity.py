@@ -15,19 +15,19 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.difference import difference
 
-FARTHEST = 64
+MAX_RIM_CELLS = 64
 """Cells beyond the frame after which the film's light is negligible."""
-MARGIN = 22
+SWEEP_MARGIN_CELLS = 22
 """Cells beyond the film that a sweep may read, by a kernel's lanes or a step that overshoots."""
-AZIMUTHS = 32
+COATED_AZIMUTHS = 32
 """Number of azimuths under a coat; what it mirrors is narrower than the light of matt film."""
-LEAST = np.float32(0.1)
+MIN_VIEW_SHARE = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
-MISSED = 0.7
-"""What cells still miss, as a share of their excess over cells twice as large.  It would be a third
-if the error grew with the square of the side, and 1 if it grew with the side, as in a sharp fold.
-Measured on cells of 2, 4 and 8 pixels, pressed film lies between: 0.69 to 0.81."""
+MISSED_SHARE = 0.7
+"""Light that cells still miss, as a share of their excess over cells twice as large.  It would
+be a third if the error grew with the square of the side, and 1 if it grew with the side, as in a
+sharp fold. Measured on cells of 2, 4 and 8 pixels, pressed film lies between: 0.69 to 0.81."""
 
 
 class Grid(NamedTuple):
@@ -41,11 +41,11 @@ class Grid(NamedTuple):
     columns: int
     rim: int
     width: float
-    """Of a cell, in mm."""
+    """Width of a cell in mm."""
     film: float
-    """How far the film goes on beyond the frame, in cells."""
+    """Extent of the film beyond the frame, in cells."""
     azimuths: int
-    """How many azimuths the cells look along."""
+    """Number of azimuths that the cells look along."""
 
     @property
     def whole(self) -> tuple[int, int]:
@@ -75,7 +75,7 @@ def cell_grid(
     most: int,
     rim_mm: float,
     refraction: float = 1.0,
-    azimuths: int = AZIMUTHS,
+    azimuths: int = COATED_AZIMUTHS,
 ) -> Grid:
     """The finest cells of which there are at most `most` in the frame.
 
@@ -86,9 +86,9 @@ def cell_grid(
         factor += 1
     rows, columns = (-(-side // factor) for side in size)
     width = factor * float(pixel)
-    film = min(rim_mm / width, float(FARTHEST))
+    film = min(rim_mm / width, float(MAX_RIM_CELLS))
     count = azimuths if refraction != 1 else azimuths // 2
-    return Grid(factor, rows, columns, math.ceil(film) + MARGIN, width, film, count)
+    return Grid(factor, rows, columns, math.ceil(film) + SWEEP_MARGIN_CELLS, width, film, count)
 
 
 def larger_cells(grid: Grid) -> Grid:
@@ -98,7 +98,7 @@ def larger_cells(grid: Grid) -> Grid:
         factor=2 * grid.factor,
         rows=-(-grid.rows // 2),
         columns=-(-grid.columns // 2),
-        rim=math.ceil(film) + MARGIN,
+        rim=math.ceil(film) + SWEEP_MARGIN_CELLS,
         width=2 * grid.width,
         film=film,
     )
@@ -106,8 +106,10 @@ def larger_cells(grid: Grid) -> Grid:
 
 def extrapolated(on_cells: Callable[[Grid], F4], grid: Grid) -> F4:
     """Return the result on cells, extrapolated by that on cells twice as large (Richardson)."""
-    found, larger = on_cells(grid), on_cells(larger_cells(grid))
-    return found + np.float32(MISSED) * (found - between_cells(larger, found.shape[-2:], 2))
+    bounced, larger = on_cells(grid), on_cells(larger_cells(grid))
+    return bounced + np.float32(MISSED_SHARE) * (
+        bounced - between_cells(larger, bounced.shape[-2:], 2)
+    )
 
 
 def cells_of(
@@ -131,15 +133,15 @@ def cells_of(
     p, q = (across, down) if slope is None else means(slope, grid.factor)
     seen, p, q = (np.pad(part, grid.rim) for part in (seen, p, q))
     if slope is None:
-        steep = np.maximum(1 + by * (seen - (p * u + q * v)), LEAST)
+        steep = np.maximum(1 + by * (seen - (p * u + q * v)), MIN_VIEW_SHARE)
         p, q = p / steep, q / steep
     nearer: F4 = np.float32(1) / (np.float32(1) + by * seen)
     upright = 1 / np.sqrt(1 + p * p + q * q)
     rest = np.empty((len(lights), *seen.shape), np.float32)
-    for found, (lx, ly, lz) in zip(rest, lights, strict=True):
+    for plane, (lx, ly, lz) in zip(rest, lights, strict=True):
         dx, dy = lx - u, ly - v
         square = lz * lz / (dx * dx + dy * dy + lz * lz)
-        np.multiply(square, np.sqrt(square), out=found)
+        np.multiply(square, np.sqrt(square), out=plane)
     return Cells(
         np.stack([u * nearer, v * nearer, seen * nearer]),
         np.stack([-p * upright, -q * upright, upright]),

@@ -18,17 +18,17 @@ import numpy as np
 
 from tactograph.nodes import F4, F8
 
-DEGREE = 4
-TERMS = 15
-SHADES = 9
+PLACE_DEGREE = 4
+PLACE_TERMS = 15
+SHADE_COUNT = 9
 """Eight harmonics and the height."""
-SUBSAMPLE = 120
+PIXELS_PER_PRESS = 120
 """Number of pixels fitted per press: 27 functions of the slope need no more."""
-INNER = 0.85
+FITTED_RADIUS_SHARE = 0.85
 """Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
-ROBUST = 3.0
+CAUCHY_SIGMAS = 3.0
 """Scale of Cauchy's weight, in standard deviations of the residual."""
-RIDGE = 1e-6
+RIDGE_SHARE = 1e-6
 """Relative regularisation that keeps terms which the presses do not determine at zero."""
 
 
@@ -49,7 +49,7 @@ def terms(x: F8, y: F8, shape: tuple[int, int]) -> F8:
     height, width = shape
     u = (x - 0.5 * (width - 1)) / (0.5 * width)
     v = (y - 0.5 * (height - 1)) / (0.5 * width)
-    return np.stack([u ** (d - i) * v**i for d in range(DEGREE + 1) for i in range(d + 1)])
+    return np.stack([u ** (d - i) * v**i for d in range(PLACE_DEGREE + 1) for i in range(d + 1)])
 
 
 def shades(slope: F8, height: F8) -> F8:
@@ -60,7 +60,11 @@ def shades(slope: F8, height: F8) -> F8:
 
 
 def ball_pixels(
-    light: F4, flat: F4, circle: F8, share: float = INNER, most: int = SUBSAMPLE
+    light: F4,
+    flat: F4,
+    circle: F8,
+    share: float = FITTED_RADIUS_SHARE,
+    most: int = PIXELS_PER_PRESS,
 ) -> Pixels:
     """Return pixels evenly spread over the inner `share` of a contact circle (x, y, radius)."""
     y, x = np.indices(flat.shape[1:])
@@ -86,7 +90,7 @@ def ball_shape(x: F8, y: F8, circle: F8, radius: float, pixel: float) -> tuple[F
 def robust_weights(error: F8, weight: F8) -> F8:
     """Return `weight` lowered where errors are large against their median (Cauchy)."""
     spread = 1.4826 * np.median(np.abs(error), axis=-1, keepdims=True) + 1e-9
-    return np.asarray(weight / (1 + (error / (ROBUST * spread)) ** 2))
+    return np.asarray(weight / (1 + (error / (CAUCHY_SIGMAS * spread)) ** 2))
 
 
 def predicted(reflectance: F8, shade: F8, place: F8) -> F8:

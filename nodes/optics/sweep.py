@@ -1,4 +1,4 @@
-"""What the cells of a film throw on one another: a sweep over azimuths with a rising horizon.
+"""Light between the cells of a film: a sweep over azimuths with a rising horizon.
 
 The half-space above a cell at P is cut into half-planes that contain the camera's ray at P.
 The sweep visits the film in such a plane in growing steps.  A place that rises above the horizon
@@ -30,29 +30,29 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.film import to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
 
-GROWTH = 6
+STEP_GROWTH_CELLS = 6
 """Cells of distance after which a step is one cell longer, ..."""
-LONGEST = 8
+MAX_STEP_CELLS = 8
 """... and the longest step."""
 LEAST_FACING = np.float32(1e-3)
 """Smallest n_e."""
-LIFT = np.float32(0.02)
-"""How far above the tangent of a cell something must rise to be seen: what lies below that sends a
-ten thousandth of its light, and on film at rest noise makes much rise a little."""
+MIN_SEEN_RISE = np.float32(0.02)
+"""Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
+thousandth of its light, and on film at rest noise makes much rise a little."""
 
 Numbers = NDArray[np.intp]
 Law = Callable[[Numbers, F4, Numbers], F4]
-"""How cells throw light on one another: from N cells of the frame, by number, directions 3 x N and
-N of all cells, by number, to light K x N."""
+"""Law of light between cells: from N cells of the frame, by number, directions 3 x N and N of
+all cells, by number, to light K x N."""
 
 
 class Sight(NamedTuple):
-    """What the cells of the frame see along an azimuth: N pairs of cells, by number."""
+    """Pairs of cells that see one another along an azimuth: N pairs, by number."""
 
     share: F4
     """Factor from the other cell's light to what arrives, per radian of azimuth: N."""
     direction: F4
-    """To the other cell, 3 x N."""
+    """Direction to the other cell, 3 x N."""
     here: Numbers
     there: Numbers
     """Among all cells."""
@@ -65,7 +65,7 @@ class _Steps(NamedTuple):
     down: np.float32
     """Direction of a step, in cells; the longer side is 1."""
     length: Numbers
-    """How many cells each step goes along its longer side."""
+    """Length of each step along its longer side, in cells."""
     corners: Numbers
     """The two cells that a step ends between, down and right of the start: N x 2 x 2; ..."""
     part: F4
@@ -87,8 +87,7 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """That of `LIFT` above the tangent in the camera's image: rise of the height seen, in mm per mm
-    of a step."""
+    """Rise of the height seen per length of a step, of a line `MIN_SEEN_RISE` above the tangent."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
@@ -116,13 +115,13 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
     widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
-    lifted = (tangent + LIFT) * np.sqrt(flat) - along
+    lifted = (tangent + MIN_SEEN_RISE) * np.sqrt(flat) - along
     steepness = eye[2] / widens * lifted / max(abs(x), abs(y))
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
 
 def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight:
-    """What rises over the horizon of each cell along an azimuth.
+    """Film that rises over the horizon of each cell along an azimuth.
 
     The camera sees other heights, but straight lines stay straight: what rises over the horizon
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
@@ -156,7 +155,8 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
 def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
-    """What rises over the horizons in the image: step and cell, by number, distance and height.
+    """Film that rises over the horizons in the image: step and cell, by number, distance and
+    height.
 
     Sorted by cell, and for each cell from near to far.
     """
@@ -240,7 +240,7 @@ def _steps(grid: Grid, x: float, y: float) -> _Steps:
     longest = _longest(grid, (across, down))
     ends = [0, 1]
     while ends[-2] <= longest.max():
-        ends.append(ends[-1] + min(max(1, ends[-1] // GROWTH), LONGEST))
+        ends.append(ends[-1] + min(max(1, ends[-1] // STEP_GROWTH_CELLS), MAX_STEP_CELLS))
     before, length = np.array(ends[:-2]), np.array(ends[1:-1])
     way = np.outer(length, (down, across))
     corners = np.stack([np.floor(way), np.ceil(way)], axis=1).astype(np.intp)

@@ -13,7 +13,7 @@ import numpy as np
 from tactograph.graph import Provenance
 from tactograph.nodes import F8, Labels, Light
 from tactograph.nodes.files.ros_messages import (
-    MM,
+    METRES_PER_MM,
     Message,
     cloud_message,
     diagnostics_message,
@@ -66,7 +66,7 @@ def touch_messages(
     labels = {"/shadow": touch.shadow, "/contact": touch.contact}
     return [
         *leds,
-        image_message("/height", stamp, touch.height * np.float32(MM), FILM_FRAME),
+        image_message("/height", stamp, touch.height * np.float32(METRES_PER_MM), FILM_FRAME),
         *(
             image_message(at, stamp, each, FILM_FRAME)
             for at, each in labels.items()
@@ -85,9 +85,13 @@ def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
         return []
     height = touch.height[::step, ::step]
     rows, columns = height.shape
-    side = step * touch.pixel * MM
+    side = step * touch.pixel * METRES_PER_MM
     places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
-    return [cloud_message("/points", stamp, {**places, "z": height * np.float32(MM)}, FILM_FRAME)]
+    return [
+        cloud_message(
+            "/points", stamp, {**places, "z": height * np.float32(METRES_PER_MM)}, FILM_FRAME
+        )
+    ]
 
 
 def _contacts(stamp: int, touch: Touch) -> list[Message]:
@@ -101,16 +105,16 @@ def _contacts(stamp: int, touch: Touch) -> list[Message]:
         numbers = range(1, int(figures["contacts"]) + 1)
         return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
 
-    side = touch.pixel * MM
+    side = touch.pixel * METRES_PER_MM
     fields = {
         "x": each("x_px", side),
         "y": each("y_px", side),
-        "z": each("depth_mm", MM),
-        "mean_depth": each("mean_depth_mm", MM),
-        "area": each("area_mm2", MM**2),
-        "volume": each("volume_mm3", MM**3),
-        "major": each("major_mm", MM),
-        "minor": each("minor_mm", MM),
+        "z": each("depth_mm", METRES_PER_MM),
+        "mean_depth": each("mean_depth_mm", METRES_PER_MM),
+        "area": each("area_mm2", METRES_PER_MM**2),
+        "volume": each("volume_mm3", METRES_PER_MM**3),
+        "major": each("major_mm", METRES_PER_MM),
+        "minor": each("minor_mm", METRES_PER_MM),
         "angle": each("angle_deg", np.pi / 180),
         "cut": each("cut", 1),
     }
@@ -122,7 +126,7 @@ def _markers(stamp: int, touch: Touch) -> list[Message]:
     if touch.tracks is None:
         return []
     markers, shift, seen = touch.tracks
-    side = touch.pixel * MM
+    side = touch.pixel * METRES_PER_MM
     (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
     fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
     return [cloud_message("/markers", stamp, fields, FILM_FRAME)]

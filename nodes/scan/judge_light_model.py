@@ -1,4 +1,4 @@
-"""Whether a light model is this sensor's: what it leaves of the light, and how bright film is."""
+"""Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tactograph.nodes import F4, Metrics
 MAX_RESIDUAL = 0.02
 """Share of full scale that a model leaves of the light at half of the pixels; 0.006 and 0.014 on
 scans of two sensors by their own models, 0.03 and 0.06 by those of others."""
-BRIGHTNESS = 0.75, 1.33
+BRIGHTNESS_RANGE = 0.75, 1.33
 """Range of the film's brightness, relative to when the model was made."""
 
 
@@ -40,7 +40,7 @@ def judge_light_model(
             f"the light model leaves {left:.1%} of full scale unexplained at half of the pixels: "
             "is it this sensor's, and are the images in the order of its LEDs?"
         )
-    elif not BRIGHTNESS[0] < bright < BRIGHTNESS[1]:
+    elif not BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]:
         warn(
             f"the film is {bright:.2g} times as bright as when the light model was made: is it "
             "this sensor's, with the same exposure?"

@@ -20,14 +20,14 @@ from tactograph.nodes.optics.light_model import (
 )
 from tactograph.nodes.optics.normals import cofactors, times
 
-LONGEST = np.float32(0.3)
+MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
-TINY = np.float32(1e-20)
+MIN_LENGTH = np.float32(1e-20)
 LEAST_LIGHT = np.float32(1e-6)
 """Smallest sum of squares of the modelled light."""
-FLATTEST = np.float32(0.05)
+MIN_START_Z = np.float32(0.05)
 """Smallest n_z of the start."""
-FAINTEST = np.float32(0.2)
+MIN_EXPECTED_SHARE = np.float32(0.2)
 """Lower bound on an LED's expected light, over that of film at rest, of which a shadow has less
 than half; both without diffused light."""
 
@@ -109,14 +109,14 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
         rest = image - brightness * m
         products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)
         right = np.sum(x * rest, axis=0), np.sum(y * rest, axis=0)
-        dp, dq = limited_step(products, right, LONGEST * square)
+        dp, dq = limited_step(products, right, MAX_TURN_RAD * square)
         p, q = p + dp, q + dq
     m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
     brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + LEAST_LIGHT)
     residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
     dark = model.dark[:, None]
     at_rest = modelled_light(terms, np.array([[0], [0], [1]], np.float32))[0]
-    expected = np.maximum(m - dark, FAINTEST * (at_rest - dark))
+    expected = np.maximum(m - dark, MIN_EXPECTED_SHARE * (at_rest - dark))
     shaded = image < brightness * (dark + np.float32(0.5) * expected)
     shadow = np.bitwise_or.reduce(shaded << np.arange(len(image))[:, None], axis=0)
     return np.stack([p, q, brightness, residual]), shadow.astype(np.uint8)
@@ -126,7 +126,7 @@ def _start(image: F4, rows: F4) -> tuple[F4, F4]:
     """The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule."""
     a = np.array([[np.sum(rows[i] * rows[j], axis=0) for j in range(3)] for i in range(3)])
     x, y, z = times(cofactors(a), np.sum(rows * image, axis=1))
-    z = np.maximum(z, np.maximum(FLATTEST * np.sqrt(x * x + y * y + z * z), TINY))
+    z = np.maximum(z, np.maximum(MIN_START_Z * np.sqrt(x * x + y * y + z * z), MIN_LENGTH))
     return -x / z, -y / z
 
 

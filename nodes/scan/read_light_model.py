@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
-    MONOMIALS,
+    DEGREE_BY_ROWS,
     FlatField,
     find_light_model,
     is_scan,
@@ -20,7 +20,7 @@ from tactograph.nodes.files.gelsight_scan import (
 )
 from tactograph.nodes.files.image_files import Crop, read_image
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.optics.light_model import TERMS, LightModel
+from tactograph.nodes.optics.light_model import MODEL_NUMBERS, LightModel
 
 TILES_PER_ROW = 3
 LEAST_FLAT = 1 / 255
@@ -63,10 +63,10 @@ def read_light_model(
     x0, y0 = crop[:2] if crop else (0, 0)
     x, y = ((n - cell) / 2 - n0 for n, n0 in ((said.width, x0), (said.height, y0)))
     view = x / cell, y / cell, cell / min(said.width, said.height)
-    degree = max(MONOMIALS[len(said.linear)], MONOMIALS[len(said.quadratic)])
+    degree = max(DEGREE_BY_ROWS[len(said.linear)], DEGREE_BY_ROWS[len(said.quadratic)])
     gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
     model = LightModel(
-        _by_term(said.quadratic, said.leds, TERMS),
+        _by_term(said.quadratic, said.leds, MODEL_NUMBERS),
         _by_term(said.linear, said.leds, 4)[:, :3],
         np.array(view, np.float32),
         float(degree),
@@ -82,7 +82,7 @@ def _by_term(matrix: F4, leds: int, terms: int) -> F4:
     A last term that the file lacks scales the others by 1.
     """
     rows, columns = matrix.shape
-    degree = MONOMIALS[rows]
+    degree = DEGREE_BY_ROWS[rows]
     ascending = [
         r
         for d in range(degree + 1)

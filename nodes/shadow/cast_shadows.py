@@ -83,7 +83,7 @@ def _shadow(height: F4, led: F4, asked: Mask) -> Mask:
 def _is_blocked(
     height: F4, led: F4, row: NDArray[np.intp], column: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Whether the surface rises above the rays from some pixels to an LED."""
+    """Return whether the surface rises above the rays from some pixels to an LED."""
     rows, columns = height.shape
     x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
     dx = led[0] - (x - np.float32(0.5) * (columns - 1))

@@ -62,7 +62,7 @@ ANY_BRIGHTNESS = 1e3
 """Standard deviation of a brightness of which nothing is known."""
 LEVEL_NORMAL = np.array([[0], [0], [1]], np.float32)
 Leds = NDArray[np.bool_]
-"""Which of K LEDs are meant, for all pixels or for each (K x N)."""
+"""Mask of K LEDs, for all pixels or for each (K x N)."""
 
 
 class Labelled(NamedTuple):
@@ -124,7 +124,7 @@ class Pixels(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """For N pixels: the LEDs used (K x N), what that costs, and the normals (3 x N)."""
+    """LEDs used (K x N), their cost, and the normals (3 x N), for N pixels."""
 
     used: Leds
     cost: F4
@@ -262,7 +262,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
 def _label(
     light: F4, sigma: F4, vectors: F4, prior: F4, rules: Rules, uneven: float, wrap: float
 ) -> Labelled:
-    """For each set of LEDs: solve, find the cost; take the least.
+    """Solve for each set of LEDs, find its cost, and take the least.
 
     Leaving out LEDs costs at least their price and their light.  So a set is tried only where
     nothing cheaper is known: most pixels are explained by all LEDs.

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.array_files import load_arrays
-from tactograph.graph.disk.file_identity import ABOUT, about_in
+from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import (
     FileKind,
@@ -27,7 +27,7 @@ from tactograph.nodes.files.calibration_file import (
 from tactograph.nodes.optics.lens import seen_places
 from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
 
-FILE_KINDS = (CALIBRATION, PRESS_CALIBRATION, CAMERA)
+FILE_KINDS = (CALIBRATION_KIND, PRESS_CALIBRATION, CAMERA_KIND)
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
 MARKS_ACROSS = 12
@@ -46,9 +46,9 @@ def show_calibration(file: Path) -> Shown:
     if kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     arrays = read_arrays(file, kind)
-    about, head = read_about(file), about_in(load_arrays(file, only=ABOUT))
+    about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    if kind is not CAMERA and "doubts" not in head:
+    if kind is not CAMERA_KIND and "doubts" not in head:
         verdict = "not kept, the file is older; calibrate again"
     made = head.get("made")
     warnings = sentences(made.get("warnings") if isinstance(made, dict) else None)
@@ -57,14 +57,14 @@ def show_calibration(file: Path) -> Shown:
         f"{file}: {kind.name}, format {kind.format}",
         *_words(head, "sensor", "serial", "date"),
         *origin(made),
-        *([f"verdict: {verdict}"] if kind is not CAMERA else []),
+        *([f"verdict: {verdict}"] if kind is not CAMERA_KIND else []),
         *first(sentences(about.doubts)),
         *section("warnings", first(others)),
         *_words(head, "advice"),
         *section("figures", figures(about.quality)),
         *section("values", _values(arrays, kind)),
     ]
-    draw = _draw_lens if kind is CAMERA else _draw_sensor
+    draw = _draw_lens if kind is CAMERA_KIND else _draw_sensor
     return Shown(lines, {f"{file.stem}.png": partial(draw, arrays, str(file))})
 
 

@@ -63,7 +63,7 @@ def input_files(inputs: Any) -> list[str]:
     """Return a line for each file that a graph was given: its sensor, date and hash."""
     files = inputs.items() if isinstance(inputs, dict) else ()
     return [
-        f"{name}: {', '.join(f'{what} {text}' for what, text in known.items())}"
+        f"{name}: {', '.join(f'{key} {text}' for key, text in known.items())}"
         for name, known in files
         if isinstance(known, dict) and known
     ]

@@ -9,7 +9,7 @@ import click
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
-from tactograph.nodes.files.result_file import RESULT
+from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import show_result
@@ -61,8 +61,8 @@ def _look(file: Path) -> Shown:
         from tactograph.nodes.show._store import show_store
 
         return show_store(file)
-    if file.name == RESULT or (file / RESULT).is_file():
-        return show_result(file if file.is_file() else file / RESULT)
+    if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
+        return show_result(file if file.is_file() else file / RESULT_FILE)
     raise InputError(
         f"{file}: nothing that can be shown; give a calibration or a lens (.npz), a recording "
         "(.mcap), a batch's store (.zarr), or the folder of a result"

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-TAIL = 4.0
+CUTOFF_SIGMAS = 4.0
 """The Gaussian is cut off at this many standard deviations."""
 NARROWEST_PX = 0.01
 """Below this standard deviation, neighbouring pixels have no weight."""
@@ -16,7 +16,7 @@ NARROWEST_PX = 0.01
 
 def gaussian(deviation_px: float) -> F4:
     """Return weights of sum 1, or a single 1 if the Gaussian is too narrow to matter."""
-    radius = math.ceil(TAIL * deviation_px) if deviation_px > NARROWEST_PX else 0
+    radius = math.ceil(CUTOFF_SIGMAS * deviation_px) if deviation_px > NARROWEST_PX else 0
     distance = np.arange(-radius, radius + 1)
     weights = np.exp(-0.5 * (distance / max(deviation_px, NARROWEST_PX)) ** 2)
     return np.asarray(weights / weights.sum(), np.float32)

@@ -27,7 +27,7 @@ Vector = tuple[float, float, float]
 Solid = Callable[[Points], F8]
 
 # Distances of ellipsoids and tapered tubes are approximate, so walk only this share of them.
-CAUTION = 0.8
+WALK_SHARE = 0.8
 WALK_STEPS = 120
 
 
@@ -126,7 +126,7 @@ def relief(solid: Solid, x: F8, y: F8, top: float, accuracy: float) -> F8:
         distance = solid(at)
         landed = distance < accuracy
         height.flat[left[landed]] = np.maximum(at.z[landed], 0.0)
-        z = at.z - CAUTION * distance
+        z = at.z - WALK_SHARE * distance
         falling = ~landed & (z > 0)
         left = left[falling]
         if left.size == 0:

@@ -1,4 +1,4 @@
-"""What a calibrated camera records of the light of its film."""
+"""Images of a film's light as a calibrated camera records them."""
 
 from __future__ import annotations
 

@@ -80,13 +80,14 @@ def film_light(
 @film_light.opencl()
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
-    of, stretch = run.inputs, STRETCH_PX if run.lanes > 1 else 1
-    film = [of[f"film.{name}"] for name in LIGHT_FIELDS]
-    film.insert(4, upload_curve(run, of["film.roughness"], of["film.refraction"]))
+    inputs, stretch = run.inputs, STRETCH_PX if run.lanes > 1 else 1
+    film = [inputs[f"film.{name}"] for name in LIGHT_FIELDS]
+    film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
         "film_light", (height * -(-width // stretch),),
-        of["slope"], of["height"], *film, of["pixel"],
-        of.get("shadow"), of.get("bounced"), run.outputs["film_light"], count, height, width,
+        inputs["slope"], inputs["height"], *film, inputs["pixel"],
+        inputs.get("shadow"), inputs.get("bounced"), run.outputs["film_light"],
+        count, height, width,
         local=(run.group,), constants={"STRETCH_PX": stretch},
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ from tactograph.nodes.optics.sweep import sight
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-FAINTEST = np.float32(1e-6)
+MIN_REST_LIGHT = np.float32(1e-6)
 
 
 @node(
@@ -86,7 +86,7 @@ def interreflect(
         refraction=refractive_index if coat_alpha > 0 else 1.0,
         camera=1 / camera_mm if camera_mm else 0.0,
     )
-    relative: F4 = np.divide(light, np.maximum(rest, FAINTEST), dtype=np.float32)
+    relative: F4 = np.divide(light, np.maximum(rest, MIN_REST_LIGHT), dtype=np.float32)
     grid = cell_grid(height.shape, pixel, cells, rim_mm, film.refraction)
     on_cells = partial(_on_cells, relative, height, film, pixel, bounces)
     added = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
@@ -96,13 +96,13 @@ def interreflect(
 
 def _on_cells(relative: F4, height: F4, film: Film, pixel: float, bounces: int, grid: Grid) -> F4:
     """The light of all bounces on a grid of cells, relative to the film at rest."""
-    of = cells_of(height, film.lights, np.float32(pixel), grid)
+    cells = cells_of(height, film.lights, np.float32(pixel), grid)
     direct = means(relative, grid.factor)
     bounced = np.zeros_like(direct)
     # What the cells see of one another is the same for every bounce.
-    seen = cache(partial(sight, of, grid, 0.0))
+    seen = cache(partial(sight, cells, grid, 0.0))
     for _ in range(bounces):
-        bounced = bounce(direct + bounced, film, of, grid, seen, from_above=True)
+        bounced = bounce(direct + bounced, film, cells, grid, seen, from_above=True)
     return bounced
 
 

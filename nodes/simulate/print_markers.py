@@ -10,8 +10,6 @@ from annotated_types import Ge, Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import Light, PixelSize
 
-ONE, HALF = np.float32(1), np.float32(0.5)
-
 
 @node(neutral="light", tolerance=Close(2e-4, 1e-4, why="an exponential moves a marker's edge"))
 def print_markers(
@@ -63,8 +61,8 @@ def print_markers(
     u, v = u - pitch * np.rint(u / pitch), v - pitch * np.rint(v / pitch)
     u = np.maximum(np.abs(u) - np.float32(0.5 * dash_mm), np.float32(0))
     away = np.sqrt(u * u + v * v)
-    covered = np.clip((np.float32(radius_mm) - away) / side + HALF, np.float32(0), ONE)
-    return np.asarray(light * (ONE - np.float32(contrast) * covered), np.float32)
+    covered = np.clip((np.float32(radius_mm) - away) / side + 0.5, 0, 1)
+    return np.asarray(light * (1 - np.float32(contrast) * covered), np.float32)
 
 
 print_markers.opencl(grid="K H W")

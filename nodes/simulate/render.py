@@ -90,7 +90,7 @@ class Coat(NamedTuple):
 
 
 class _Film(NamedTuple):
-    """How LEDs emit and the film reflects, and how its shadows are traced."""
+    """Emission of the LEDs, reflection of the film, and tracing of shadows."""
 
     distant: bool
     gloss: float
@@ -315,7 +315,7 @@ def _gain(
 
 
 def _outside(foot: np.float32, size: int, pixel: np.float32) -> np.float32:
-    """How far a coordinate lies outside the image, mm; 0 inside."""
+    """Distance of a coordinate from the image in mm; 0 inside."""
     return np.maximum(np.abs(foot) - np.float32(0.5 * (size - 1)) * pixel, np.float32(0))
 
 

@@ -18,9 +18,9 @@ from tactograph.nodes.optics.shape import (
 from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union, without
 
 # The model's own unit is the radius of the head; y points down, from the ears to the paws.
-LENGTH = 4.5
-TOP = 1.4
-ACCURACY = 5e-4
+CAT_LENGTH = 4.5
+CAT_TOP = 1.4
+SURFACE_ACCURACY = 5e-4
 
 
 @node
@@ -58,8 +58,8 @@ def shape_cat(
     """
     x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
     x, y = turned(x, y, angle_deg)
-    unit = length_mm / LENGTH
-    height = relief(_cat(), x / unit, y / unit, TOP, ACCURACY)
+    unit = length_mm / CAT_LENGTH
+    height = relief(_cat(), x / unit, y / unit, CAT_TOP, SURFACE_ACCURACY)
     return shape(stretched(height * unit, rise_mm), pixel_size_mm)
 
 

@@ -18,9 +18,9 @@ from tactograph.nodes.optics.shape import (
 from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union
 
 # The model's own unit is the belly's radius; y points down, from the lid to the foot.
-LENGTH = 3.88
-TOP = 1.1
-ACCURACY = 5e-4
+TEAPOT_LENGTH = 3.88
+TEAPOT_TOP = 1.1
+SURFACE_ACCURACY = 5e-4
 
 
 @node
@@ -59,8 +59,8 @@ def shape_teapot(
     """
     x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
     x, y = turned(x, y, angle_deg)
-    unit = length_mm / LENGTH
-    height = relief(_teapot(), x / unit, y / unit, TOP, ACCURACY)
+    unit = length_mm / TEAPOT_LENGTH
+    height = relief(_teapot(), x / unit, y / unit, TEAPOT_TOP, SURFACE_ACCURACY)
     return shape(stretched(height * unit, rise_mm), pixel_size_mm)
 
 

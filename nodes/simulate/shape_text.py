@@ -23,7 +23,7 @@ from tactograph.nodes.optics.shape import (
     turned,
 )
 
-FINER = 4
+LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""
 
 
@@ -68,15 +68,15 @@ def shape_text(
     InputError
         If there is nothing to draw.
     """
-    depth, left, top = _depth_inside(text, size_mm, pixel_size_mm / FINER)
+    depth, left, top = _depth_inside(text, size_mm, pixel_size_mm / LETTER_SUBSAMPLES)
     x, y = turned(*grid(width_px, height_px, pixel_size_mm, offset_mm), angle_deg)
-    scale = FINER / pixel_size_mm
+    scale = LETTER_SUBSAMPLES / pixel_size_mm
     columns = np.asarray((x - left) * scale - 0.5, np.float32)
     rows = np.asarray((y - top) * scale - 0.5, np.float32)
     columns, rows = np.broadcast_arrays(columns, rows)
     inside = cv2.remap(depth, columns.copy(), rows.copy(), cv2.INTER_LINEAR)
     # Half a fine pixel is the outline itself.
-    slope = max(bevel_mm, pixel_size_mm / FINER)
+    slope = max(bevel_mm, pixel_size_mm / LETTER_SUBSAMPLES)
     return shape(rise_mm * np.clip(inside / slope, 0.0, 1.0).astype(float), pixel_size_mm)
 
 
@@ -110,12 +110,12 @@ def _outlines(text: str, size_mm: float) -> list[F8]:
     from matplotlib.textpath import TextPath
 
     font = FontProperties(family="DejaVu Sans", weight="bold")
-    found: list[F8] = []
+    outlines: list[F8] = []
     for line, words in enumerate(text.split("\n")):
         if not words.strip():
             continue  # Matplotlib fails on a path of nothing.
         path = TextPath((0, 0), words, size=size_mm * 16, prop=font)
         for polygon in path.to_polygons():
             points = np.asarray(polygon, np.float64) / 16
-            found.append(points * (1, -1) + (0, line * size_mm))
-    return found
+            outlines.append(points * (1, -1) + (0, line * size_mm))
+    return outlines

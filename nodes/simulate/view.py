@@ -16,7 +16,7 @@ from tactograph.nodes.optics.bilinear import bilinear
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-HALVINGS = 24
+BISECTION_STEPS = 24
 """Bisections of a step; this many reach the precision of a float32."""
 
 
@@ -146,7 +146,7 @@ def _met(
         below[met] = z[met]
         open_ &= ~met
         above[open_] = z[open_]
-    for _ in range(HALVINGS):
+    for _ in range(BISECTION_STEPS):
         z = np.float32(0.5) * (above + below)
         met = bilinear(height, *places(z)) >= z
         below, above = np.where(met, z, below), np.where(met, above, z)

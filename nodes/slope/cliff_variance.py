@@ -15,7 +15,7 @@ from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, Slope
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-TINY = np.float32(1e-6)
+MIN_PLAN_PX = np.float32(1e-6)
 
 
 @node(
@@ -76,12 +76,12 @@ def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
     row, column = np.nonzero(around)
     dx = led[0] - (column.astype(np.float32) - np.float32((columns - 1) / 2))
     dy = led[1] - (row.astype(np.float32) - np.float32((rows - 1) / 2))
-    plan = np.sqrt(dx * dx + dy * dy) + TINY
+    plan = np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX
     x = np.rint(column.astype(np.float32) - dx / plan).astype(int)
     y = np.rint(row.astype(np.float32) - dy / plan).astype(int)
     inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    found = inside & (dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] > 0)
-    return row[found], column[found]
+    at_cliff = inside & (dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] > 0)
+    return row[at_cliff], column[at_cliff]
 
 
 def _largest_neighbour(plane: F4) -> F4:
@@ -91,14 +91,15 @@ def _largest_neighbour(plane: F4) -> F4:
 @cliff_variance.opencl()
 def _launch(run: Launch) -> None:
     """The cliffs of all pixels, then the largest of 3 x 3."""
-    of, (lights, rows, columns) = run.inputs, (run.sizes[symbol] for symbol in "KHW")
+    inputs, (lights, rows, columns) = run.inputs, (run.sizes[symbol] for symbol in "KHW")
     cliffs, grid = run.scratch((rows, columns)), run.in_row_lanes(rows, columns)
     run.kernel(
         "find_cliffs", grid,
-        of["light"], of["shadow"], of["lights"], cliffs, lights, rows, columns, of["pixel"],
+        inputs["light"], inputs["shadow"], inputs["lights"], cliffs,
+        lights, rows, columns, inputs["pixel"],
     )  # fmt: skip
     out, rules = run.outputs["cliff_variance"], (run.settings["jump"], run.settings["grazing"])
-    run.kernel("add_steps", grid, of["variance"], cliffs, out, rows, columns, *rules)
+    run.kernel("add_steps", grid, inputs["variance"], cliffs, out, rows, columns, *rules)
 
 
 @cliff_variance.example

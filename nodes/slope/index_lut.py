@@ -19,14 +19,14 @@ from tactograph.graph import Port, node
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 
-LEAF = 8
-"""Entries in a leaf; the kernel's LEAF."""
-WIDE = 16
+LEAF_ENTRIES = 8
+"""Entries in a leaf; the kernel's LEAF_ENTRIES."""
+GROUP_BOXES = 16
 """Boxes that are tested at once: the leaves of a middle, the middles of a top."""
-TOP = WIDE * WIDE * LEAF
-FAR = np.float32(1e18)
+TOP_ENTRIES = GROUP_BOXES * GROUP_BOXES * LEAF_ENTRIES
+PAD_POSITION = np.float32(1e18)
 """Position of the boxes that pad the last group; farther than any light."""
-SLACK = 4e-6
+BOX_SLACK_SHARE = 4e-6
 """Boxes are widened by this share of the largest light, so that rounding hides no entry."""
 
 
@@ -41,7 +41,7 @@ class LutIndex(NamedTuple):
     entries: Annotated[F4, Port("M K", "1")]
     """Light of the entries leaf by leaf; the column of the LED left out is zero."""
     numbers: Annotated[I4, Port("M", "entry number")]
-    """Which entry of its table each is; the last places repeat entries."""
+    """Number of each entry in its table; the last places repeat entries."""
     slopes: Annotated[F4, Port("E 2", "mm/mm", low=-2, high=2)]
     """Slope of every table's entries, by their numbers."""
     boxes: Annotated[F4, Port("B 2 K 16", "1")]
@@ -114,16 +114,16 @@ def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -
     axes, centre = _principal_axes(points)
     places = (points @ axes.T.astype(np.float64) - centre).astype(np.float32)
     order = _leaf_order(places)
-    boxes = _boxes(places[order], np.float32(SLACK * np.abs(points).max()))
+    boxes = _boxes(places[order], np.float32(BOX_SLACK_SHARE * np.abs(points).max()))
     numbers = order.ravel().astype(np.int32)
-    tops = len(numbers) // TOP
+    tops = len(numbers) // TOP_ENTRIES
     return _Table(points[numbers], numbers, slopes, boxes, axes, centre, tops)
 
 
 def _empty(count: int) -> _Table:
     none = np.zeros((0, count), np.float32)
     axes = np.eye(count, dtype=np.float32)
-    boxes = np.zeros((0, 2, count, WIDE), np.float32)
+    boxes = np.zeros((0, 2, count, GROUP_BOXES), np.float32)
     numbers = np.zeros(0, np.int32)
     return _Table(none, numbers, none[:, :2], boxes, axes, axes[0], 0)
 
@@ -146,19 +146,19 @@ def _principal_axes(points: F4) -> tuple[F4, F4]:
 
 def _leaf_order(places: F4) -> NDArray[np.intp]:
     """The numbers of the entries, one leaf per row; entries repeat until all leaves are full."""
-    tops = -(-len(places) // TOP)
-    todo = [np.resize(np.arange(len(places)), (1, tops * TOP))]
-    done = []
+    tops = -(-len(places) // TOP_ENTRIES)
+    todo = [np.resize(np.arange(len(places)), (1, tops * TOP_ENTRIES))]
+    parts = []
     while todo:
         part = todo.pop()
-        count = part.shape[1] // TOP
+        count = part.shape[1] // TOP_ENTRIES
         if count == 1:
-            done.append(part)
+            parts.append(part)
             continue
-        part = _split(places, part, count // 2 * TOP)
-        todo += [part[:, count // 2 * TOP :], part[:, : count // 2 * TOP]]
-    order = np.concatenate(done)
-    while order.shape[1] > LEAF:
+        part = _split(places, part, count // 2 * TOP_ENTRIES)
+        todo += [part[:, count // 2 * TOP_ENTRIES :], part[:, : count // 2 * TOP_ENTRIES]]
+    order = np.concatenate(parts)
+    while order.shape[1] > LEAF_ENTRIES:
         half = order.shape[1] // 2
         order = _split(places, order, half).reshape(2 * len(order), half)
     return order
@@ -178,10 +178,10 @@ def _boxes(leaves: F4, slack: np.float32) -> F4:
     level = np.stack([leaves.min(axis=1) - slack, leaves.max(axis=1) + slack], axis=1)
     levels = [level]
     for _ in range(2):
-        siblings = level.reshape(-1, WIDE, 2, count)
+        siblings = level.reshape(-1, GROUP_BOXES, 2, count)
         level = np.stack([siblings[:, :, 0].min(axis=1), siblings[:, :, 1].max(axis=1)], axis=1)
         levels.append(level)
-    missing = np.full((-len(level) % WIDE, 2, count), FAR)
+    missing = np.full((-len(level) % GROUP_BOXES, 2, count), PAD_POSITION)
     levels[-1] = np.concatenate([level, missing])
-    grouped = np.concatenate([x.reshape(-1, WIDE, 2, count) for x in reversed(levels)])
+    grouped = np.concatenate([x.reshape(-1, GROUP_BOXES, 2, count) for x in reversed(levels)])
     return np.ascontiguousarray(grouped.transpose(0, 2, 3, 1))

@@ -12,16 +12,16 @@ from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.run.cores import cores
 from tactograph.nodes import F4, U1, Labels, Light, Slope
-from tactograph.nodes.slope.index_lut import TOP, LutIndex, index_lut
+from tactograph.nodes.slope.index_lut import TOP_ENTRIES, LutIndex, index_lut
 
-PIECE = 1024
-"""Least mean number of pixels in a cell of the sort; the kernel's PIECE."""
-MOST_LEVELS = 10
-SAMPLES = 8
-"""Pixels per cell that are sampled for the medians; the kernel's SAMPLES."""
-SPARSER = 3
-"""Levels by which the cells of shadowed pixels are coarser; the kernel's SPARSER."""
-CHUNKS = 64
+CELL_PIXELS = 1024
+"""Least mean number of pixels in a cell of the sort; the kernel's CELL_PIXELS."""
+MAX_LEVELS = 10
+CELL_SAMPLES = 8
+"""Pixels per cell that are sampled for the medians; the kernel's CELL_SAMPLES."""
+SPARSER_LEVELS = 3
+"""Levels by which the cells of shadowed pixels are coarser; the kernel's SPARSER_LEVELS."""
+CHUNK_COUNT = 64
 """Work-items that share the frame's pixels."""
 
 
@@ -76,8 +76,8 @@ def lut_nearest(
             points[:, number - 1] = 0
         tree = cKDTree(entries, compact_nodes=False, balanced_tree=False)
         nearest = np.arange(1, min(neighbours, len(entries)) + 1)
-        _, found = tree.query(points, nearest, workers=cores())
-        slope[:, here] = slopes[found].mean(axis=1).T
+        _, numbers = tree.query(points, nearest, workers=cores())
+        slope[:, here] = slopes[numbers].mean(axis=1).T
     return slope
 
 
@@ -91,7 +91,7 @@ def _table_of(light: F4, shadow: U1) -> NDArray[np.intp]:
 def _table(index: LutIndex, number: int) -> tuple[F4, F4]:
     """Light and slope of the entries of one table, E x K and E x 2."""
     tops, _, leaf, first = index.tables[number]
-    leaves = slice(leaf, leaf + tops * TOP)
+    leaves = slice(leaf, leaf + tops * TOP_ENTRIES)
     numbers = index.numbers[leaves]
     entries = np.zeros((numbers.max(initial=-1) + 1, index.entries.shape[1]), np.float32)
     entries[numbers] = index.entries[leaves]
@@ -100,8 +100,8 @@ def _table(index: LutIndex, number: int) -> tuple[F4, F4]:
 
 def _cells(lights: int, size: int) -> tuple[int, int]:
     """The levels of medians by which pixels are sorted, and the number of cells between them."""
-    levels = min(max((size // PIECE).bit_length() - 1, 0), MOST_LEVELS)
-    return levels, (1 << levels) + (lights << max(levels - SPARSER, 0))
+    levels = min(max((size // CELL_PIXELS).bit_length() - 1, 0), MAX_LEVELS)
+    return levels, (1 << levels) + (lights << max(levels - SPARSER_LEVELS, 0))
 
 
 @lut_nearest.opencl()
@@ -127,18 +127,18 @@ def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) ->
     def launch(kernel: str, items: int, *arguments: Any) -> None:
         run.kernel(kernel, (items,), *arguments, local=(1,), constants=constants)
 
-    samples = run.scratch((SAMPLES << levels, lights))
+    samples = run.scratch((CELL_SAMPLES << levels, lights))
     medians = run.scratch((1 << levels,))
     launch("find_medians", 1, light, samples, medians, size, levels)
-    cell, counts = run.scratch((size,), np.uint16), run.scratch((CHUNKS, cells), np.int32)
-    launch("find_cells", CHUNKS, light, shadow, medians, cell, counts, size, levels, cells)
+    cell, counts = run.scratch((size,), np.uint16), run.scratch((CHUNK_COUNT, cells), np.int32)
+    launch("find_cells", CHUNK_COUNT, light, shadow, medians, cell, counts, size, levels, cells)
     starts = run.scratch((cells + 1,), np.int32)
-    launch("find_starts", 1, counts, starts, CHUNKS, cells)
+    launch("find_starts", 1, counts, starts, CHUNK_COUNT, cells)
     place, sorted_light = run.scratch((size,), np.int32), run.scratch((size, lights))
-    launch("sort_pixels", CHUNKS, light, cell, counts, place, sorted_light, size, cells)
+    launch("sort_pixels", CHUNK_COUNT, light, cell, counts, place, sorted_light, size, cells)
     slopes = run.scratch((size, 2))
     launch("search_cells", cells, sorted_light, starts, *index, slopes, levels)
-    launch("put_back", CHUNKS, slopes, place, run.outputs["lut_nearest"], size)
+    launch("put_back", CHUNK_COUNT, slopes, place, run.outputs["lut_nearest"], size)
 
 
 @lut_nearest.example

@@ -10,7 +10,7 @@ from annotated_types import Gt
 from tactograph.graph import Close, Port, node
 from tactograph.nodes import F4, Slope, SlopeVariance
 
-FLAT = np.float32(0.002)
+FLAT_SLOPE_SQUARE = np.float32(0.002)
 
 
 @node(neutral="variance", tolerance=Close(0, 1e-5, why="rounding of products"))
@@ -50,7 +50,7 @@ def misfit_variance(
     if open_pairs:
         limit = np.float32(steepest)
         apart = np.clip(twin, -limit, limit) - slope
-        tilted = slope[0] * slope[0] + slope[1] * slope[1] > FLAT
+        tilted = slope[0] * slope[0] + slope[1] * slope[1] > FLAT_SLOPE_SQUARE
         differ = (twin != slope).any(axis=0)
         wide = wide + np.where(tilted & differ, np.float32(0.25) * apart * apart, 0)
     return np.asarray(wide, np.float32)

@@ -11,8 +11,7 @@ from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 
-TWELFTH = np.float32(1 / 12)
-ONE = np.float32(1)
+PIXEL_VARIANCE = np.float32(1 / 12)
 
 
 @node(neutral="slope", tolerance=Close(2e-5, 2e-5, why="differences of rounded normals"))
@@ -47,8 +46,8 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
 def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
     """The corrected slopes of `rows`; the other rows serve as neighbours."""
     p, q = slope
-    square = ONE + p * p + q * q
-    nz = ONE / np.sqrt(square)
+    square = 1 + p * p + q * q
+    nz = 1 / np.sqrt(square)
     normal = np.stack([-p * nz, -q * nz, nz])
     slope, square = slope[:, rows], square[rows]
     add = np.zeros_like(slope)
@@ -57,7 +56,7 @@ def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
         along, dz = change[:2], change[2]
         add += dz * (along + slope * dz)
     limit = most * square
-    add *= square * TWELFTH
+    add *= square * PIXEL_VARIANCE
     return slope + np.clip(add, -limit, limit)
 
 

@@ -11,13 +11,10 @@ from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
 from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
-from tactograph.nodes.optics.reflectance_map import DEGREE, SHADES, TERMS
+from tactograph.nodes.optics.reflectance_map import PLACE_DEGREE, PLACE_TERMS, SHADE_COUNT
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
-
-ONE = np.float32(1)
-HALF = np.float32(0.5)
 
 
 @node(
@@ -65,7 +62,7 @@ def solve_reflectance_map(
         A pixel stops after a step no longer than this, or than half of `limit` if that is less.
     """
     maps = _maps(reflectance, light.shape[1:])
-    rests = [plane - ONE - c[SHADES - 1] * height for plane, c in zip(light, maps, strict=True)]
+    rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
     p: F4 = np.zeros(light.shape[1:], np.float32)
     q = p
     moving = np.ones(p.shape, bool)
@@ -83,26 +80,26 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
     """Return the light that equation M1 gives a film of these slopes and heights, K x H x W."""
     normal = normal_by_slope(*slope)[1]
     maps = _maps(reflectance, height.shape)
-    shown = [_shading(normal, c)[0] + c[SHADES - 1] * height for c in maps]
-    return np.asarray(shown, np.float32) + ONE
+    shown = [_shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
+    return np.asarray(shown, np.float32) + 1
 
 
 def _maps(reflectance: F4, shape: tuple[int, ...]) -> F4:
     """The coefficients at every pixel: K x 9 x H x W."""
     rows, columns = shape
-    scale = HALF * np.float32(columns)
-    u = (np.arange(columns, dtype=np.float32) - HALF * np.float32(columns - 1)) / scale
-    v = (np.arange(rows, dtype=np.float32) - HALF * np.float32(rows - 1)) / scale
-    place = np.empty((TERMS, rows, columns), np.float32)
-    place[0] = ONE
+    scale = 0.5 * np.float32(columns)
+    u = (np.arange(columns, dtype=np.float32) - 0.5 * np.float32(columns - 1)) / scale
+    v = (np.arange(rows, dtype=np.float32) - 0.5 * np.float32(rows - 1)) / scale
+    place = np.empty((PLACE_TERMS, rows, columns), np.float32)
+    place[0] = 1
     last = 0
-    for degree in range(1, DEGREE + 1):
+    for degree in range(1, PLACE_DEGREE + 1):
         first = last + degree
         place[first : first + degree] = place[last : last + degree] * u[None, :]
         place[first + degree] = place[first - 1] * v[:, None]
         last = first
     maps = np.zeros((*reflectance.shape[:2], rows, columns), np.float32)
-    for term in range(TERMS):
+    for term in range(PLACE_TERMS):
         maps += reflectance[:, :, term, None, None] * place[term]
     return maps
 
@@ -129,9 +126,9 @@ def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     """The sum over the eight harmonics of equation M1, and its derivative by n."""
     x, y, z = n
     value = (
-        c[0] * x + c[1] * y + c[2] * (z - ONE)
+        c[0] * x + c[1] * y + c[2] * (z - 1)
         + c[3] * (x * y) + c[4] * (x * z) + c[5] * (y * z)
-        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - ONE))
+        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - 1))
     )  # fmt: skip
     gradient = (
         c[0] + c[3] * y + c[4] * z + 2 * c[6] * x,
@@ -145,7 +142,8 @@ def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
 def _launch(run: Launch) -> None:
     """First the map along every row, then the pixels."""
     count, rows, columns = (run.sizes[name] for name in "KHW")
-    lines, work = run.scratch((rows, count * SHADES, DEGREE + 1)), (rows * count * SHADES,)
+    lines = run.scratch((rows, count * SHADE_COUNT, PLACE_DEGREE + 1))
+    work = (rows * count * SHADE_COUNT,)
     run.kernel("polynomials_of_rows", work, run.inputs["reflectance"], lines, count, rows, columns)
     planes = (run.inputs[name] for name in ("light", "flat", "height"))
     out = run.outputs["solve_reflectance_map"]
@@ -160,7 +158,7 @@ def _coloured_film(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     """Lights from all sides that vary over the film, and a rough surface under them."""
     count, shape = sizes["K"], (sizes["H"], sizes["W"])
     azimuth = 2 * np.pi * np.arange(count) / count
-    reflectance = rng.uniform(-0.02, 0.02, (count, SHADES, TERMS))
+    reflectance = rng.uniform(-0.02, 0.02, (count, SHADE_COUNT, PLACE_TERMS))
     reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
     reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
     reflectance[:, 2, 0] += 0.8

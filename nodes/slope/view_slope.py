@@ -8,12 +8,12 @@ from tactograph.graph import Close, node
 from tactograph.nodes import Height, PixelSize, Slope, Vergence
 from tactograph.nodes.optics.near_light import places
 
-LEAST = np.float32(0.1)
+MIN_VIEW_SHARE = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 
 
 def is_orthographic(camera: Vergence) -> bool:
-    """Whether the camera is so far away that the seen height is that of the film."""
+    """Return whether the camera is so far away that the seen height is that of the film."""
     return camera == 0
 
 
@@ -50,10 +50,10 @@ def view_slope(
     v = places(height.shape[0], np.float32(pixel))[:, None]
     p, q = slope
     if inverse:
-        return slope / np.maximum(1 + by * (height - p * u - q * v), LEAST)
+        return slope / np.maximum(1 + by * (height - p * u - q * v), MIN_VIEW_SHARE)
     z = height / (1 + by * height)
     nearer = 1 - by * z
-    return slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), LEAST)
+    return slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), MIN_VIEW_SHARE)
 
 
 view_slope.opencl(grid="H W", lanes="grid")

@@ -69,7 +69,7 @@ class Assembler:
 
     @property
     def due(self) -> bool:
-        """Whether a frame is new and all LEDs' frames are recent enough to belong together."""
+        """Return whether a frame is new, and all LEDs' frames recent enough to belong together."""
         leds = [led for led in self.cycle if led]
         if not self._new or any(led not in self._frames for led in leds):
             return False

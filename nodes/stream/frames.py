@@ -13,7 +13,7 @@ from tactograph.graph import Port
 from tactograph.nodes import Height, Labels, Light, Slope
 
 ALL_LIT = -1
-"""In place of an LED's number: all LEDs, each of another colour, are lit."""
+"""Stands for an LED's number where all LEDs, each of another colour, are lit."""
 
 
 @dataclass(frozen=True)

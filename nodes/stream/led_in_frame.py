@@ -84,13 +84,13 @@ class Sight(NamedTuple):
     led: int = 0
     """The LED whose pattern is closest; 0 unless `kind` is "one" or "mixed"."""
     gain: float = 0.0
-    """Its brightness, 1 as calibrated."""
+    """Brightness of the LED, 1 as calibrated."""
     other: int = 0
-    """In a mixed frame: the second LED, 0 if none was lit."""
+    """Second LED of a mixed frame, 0 if none was lit."""
     at_rest: float = 0.0
     """Share of the film that is at rest."""
     share: float = 0.0
-    """In a mixed frame: the second LED's share of the light."""
+    """Share of the second LED in the light of a mixed frame."""
 
 
 def make_film(flat: Light, dark: Dark | None = None) -> RestFilm:

@@ -1,4 +1,4 @@
-"""Whether a height can be trusted, judged without knowing the truth.
+"""Trust in a height, judged without knowing the truth.
 
 Maps of what contradicts it, and one verdict.  A new check goes here.
 """

@@ -8,8 +8,8 @@ import numpy as np
 
 from tactograph.nodes import F4
 
-UNTESTED = np.float32(-1)
-"""Where a map tests nothing."""
+NOT_TESTED = np.float32(-1)
+"""Value of a map where it tests nothing."""
 MIN_CELLS = 20
 """Fewer cells tell nothing of a touch."""
 MIN_LEDS = 3
@@ -17,12 +17,12 @@ MIN_LEDS = 3
 
 
 class Check(NamedTuple):
-    """How much speaks against a touch, and what may be the cause."""
+    """Evidence against a touch, and its possible cause."""
 
     figure: float
     """0: nothing; 1: the limit that right touches stay below."""
     cause: str = ""
-    """What is seen, and what to do, for a message."""
+    """Observation and remedy, for a message."""
 
 
 def spread_of(squares: F4) -> tuple[float, float]:

@@ -27,14 +27,14 @@ MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
 """Median brightness of touched film over its expected error, and the least of that error: cells
 that curve are darker than a point."""
 
-CURE = (
+LIGHT_CURE = (
     "check the order of the images, that all are of this touch and this sensor, and that the "
     "camera's gamma, contrast and white balance are off"
 )
 
 
 class Touched(NamedTuple):
-    """What `check_light` looks at: the film, its light and its labels."""
+    """Inputs of `check_light`: the film, its light and its labels."""
 
     departure: F4
     """H x W, as `light_departure` gives it."""
@@ -70,7 +70,8 @@ def check_light(
     checks = [
         Check(
             max(middle / MAX_MEDIAN, upper / MAX_QUARTILE) / wider,
-            f"the light of the touch is that of no surface under this calibration ({CURE}{rims})",
+            "the light of the touch is that of no surface under this calibration "
+            f"({LIGHT_CURE}{rims})",
         ),
         Check(
             rest / MAX_REST / wider,
@@ -94,7 +95,7 @@ def check_light(
 
 
 def _shadows(touched: Touched, count: int) -> Check:
-    """Whether it is dark where an LED does not reach."""
+    """Return whether it is dark where an LED does not reach."""
     if touched.light is None or touched.shadow is None:
         return Check(0.0)
     lit = [touched.light[k][touched.shadow >> k & 1 == 1] for k in range(count)]
@@ -110,7 +111,7 @@ def _shadows(touched: Touched, count: int) -> Check:
 
 
 def _brightness(touched: Touched, error: float, wider: float) -> Check:
-    """Whether the touched film is as bright as its slopes say.
+    """Return whether the touched film is as bright as its slopes say.
 
     The unit normal that light of two surfaces adds up to is too short: film that is dark under all
     LEDs.  So is that of gamma, of other light, and of images that are alike.

@@ -10,11 +10,11 @@ from tactograph.nodes import F4
 from tactograph.nodes.light.film_drift import Drift, border_level, drift_gain
 from tactograph.nodes.trust._check import Check
 
-CALM = np.float32(0.03)
+CALM_DEPARTURE = np.float32(0.03)
 """Departure of the light that still counts as film at rest."""
 MIN_CALM = 0.2
 """Share of the image at rest."""
-DARK, MAX_DARK = np.float32(0.05), 0.02
+DARK_LIGHT, MAX_DARK_SHARE = np.float32(0.05), 0.02
 """Light that counts as none, and the share of the image without any."""
 MAX_LEVEL, MAX_SPREAD, MAX_SHAPE = 0.1, 0.08, 0.045
 """Change of an LED's light, half the range of the LEDs' changes, and change across the image."""
@@ -43,8 +43,8 @@ def find_rest(light: F4, drift: Drift | None) -> Rest:
         light = light / drift_gain(drift, (light.shape[1], light.shape[2]))
     else:
         level, shape = border_level(light), 0.0
-        light = np.asarray(light / np.maximum(level, DARK)[:, None, None], np.float32)
-    return Rest(level, shape, float((np.abs(light - 1) < CALM).all(axis=0).mean()))
+        light = np.asarray(light / np.maximum(level, DARK_LIGHT)[:, None, None], np.float32)
+    return Rest(level, shape, float((np.abs(light - 1) < CALM_DEPARTURE).all(axis=0).mean()))
 
 
 def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
@@ -61,7 +61,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
     lights
         K x 3 in mm; None: a tilt of the film is not looked for.
     """
-    dark = float((light < DARK).all(axis=0).mean())
+    dark = float((light < DARK_LIGHT).all(axis=0).mean())
     level, shape, calm = find_rest(light, drift)
     change = level - 1
     worst = int(np.abs(change).argmax())
@@ -80,7 +80,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
             "order of the images, and that other light is kept out)",
         ),
         Check(
-            dark / MAX_DARK,
+            dark / MAX_DARK_SHARE,
             "parts of the image are without light (crop the images to the film, in the calibration "
             "too, and check that frames are whole)",
         ),
@@ -101,7 +101,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
 
 
 def _tilt(change: F4, lights: F4) -> Check:
-    """Whether the LEDs changed as a tilt of the whole film changes them."""
+    """Return whether the LEDs changed as a tilt of the whole film changes them."""
     towards = lights[:, :2] / lights[:, 2:]
     design = np.column_stack([np.ones(len(lights)), towards])
     tilt = np.linalg.lstsq(design, change, rcond=None)[0][1:]

@@ -28,7 +28,7 @@ from tactograph.nodes.trust._light_check import Touched, check_light
 from tactograph.nodes.trust._rest_check import check_rest
 from tactograph.nodes.trust.light_departure import Departure, light_error
 
-STEEPNESS = 4
+TRUST_POWER = 4
 """Power of the worst figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
 MAX_CELLS = 2500
 """More cells tell no more of medians; of larger images every n-th is looked at."""
@@ -120,7 +120,7 @@ def judge_touch(
             touched = touched._replace(shown=expected_light(vectors, touched.slope))
         brightness_error = float(np.hypot(light_error(misfit, 0.0), uneven or 0.0))
         checks["light"] = check_light(touched, len(light), rim_error, brightness_error)
-    trust = 1 / (1 + max(check.figure for check in checks.values()) ** STEEPNESS)
+    trust = 1 / (1 + max(check.figure for check in checks.values()) ** TRUST_POWER)
     if all(check.figure > 1 for check in checks.values()) and not force:
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
     if trust < least:
@@ -129,7 +129,7 @@ def judge_touch(
 
 
 def _causes(checks: dict[str, Check]) -> str:
-    """What failed, the worst first."""
+    """Reasons of the failed checks, the worst first."""
     worst_first = sorted(checks.values(), key=lambda check: -check.figure)
     failed = [check.cause for check in worst_first if check.figure > 1]
     return ", and ".join(failed or [worst_first[0].cause])

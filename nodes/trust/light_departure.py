@@ -1,4 +1,4 @@
-"""How far the light of each pixel is from what its slope predicts."""
+"""Departure of each pixel's light from what its slope predicts."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from tactograph.nodes.optics.near_light import (
     expected_light,
     light_vectors,
 )
-from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust._check import NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
-DARKEST = np.float32(0.1)
+MIN_MODEL_LIGHT = np.float32(0.1)
 """Light below which the model's error no longer falls with the light."""
 LEAST_ERROR = 0.0015
-"""Of the light, relative to film at rest: no model is exact."""
+"""Standard deviation of the light, relative to film at rest: no model is exact."""
 MIN_FREEDOM = np.float32(0.5)
 """Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
 UNEVEN_SHARE = 0.25
-"""Of the film's unevenness, what differs from LED to LED."""
+"""Share of the film's unevenness that differs from LED to LED."""
 
 
 def light_error(misfit: Misfit | None, uneven: float) -> float:
@@ -101,7 +101,7 @@ def light_departure(
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
-    model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, DARKEST)
+    model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, MIN_MODEL_LIGHT)
     weight = lit / np.sqrt(noise * noise + model * model)
     departs, along = (light - shown) * weight, shown * weight
     whole = (along * along).sum(axis=0)
@@ -109,7 +109,7 @@ def light_departure(
     left = departs - (departs * along).sum(axis=0) * share * along
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
     reduced = (left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
-    return np.asarray(np.where(freedom >= MIN_FREEDOM, reduced, UNTESTED), np.float32)
+    return np.asarray(np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED), np.float32)
 
 
 light_departure.opencl(grid="H W", lanes="grid")

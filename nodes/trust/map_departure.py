@@ -1,4 +1,4 @@
-"""How far the light of each pixel is from what a one-shot sensor's reflectance map predicts."""
+"""Departure of each pixel's light from what a one-shot sensor's reflectance map predicts."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, Misfit, Slope
-from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
+from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
 from tactograph.nodes.trust.light_departure import Departure
 
 LEAST_MAP_ERROR = 0.006
-"""Of the light: a map of harmonics is coarser than a film's model."""
+"""Standard deviation of the light: a map of harmonics is coarser than a film's model."""
 
 
 @node(
@@ -57,7 +57,7 @@ map_departure.opencl(grid="H W")
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """Lights from all sides, and light that departs from theirs by some per cent."""
     azimuth = 2 * np.pi * np.arange(K) / K
-    reflectance = rng.uniform(-0.02, 0.02, (K, SHADES, TERMS)).astype(np.float32)
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
     reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
     reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
     slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)

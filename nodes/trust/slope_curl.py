@@ -1,4 +1,4 @@
-"""Where slopes contradict one another: no surface has a gradient that curls."""
+"""Contradictions between slopes: no surface has a gradient that curls."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tactograph.graph import Flips, Port, node
 from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
-from tactograph.nodes.trust._check import MIN_LEDS, UNTESTED
+from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""
@@ -78,7 +78,7 @@ def slope_curl(
     """
     side = cell_side(slope.shape[1], slope.shape[2], factor)
     p, q = coarsen(slope, factor=side)
-    out = np.full(p.shape, UNTESTED, np.float32)
+    out = np.full(p.shape, NOT_TESTED, np.float32)
     if min(p.shape) < 2:
         return out
     curl = _down(p) - _right(q)
@@ -92,12 +92,12 @@ def slope_curl(
         pixels = np.float32((side * cell_px) ** 2)
         noise = _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
         expected = expected + NOISE_WEIGHT * noise
-    out[:-1, :-1] = np.where(tests, curl * curl / expected, UNTESTED)
+    out[:-1, :-1] = np.where(tests, curl * curl / expected, NOT_TESTED)
     return out
 
 
 def _corners(plane: F4) -> tuple[F4, F4, F4, F4]:
-    """Of four neighbouring cells: the upper left, upper right, lower left and lower right one."""
+    """The upper left, upper right, lower left and lower right of four neighbouring cells."""
     return plane[:-1, :-1], plane[:-1, 1:], plane[1:, :-1], plane[1:, 1:]
 
 

@@ -1,4 +1,4 @@
-"""How far the height's zero may be off where no film is left at rest."""
+"""Error of the height's zero where no film is left at rest."""
 
 from __future__ import annotations
 

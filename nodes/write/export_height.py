@@ -10,7 +10,7 @@ from annotated_types import MinLen
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, PixelSize, Vergence
-from tactograph.nodes.files.height_files import MESHES, WRITERS, Format, write_mesh
+from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_mesh
 from tactograph.nodes.files.metrology_files import METROLOGY_WRITERS
 
 
@@ -65,9 +65,9 @@ def export_height(
     with atomic_files(folder / name if name else folder) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            if extension in MESHES:
+            if extension in MESH_WRITERS:
                 write_mesh(file, height, pixel, lens, camera or 0.0)
             elif extension in METROLOGY_WRITERS:
                 METROLOGY_WRITERS[extension](file, height, pixel, error)
             else:
-                WRITERS[extension](file, height, pixel)
+                HEIGHT_WRITERS[extension](file, height, pixel)

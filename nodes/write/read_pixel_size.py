@@ -16,7 +16,7 @@ from tactograph.nodes.files.height_files import (
     MIN_PIXEL_MM,
     read_height_file,
 )
-from tactograph.nodes.files.result_file import RESULT, read_result
+from tactograph.nodes.files.result_file import RESULT_FILE, read_result
 
 
 @node
@@ -41,7 +41,7 @@ def read_pixel_size(
     InputError
         If neither says it, a result's pixels are not square, or the file is missing or damaged.
     """
-    result = height.parent / RESULT
+    result = height.parent / RESULT_FILE
     stated, where = read_height_file(height).pixel, height
     if stated is None:
         stated, where = _size_in(height.parent), result
@@ -70,7 +70,7 @@ def _size_in(folder: Path) -> float | None:
             width, length, rel_tol=MAX_SIZE_DIFFERENCE
         ):
             raise InputError(
-                f"{folder / RESULT}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
+                f"{folder / RESULT_FILE}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
                 "reconstruct with --set save.grid=metric"
             )
     return float(size) if MIN_PIXEL_MM <= size <= MAX_PIXEL_MM else None

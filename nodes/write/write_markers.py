@@ -13,7 +13,7 @@ from tactograph.nodes.drawing.arrows import draw_arrows
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.stream.touch import Touch, now_in_touch
 
-COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
+MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
 MIN_WIDTH_PX = 640
 """Smallest width of the picture."""
 
@@ -53,5 +53,5 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     draw_arrows(picture, place, shift, seen, scale)
     with atomic_files(folder / touch.name if touch.name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
-        np.savetxt(target / "markers.csv", table, formats, ",", header=COLUMNS, comments="")
+        np.savetxt(target / "markers.csv", table, formats, ",", header=MARKER_COLUMNS, comments="")
         write_image(target / "markers.png", picture[..., ::-1])

@@ -14,7 +14,7 @@ from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.result_file import RESULT, checksum, read_result
+from tactograph.nodes.files.result_file import RESULT_FILE, checksum, read_result
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
@@ -83,7 +83,7 @@ def write_result(
     if grid == "metric":
         touch = _on_even_grid(touch)
     place = folder / touch.name if touch.name else folder
-    with atomic_files(place, last=RESULT, instead_of=_optional_files(place)) as target:
+    with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:
         _write_arrays(touch, target)
         if mesh:
             file, camera = target / "height.ply", touch.camera or 0.0
@@ -97,11 +97,11 @@ def write_result(
             "grid": grid,
             "pixel_size_mm": float(touch.pixel),
             "pixel_sides_mm": pixel_sides(touch.lens, float(touch.pixel)),
-            "files": sorted([*checksums, RESULT]),
+            "files": sorted([*checksums, RESULT_FILE]),
             "checksums": checksums,
             "metrics": {**(metrics or {}), **(touch.metrics or {})},
         }
-        (target / RESULT).write_text(json.dumps(about, indent=1) + "\n")
+        (target / RESULT_FILE).write_text(json.dumps(about, indent=1) + "\n")
 
 
 def _warn_of_three_lights(touch: Touch) -> None:

@@ -30,7 +30,7 @@ LIMITS = {
         _rest_check.MAX_LEVEL,
         _rest_check.MAX_SPREAD,
         _rest_check.MAX_SHAPE,
-        _rest_check.MAX_DARK,
+        _rest_check.MAX_DARK_SHARE,
         _rest_check.MAX_DEPTH,
         _rest_check.MAX_TILT,
     ),

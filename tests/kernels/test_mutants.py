@@ -19,10 +19,10 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import SHAPES, cases, compare
+from tactograph.graph.backends.parity import CASE_SHAPES, cases, compare
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
-from tactograph.nodes.height import height_solver
+from tactograph.nodes.height import height_networks
 from tests.conftest import ROOT
 
 SUFFIX = ".mutants.toml"
@@ -63,7 +63,7 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(compiled_node, "_build", build_mutant)
     # Small frames have levels of one work-group alone, but for this.
-    monkeypatch.setattr(height_solver, "ONE_GROUP_OF_LANES", 1024)
+    monkeypatch.setattr(height_networks, "ONE_GROUP_OF_LANES", 1024)
     assert any(differences(find_node(name)))
 
 
@@ -96,7 +96,9 @@ def differences(node: Node) -> Iterator[str | None]:
     assert found is not None
     device = OpenCL(found)
     device.options.append("-cl-opt-disable")
-    for case in sorted(cases(node), key=lambda case: abs(case.sizes.get("H", 0) - SHAPES[2][0])):
+    for case in sorted(
+        cases(node), key=lambda case: abs(case.sizes.get("H", 0) - CASE_SHAPES[2][0])
+    ):
         yield compare(node, device, case)
 
 

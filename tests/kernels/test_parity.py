@@ -15,11 +15,11 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
 )
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import SHAPES, Case, cases, compare, compare_on
+from tactograph.graph.backends.parity import CASE_SHAPES, Case, cases, compare, compare_on
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.height import height_solver
+from tactograph.nodes.height import height_networks
 from tests.graph.toys import halves, leaned
 
 KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
@@ -53,8 +53,8 @@ def each_choice_once(node: Node) -> list[Case]:
     return [
         case
         for number, case in enumerate(every)
-        if number >= len(SHAPES) * len(fills)
-        or number % len(fills) % len(SHAPES) == number // len(fills)
+        if number >= len(CASE_SHAPES) * len(fills)
+        or number % len(fills) % len(CASE_SHAPES) == number // len(fills)
     ]
 
 
@@ -119,7 +119,7 @@ def test_levels_too_large_for_one_group(
     as_written: OpenCL, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames of cameras have them, and these do if a group does no more than this."""
-    monkeypatch.setattr(height_solver, "ONE_GROUP_OF_LANES", 256)
+    monkeypatch.setattr(height_networks, "ONE_GROUP_OF_LANES", 256)
     node = find_node(name)
     for case in cases(node, shapes=((31, 37), (70, 131)))[:4]:
         assert compare(node, as_written, case) is None, str(case)

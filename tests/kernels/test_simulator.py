@@ -24,13 +24,13 @@ from tactograph.graph.backends import compiled_node, launch, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.backends.parity import cases, compare
-from tactograph.nodes.height import height_solver
+from tactograph.nodes.height import height_networks
 from tactograph.nodes.optics import radiosity
 
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
-height_solver.PARTS, height_solver.GROUP = 64, 32
-radiosity.FARTHEST = 4  # cells of film beyond a frame that has fewer
+height_networks.SUM_PARTS = 64
+radiosity.MAX_RIM_CELLS = 4  # cells of film beyond a frame that has fewer
 BOUNCES = {"bounces": 2}  # as many kernels as more
 FILLS = ("random", "edges", "nan")  # edges hold zeros, too
 text = compiled_node.kernel_source
@@ -40,11 +40,12 @@ simulator = choose_device("oclgrind")[0]
 def check(name, lanes, shape, before, after):
     def source(node):
         smaller = text(node).replace("#define GROUP 128", "#define GROUP 16")
-        smaller = smaller.replace("#define PARTS 1024", "#define PARTS 64")
+        smaller = smaller.replace("#define SUM_PARTS 1024", "#define SUM_PARTS 64")
         return smaller.replace(before, after) if before else smaller
 
     compiled_node.kernel_source = source
-    radiosity.MARGIN = 3 + lanes  # so few steps go no farther, and reads beyond are noticed
+    # So few steps go no farther, and reads beyond are noticed.
+    radiosity.SWEEP_MARGIN_CELLS = 3 + lanes
     device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]

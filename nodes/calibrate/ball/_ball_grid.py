@@ -185,17 +185,17 @@ def _start(balls: Balls) -> Fitted:
     """Distant LEDs by linear least squares: light is a constant plus a product with the normal."""
     n, *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
     basis = np.vstack([np.ones(n.shape[1]), n]).T
-    found, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
-    ends = found[1:3] / np.maximum(found[3], 0.05)
+    planes, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
+    ends = planes[1:3] / np.maximum(planes[3], 0.05)
     lights = np.vstack([ends, np.ones(ends.shape[1])]).T * FAR_MM * balls.radius.max()
     count = len(balls.centre)
     return start_at(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
 
 
-def _contact(light: F4, circle: F8, radius_px: float, pixel: float, found: Fitted) -> float:
+def _contact(light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitted) -> float:
     """The contact radius, relative to the ball's: up to there the film follows the balls."""
     balls = _samples(light, circle, EDGE_RADII[-1] * radius_px, radius_px, pixel)
-    still = found._replace(shifts=found.shifts * [0, 0, 1])
+    still = fitted._replace(shifts=fitted.shifts * [0, 0, 1])
     left = np.square(predicted(balls, still) - balls.light).mean(axis=0)
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)

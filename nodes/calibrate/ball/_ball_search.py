@@ -26,7 +26,7 @@ MAX_CONTACT_DIAGONALS = 2
 CONTACT_SHARES = (1.0, 0.85, 0.72, 0.61, 0.52, 0.44, 0.37, 0.31)
 """Contact radii that are tried first, as shares of the ball's radius."""
 SHALLOW_SHARES = (0.31, 0.26, 0.22, 0.185, 0.155, 0.13, 0.11, 0.095)
-"""Those that are tried where the first ones show no ball, or one smaller than all of them."""
+"""Radii tried where the first ones show no ball, or a ball smaller than all of them."""
 MIN_SEARCH_RADIUS_PX = 3.0
 """Smallest contact radius in px of the reduced image at which a ball can be recognised."""
 SEARCH_RADII = (0.97, 1.06, 1.45)
@@ -97,9 +97,9 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     u, v, shape = x / contact, y / contact, lit.shape
     inside, outside = _rings(np.hypot(u, v), SEARCH_RADII)
     # LEDs that reach the same pixels, as all do without shadows, have the same normal equations.
-    reached, of = np.unique(lit.reshape(len(lit), -1), axis=0, return_inverse=True)
+    reached, pattern = np.unique(lit.reshape(len(lit), -1), axis=0, return_inverse=True)
     weights = _products(reached.reshape(-1, *shape[1:]), u, v, radius / contact, inside, outside)
-    ball, film, smooth = (each[:, :, of.ravel()] for each in weights)
+    ball, film, smooth = (each[:, :, pattern.ravel()] for each in weights)
     rise = rise_of(np.hypot(u, v), radius / contact)
     columns = [*(inside * each for each in (1, u, v, rise)), *_plane(outside, u, v)]
     columns += [(inside + outside) * each for each in (u * u, u * v, v * v)]

@@ -120,13 +120,13 @@ def find_ball(
         circle = Circle(*center_px, contact_px)
         _check_place(light, circle)
         return _ball(circle, _goodness(light, circle, radius))
-    found = search_ball(light, radius, center_px, contact_px)
-    circle = _refine(light, found, radius, center_px, contact_px)
+    first = search_ball(light, radius, center_px, contact_px)
+    circle = _refine(light, first, radius, center_px, contact_px)
     goodness = _goodness(light, circle, radius)
     smallest = CONTACT_SHARES[-1] * radius
     if contact_px is None and (goodness < MIN_GOODNESS or circle.radius < smallest):
-        found = search_ball(light, radius, center_px, None, SHALLOW_SHARES)
-        shallow = _refine(light, found, radius, center_px, None)
+        first = search_ball(light, radius, center_px, None, SHALLOW_SHARES)
+        shallow = _refine(light, first, radius, center_px, None)
         better = _goodness(light, shallow, radius)
         if better > max(goodness, MIN_SHALLOW_GOODNESS):
             circle, goodness = shallow, better

@@ -51,10 +51,10 @@ def find_dots(image: F4) -> Dots | None:
     small, factor = reduced(image)
     rough, blobs = None, None
     for part in BACKGROUND_SCALES:
-        for found in _blobs(small, part):
-            lattice = on_lattice(found.place)
+        for candidates in _blobs(small, part):
+            lattice = on_lattice(candidates.place)
             if lattice and (rough is None or len(lattice.place) > len(rough.place)):
-                rough, blobs = lattice, found
+                rough, blobs = lattice, candidates
     if rough is None or blobs is None:
         return None
     places = factor * (rough.place + 0.5) - 0.5
@@ -70,7 +70,7 @@ def find_dots(image: F4) -> Dots | None:
 
 
 def _is_whole(places: Points, radius: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Whether the frame cuts off nothing of dots, nor of their blurred edges."""
+    """Return whether the frame cuts off nothing of dots, nor of their blurred edges."""
     last = np.array([shape[1] - 1, shape[0] - 1])
     return np.asarray(np.minimum(places, last - places).min(axis=-1) >= radius + 1)
 
@@ -80,10 +80,10 @@ def _blobs(image: F4, part: float) -> list[Blobs]:
     around = cv2.GaussianBlur(image, (0, 0), part * max(image.shape))
     even = image / np.maximum(around, np.float32(1e-3))
     levels = np.clip(100 * even, 0, 255).astype(np.uint8)
-    _, found = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    above = np.asarray(found, np.uint8)
-    both = [Blobs(*_round_blobs(255 - above), -1), Blobs(*_round_blobs(above), 1)]
-    return [blobs for blobs in both if _is_sparse(blobs)]
+    _, bright = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    above = np.asarray(bright, np.uint8)
+    polarities = [Blobs(*_round_blobs(255 - above), -1), Blobs(*_round_blobs(above), 1)]
+    return [blobs for blobs in polarities if _is_sparse(blobs)]
 
 
 def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:

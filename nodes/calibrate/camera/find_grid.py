@@ -67,21 +67,21 @@ def find_grid(
     corners = find_corners(image) if pattern != "dots" else None
     if corners is not None:
         return _marks(corners, "checkerboard", 0)
-    what = {"auto": "dots or corners", "dots": "dots", "checkerboard": "corners"}[pattern]
+    marks = {"auto": "dots or corners", "dots": "dots", "checkerboard": "corners"}[pattern]
     raise InputError(
-        f"the image shows no square lattice of {MIN_POINTS} {what} or more in three rows and "
+        f"the image shows no square lattice of {MIN_POINTS} {marks} or more in three rows and "
         "columns; show more of the grid, sharp, evenly lit and without glare, or name another "
         "pattern="
     )
 
 
-def _marks(found: Lattice, pattern: str, astray: int) -> GridMarks:
-    return GridMarks(np.asarray(found.place, np.float32), found.cell, pattern, astray)
+def _marks(lattice: Lattice, pattern: str, astray: int) -> GridMarks:
+    return GridMarks(np.asarray(lattice.place, np.float32), lattice.cell, pattern, astray)
 
 
 def _astray(places: NDArray[Any]) -> str:
     """Name whole dots that are left out."""
     named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED_DOTS])
     more = f" and {len(places) - MAX_NAMED_DOTS} more" if len(places) > MAX_NAMED_DOTS else ""
-    what = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
-    return f"{what} on no place of the grid and left out, at {named} px{more}; is it dirt?"
+    dots = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
+    return f"{dots} on no place of the grid and left out, at {named} px{more}; is it dirt?"

@@ -14,7 +14,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Lens, Metrics, PixelSize
 from tactograph.nodes.calibrate.camera.find_grid import GridMarks
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.optics.lens import TERMS, half_diagonal, pixel_sides, seen_offset
+from tactograph.nodes.optics.lens import LENS_TERMS, half_diagonal, pixel_sides, seen_offset
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -128,7 +128,7 @@ def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
     """Flags of the marks that the most flexible lens fits."""
     kept = np.ones(len(seen), bool)
     for _ in range(2):
-        pose, lens, _ = _fit(seen[kept], cell[kept], TERMS)
+        pose, lens, _ = _fit(seen[kept], cell[kept], LENS_TERMS)
         away = np.linalg.norm(seen - _predicted(pose, lens, cell), axis=1)
         # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
         kept = away <= MAX_DEVIATIONS * max(float(np.median(away[kept])) / 1.18, 1e-6)
@@ -150,11 +150,11 @@ def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]
 
 def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
     """Fit the pose and the lens's terms named in `free`; return pose, lens and sum of squares."""
-    where = [TERMS.index(name) for name in free]
+    where = [LENS_TERMS.index(name) for name in free]
     start = np.concatenate([_pose(seen, cell), np.zeros(len(free))])
 
     def lens_of(values: Places) -> Places:
-        lens = np.zeros(len(TERMS))
+        lens = np.zeros(len(LENS_TERMS))
         lens[where] = values[POSE_TERMS:]
         return lens
 

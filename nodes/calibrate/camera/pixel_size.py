@@ -9,7 +9,7 @@ from annotated_types import Interval, Len
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.sensor_preset import read_preset
@@ -56,7 +56,7 @@ def pixel_size(
                 "the pixel size is not known; give pixel_size_mm=..., or lens=camera.npz"
             )
         return mm
-    stated = float(read_arrays(camera, CAMERA)["pixel_size"])
+    stated = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
     if mm is None:
         return stated
     if abs(mm / stated - 1) > MAX_SIZE_DIFFERENCE:

@@ -19,10 +19,10 @@ from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.coarsen_pixel import coarsen_pixel
 from tactograph.nodes.light.smooth_light import smooth_light
 from tactograph.nodes.optics.reflectance_map import (
-    DEGREE,
-    RIDGE,
-    SHADES,
-    TERMS,
+    PLACE_DEGREE,
+    PLACE_TERMS,
+    RIDGE_SHARE,
+    SHADE_COUNT,
     Pixels,
     ball_pixels,
     ball_shape,
@@ -152,7 +152,7 @@ def fit_reflectance_map(
 
 def degree_for(presses: int) -> int:
     """The highest degree whose monomials are at most half as many as the presses."""
-    fitting = [d for d in range(DEGREE + 1) if (d + 1) * (d + 2) <= presses]
+    fitting = [d for d in range(PLACE_DEGREE + 1) if (d + 1) * (d + 2) <= presses]
     return max(fitting, default=0)
 
 
@@ -247,14 +247,14 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
         pixels = ball_pixels(bench.light[press], bench.flat, circles[press])
         place = terms(pixels.x, pixels.y, bench.shape)[:used]
         shade = _shades(bench, circles[press], pixels, rim)
-        rows.append((shade[:, None] * place).reshape(SHADES * used, -1))
+        rows.append((shade[:, None] * place).reshape(SHADE_COUNT * used, -1))
         light.append(pixels.light)
         weight.append(pixels.weight)
     basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
     weights = np.concatenate(weight, axis=1)
-    reflectance = np.zeros((len(lights), SHADES, TERMS))
+    reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
     for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADES, used)
+        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADE_COUNT, used)
     return reflectance
 
 
@@ -264,7 +264,7 @@ def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
     for _ in range(rounds):
         weighted = basis * weight
         normal = weighted @ basis.T
-        ridge = RIDGE * np.diag(np.diag(normal) + 1e-12)
+        ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
         coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
         weight = robust_weights(light - coefficients @ basis, even)
     return coefficients

@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.nodes.calibrate.rating.advise_press import REGIONS
+from tactograph.nodes.calibrate.rating.advise_press import FILM_REGIONS
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_error, verdict_of
 from tactograph.nodes.capture.read_presses import PressImages
@@ -156,7 +156,7 @@ def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
     if (pressed > 0).mean() < MIN_COVERED_SHARE:
         row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
         x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
-        region = REGIONS[int(3 * y / height)][int(3 * x / width)]
+        region = FILM_REGIONS[int(3 * y / height)][int(3 * x / width)]
         return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
     if steepest < MIN_RIM_SLOPE:
         return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"

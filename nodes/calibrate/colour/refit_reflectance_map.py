@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import F8, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate import FOLDS, MAX_ERROR_RATIO, MAX_INDEPENDENT, SLICES, Circles
+from tactograph.nodes.calibrate import (
+    BALL_SLICES,
+    FOLD_COUNT,
+    MAX_ERROR_RATIO,
+    MAX_INDEPENDENT,
+    Circles,
+)
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     RIM_ROUNDS,
     Bench,
@@ -22,8 +28,8 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import (
-    DEGREE,
-    SHADES,
+    PLACE_DEGREE,
+    SHADE_COUNT,
     ball_pixels,
     ball_shape,
     robust_weights,
@@ -34,12 +40,12 @@ from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
-HEIGHT_SHADE = SHADES - 1
+HEIGHT_SHADE = SHADE_COUNT - 1
 PRIOR_DEVIATIONS = {"gain": 0.1, "shades": 0.3, "offsets": 0.05}
 """Prior standard deviations: of a gain; of single harmonics' gains; of offsets to harmonics."""
 MAP_DEVIATION = 0.01
 """Standard deviation of the light from the map."""
-CHANGES = (("gain",), ("gain", "shades"), ("gain", "shades", "offsets"))
+MAP_CHANGES = (("gain",), ("gain", "shades"), ("gain", "shades", "offsets"))
 """The changes tried, the simplest first."""
 
 
@@ -94,11 +100,11 @@ def refit_reflectance_map(
     kept = circle[:, 2] > 0
     if not names or radius_mm is None or not kept.any():
         return MapRefit(reflectance, {})
-    bench = make_bench(image, flat, radius_mm, pixel, DEGREE)
+    bench = make_bench(image, flat, radius_mm, pixel, PLACE_DEGREE)
     circles, old = circle.astype(np.float64), reflectance.astype(np.float64)
     best, before, microns = _judged(bench, old, circles, kept, ())
     error = before
-    for parts in CHANGES:
+    for parts in MAP_CHANGES:
         tried, degrees, height = _judged(bench, old, circles, kept, parts)
         if degrees < MAX_ERROR_RATIO * error:
             best, error, microns = tried, degrees, height
@@ -117,10 +123,10 @@ def _judged(
     number = _folds(bench, circles)
     whole, _, _ = _fit(bench, old, circles, kept, parts, number >= 0)
     degrees, microns = [], []
-    for fold in range(FOLDS):
-        found, placed, _ = _fit(bench, old, circles, kept, parts, number != fold)
+    for fold in range(FOLD_COUNT):
+        refitted, placed, _ = _fit(bench, old, circles, kept, parts, number != fold)
         for press in np.flatnonzero(kept).tolist():
-            slope, height = reconstruct(bench, found, press)
+            slope, height = reconstruct(bench, refitted, press)
             here = placed[press], bench.radius, bench.pixel, number[press] == fold
             off, um, _ = judge_contact(slope, height, *here)
             degrees.append(off)
@@ -132,7 +138,7 @@ def _folds(bench: Bench, circles: F8) -> NDArray[np.intp]:
     """The fold that holds out each pixel of each press: P x H x W."""
     y, x = np.indices(bench.shape)
     turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
-    return np.asarray(np.floor(turn * SLICES).astype(int) % FOLDS)
+    return np.asarray(np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT)
 
 
 def _fit(

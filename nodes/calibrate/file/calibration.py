@@ -105,7 +105,7 @@ def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:
         raise ValueError("'lights' holds LEDs that are all in one place or one line")
 
 
-CALIBRATION = FileKind(
+CALIBRATION_KIND = FileKind(
     "calibration",
     1,
     "run calibrate",
@@ -113,4 +113,4 @@ CALIBRATION = FileKind(
     made_from="the images, and the ball's place and radius",
     check=_check_lights,
 )
-NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION))]
+NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION_KIND))]

@@ -41,11 +41,11 @@ class CameraLens(NamedTuple):
     quality: Metrics
 
 
-CAMERA = FileKind(
+CAMERA_KIND = FileKind(
     "camera",
     1,
     "run calibrate_camera",
     CameraLens,
     made_from="the image of the grid and its pitch",
 )
-NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA))]
+NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))]

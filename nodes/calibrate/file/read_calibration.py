@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from tactograph.graph import EVERYTHING, Wanted, node, warn
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION, Calibration
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays, record_of
 from tactograph.nodes.files.image_files import Lights
 
@@ -37,7 +37,7 @@ def read_calibration(
         not above the film, or no slope follows from the LEDs' light; if the calibration was made
         from lights of another order.
     """
-    arrays = read_arrays(file, CALIBRATION)
+    arrays = read_arrays(file, CALIBRATION_KIND)
     about = read_about(file)
     check_use(file, about, lights)
     if "others" not in arrays and "others" in wanted:

@@ -9,9 +9,9 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.calibrate.camera.pixel_size import PixelSides, sides_of
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.files.calibration_file import read_arrays
-from tactograph.nodes.optics.lens import TERMS, oblong_lens
+from tactograph.nodes.optics.lens import LENS_TERMS, oblong_lens
 
 
 @node
@@ -38,8 +38,8 @@ def read_lens(
     if file is None and pixel_mm is not None:
         return oblong_lens(*sides_of(pixel_mm))[0]
     if file is None:
-        return np.zeros(len(TERMS), np.float32)
-    arrays = read_arrays(file, CAMERA)
+        return np.zeros(len(LENS_TERMS), np.float32)
+    arrays = read_arrays(file, CAMERA_KIND)
     columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):
         raise InputError(

@@ -13,7 +13,7 @@ from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.image_files import Crop, Lights
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import TERMS
+from tactograph.nodes.optics.lens import LENS_TERMS
 
 
 @node
@@ -51,7 +51,7 @@ def read_press_calibration(
     about = read_about(file)
     check_use(file, about, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
-    lens = arrays.get("lens", np.zeros(len(TERMS), np.float32))
+    lens = arrays.get("lens", np.zeros(len(LENS_TERMS), np.float32))
     film = arrays["flat"]
     if flat is not None:
         film = undistort(_fresh(flat, order, crop, film), lens)

@@ -5,7 +5,11 @@ from __future__ import annotations
 from typing import Unpack
 
 from tactograph.graph import Provenance, node
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION, Calibration, NewCalibration
+from tactograph.nodes.calibrate.file.calibration import (
+    CALIBRATION_KIND,
+    Calibration,
+    NewCalibration,
+)
 from tactograph.nodes.files.calibration_file import write_record
 from tactograph.nodes.files.sensor_identity import identity_from
 
@@ -36,4 +40,4 @@ def write_calibration(
         cannot be written.
     """
     about = {"sensor": sensor or identity_from(provenance).name or None, "made": provenance}
-    write_record(file, CALIBRATION, Calibration(*values), about)
+    write_record(file, CALIBRATION_KIND, Calibration(*values), about)

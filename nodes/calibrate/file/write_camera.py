@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.graph import Port, Provenance, node
 from tactograph.nodes import Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA, CameraLens, NewCamera
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens, NewCamera
 from tactograph.nodes.capture.read_grey import GreyImage
 from tactograph.nodes.files.calibration_file import write_record
 
@@ -45,4 +45,4 @@ def write_camera(
     """
     size = np.array(image.shape[::-1], np.int32)
     record = CameraLens(lens, pixel, residual, size, quality)
-    write_record(file, CAMERA, record, {"made": provenance})
+    write_record(file, CAMERA_KIND, record, {"made": provenance})

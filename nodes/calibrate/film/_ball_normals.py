@@ -13,7 +13,7 @@ from tactograph.nodes.optics.film import rest_below, turned
 
 NORMAL_STEPS = 4
 """Iterations for a normal, which start from the ball's own."""
-RINGS, SECTORS = 3, 8
+BALL_RINGS, BALL_SECTORS = 3, 8
 """Parts of a ball over which errors of the normal are averaged, to suppress noise."""
 
 
@@ -43,16 +43,18 @@ def normal_error(balls: Balls, fitted: Fitted) -> float:
 
     Noise is averaged over parts of each ball, because heights, as sums of slopes, average it, too.
     """
-    truth, found, *_ = ball_normals(balls, fitted)
+    truth, solved, *_ = ball_normals(balls, fitted)
     part = _parts(balls, truth)
     number = np.maximum(np.bincount(part), 1)
-    mean = np.stack([np.bincount(part, e) / number for e in found - truth])
+    mean = np.stack([np.bincount(part, e) / number for e in solved - truth])
     seen = np.bincount(part) > 0
     return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
 
 
 def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
     """The number of the ball's part in which each sample lies."""
-    ring = np.minimum((RINGS * (1 - normal[2] ** 2)).astype(int), RINGS - 1)
-    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * SECTORS).astype(int) % SECTORS
-    return np.asarray((balls.ball * RINGS + ring) * SECTORS + turn, np.intp)
+    ring = np.minimum((BALL_RINGS * (1 - normal[2] ** 2)).astype(int), BALL_RINGS - 1)
+    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * BALL_SECTORS).astype(
+        int
+    ) % BALL_SECTORS
+    return np.asarray((balls.ball * BALL_RINGS + ring) * BALL_SECTORS + turn, np.intp)

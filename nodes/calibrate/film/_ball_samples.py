@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
-from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, SLICES
+from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
@@ -155,7 +155,7 @@ def sample_balls(
             within &= bare[i * rows + yy, xx] > 0
         inside = np.flatnonzero(within)
         yy, xx = yy[inside], xx[inside]
-        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * SLICES).astype(int)
+        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * BALL_SLICES).astype(int)
         values, bounced = presses[i][:, yy, xx], still[i][:, yy, xx].astype(np.float64)
         by_lift = lifted[i][:, yy, xx] / radius[number].astype(np.float64)
         by_rim = rimmed[i][:, yy, xx].astype(np.float64)

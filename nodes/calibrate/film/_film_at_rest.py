@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.coat import GRAZING
+from tactograph.nodes.optics.coat import MIN_COSINE
 from tactograph.nodes.optics.film import rest_light
 
 MAX_INDEPENDENT_REST = 20
@@ -57,7 +57,7 @@ def _off_axis(film: Film, x: F8, y: F8) -> F8:
     lx, ly, lz = film.lights.T[..., None].astype(np.float64)
     high = np.sqrt(lx * lx + ly * ly + lz * lz)
     away = np.sqrt((lx - x) ** 2 + (ly - y) ** 2 + lz * lz)
-    return np.asarray(np.maximum((high * high - lx * x - ly * y) / (high * away), GRAZING))
+    return np.asarray(np.maximum((high * high - lx * x - ly * y) / (high * away), MIN_COSINE))
 
 
 def rest_spread(left: F8, rest: Rest) -> float:

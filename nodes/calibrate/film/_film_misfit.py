@@ -161,12 +161,12 @@ def _outward(normal: F8) -> F8:
 def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
     film = held.fitted.film
-    truth, found, direct, place = ball_normals(held.balls, held.fitted, uneven)
-    left = direct - predict(film, found, *place)
+    truth, solved, direct, place = ball_normals(held.balls, held.fitted, uneven)
+    left = direct - predict(film, solved, *place)
     gain = touch_gain(film, place[2])
     matt, diffuse = gain * direct_share(film)[:, None], gain * film.diffuse[:, None]
     left, shown = left / matt, (direct - left - diffuse) / matt
-    return found - truth, left - brighter(left, shown, uneven) * shown, truth
+    return solved - truth, left - brighter(left, shown, uneven) * shown, truth
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph import warn
 from tactograph.nodes import Metrics
-from tactograph.nodes.calibrate import FOLDS
+from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import lights_itself, moved_with, thinned
 from tactograph.nodes.calibrate.film._film_misfit import Held
-from tactograph.nodes.calibrate.film._film_unknowns import PARTS
+from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
 from tactograph.nodes.calibrate.lights.light_samples import Rest
@@ -32,7 +32,7 @@ MAX_ROUNDS, MAX_CHANGE = 4, 0.004
 """Most rounds that find the balls' positions and the light from film to film in turn, and the
 relative change of albedo and contact radius below which they end."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
-"""With at least this many balls, those with a residual above this multiple of the median are left
+"""Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
 MAX_ERROR_RATIO = 1.5
@@ -61,11 +61,11 @@ class Trial(NamedTuple):
 
     def folds(self) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""
-        return [self.balls.held_by % FOLDS == fold for fold in self.fold_numbers()]
+        return [self.balls.held_by % FOLD_COUNT == fold for fold in self.fold_numbers()]
 
     def fold_numbers(self) -> NDArray[np.intp]:
-        """The fold numbers that occur: ball, or slice, modulo `FOLDS`."""
-        return np.unique(self.balls.held_by % FOLDS)
+        """The fold numbers that occur: ball, or slice, modulo `FOLD_COUNT`."""
+        return np.unique(self.balls.held_by % FOLD_COUNT)
 
 
 class Model(NamedTuple):
@@ -79,7 +79,7 @@ class Model(NamedTuple):
     """The fit without each fold, in the order of `Trial.folds`."""
 
     def __str__(self) -> str:
-        parts = [part for part in PARTS if part in self.parts] or ["matt"]
+        parts = [part for part in PART_UNKNOWNS if part in self.parts] or ["matt"]
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
@@ -104,8 +104,8 @@ def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_])
     good = whole.only(~bad[whole.ball])
     numbers = trial.fold_numbers()
     held = [
-        (good.only(good.held_by % FOLDS == number), found)
-        for number, found in zip(numbers, best.folds, strict=True)
+        (good.only(good.held_by % FOLD_COUNT == number), fold)
+        for number, fold in zip(numbers, best.folds, strict=True)
     ]
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
@@ -141,7 +141,7 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
-        first = int(np.argmin([normal_error(trial.balls, found) for found in fitted]))
+        first = int(np.argmin([normal_error(trial.balls, fit) for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
         if not _pays(better.error, best.error, trial):
@@ -149,14 +149,14 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         if not lights_itself(better.fitted.film):
             best = better
             continue
-        again, placed = _sampled_again(trial, better.fitted)
-        better = judge(again, better.parts, again.fit(better.parts, placed))
+        resampled, placed = _sampled_again(trial, better.fitted)
+        better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
         errors[f"film_heldout_deg/{better}"] = better.error
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and better.error > MAX_ERROR_RATIO * best.error:
             break
-        trial, best = again, better
+        trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}
 
 

@@ -50,15 +50,16 @@ UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim"
 """Unknowns without effect on the film at rest."""
-PARTS = {
+PART_UNKNOWNS = {
     "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
     "bounce": ("albedo", "rim"),
     "camera": ("camera",),
 }
 """The unknowns of each part of the model."""
-UNKNOWNS = PARTS | {"plain": ("diffuse", "gain")}
-"""Those of `PARTS`, and of a plain film, on which light ends sharply, for finding balls."""
+MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain")}
+"""The unknowns of each part, and of a plain film, on which light ends sharply, for finding
+balls."""
 
 
 def opened(start: Fitted, names: list[str]) -> Fitted:

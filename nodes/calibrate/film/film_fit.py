@@ -16,7 +16,7 @@ from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
-    UNKNOWNS,
+    MODEL_UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
     UNKNOWNS_OF_TOUCH_ALONE,
     UNKNOWNS_PER_LED,
@@ -43,7 +43,7 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.film import FADE, matt_film, place_terms, shades
+from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades
 
 MAX_STEPS, MIN_COST_GAIN = 20, 2e-3
 """Most steps of the descent, and the relative gain of the cost below which it ends."""
@@ -112,7 +112,7 @@ def fit(
     rest
         The flat frame in blocks, if there is one.
     parts
-        Which of `UNKNOWNS` are fitted; all other parameters stay as in `start`.
+        Which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`.
     start
         Start values of the descent.
     shift_mm
@@ -120,7 +120,7 @@ def fit(
     width_mm
         Width of the film that the camera sees.
     """
-    names = [name for part in sorted(parts) for name in UNKNOWNS[part]]
+    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
     cost = _cost(problem, now)
@@ -154,7 +154,7 @@ def other_places(
 
     The uncertainty accounts for all other free parameters, such as coat and albedo.
     """
-    names = [name for part in sorted(parts) for name in UNKNOWNS[part]]
+    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(fitted)
     left = _weighted(balls, predicted(balls, fitted) - balls.light)
     known = _equations(problem._replace(scale=_robust_spread(left)), fitted)
@@ -214,7 +214,7 @@ def add_harmonics(
     held[-1] = 0
     for _ in range(HARMONICS_ROUNDS):
         n, *_ = balls.seen(now.shifts, film.camera)
-        shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE, 0, 1)
+        shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
         thrown = balls.thrown(now.shifts, film)
         base = predicted(balls, physics._replace(shifts=now.shifts)) - thrown

@@ -39,7 +39,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     search,
     without_bad,
 )
-from tactograph.nodes.calibrate.film._film_unknowns import PARTS
+from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
@@ -176,7 +176,7 @@ def fit_film(
         < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     ):
         closed.add("bounce")
-    trial, best, whole, errors = search(trial, start, [p for p in PARTS if p not in closed])
+    trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
         best = bend(trial, best, errors)
     best, balls, bad = without_bad(trial, best)

@@ -80,10 +80,21 @@ class Doubt(NamedTuple):
     is_clear: bool
 
 
-_GIVEN = ("light", "flat", "circle", "radius", "of", "kept", "lights", "strength", "noise", "pixel")
+_FORMER_INPUTS = (
+    "light",
+    "flat",
+    "circle",
+    "radius",
+    "of",
+    "kept",
+    "lights",
+    "strength",
+    "noise",
+    "pixel",
+)
 
 
-@node(former=dict.fromkeys(_GIVEN, "give the node 'fit_film' as 'evidence'"))
+@node(former=dict.fromkeys(_FORMER_INPUTS, "give the node 'fit_film' as 'evidence'"))
 def judge_radius(
     evidence: FilmEvidence,
     film: Film,

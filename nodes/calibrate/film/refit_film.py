@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from tactograph.graph import NodeCall, SizeLimit, node, warn
 from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
-    FOLDS,
+    FOLD_COUNT,
     MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
     BallCircles,
@@ -65,7 +65,7 @@ OPEN_PARAMETERS = {
     "refraction": _Open(0.15, 1.0, 2.0),
 }
 """Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
-CHANGES = (
+FILM_CHANGES = (
     ("thicker",),
     ("thicker", "gain", "diffuse", "albedo"),
     tuple(OPEN_PARAMETERS),
@@ -190,7 +190,7 @@ def refit_film(
     before_error = _judged(known, balls, (), None)[1]
     whole = sample_balls(*given, most=None, bounce=bounce)
     held = [
-        Held(whole.only(whole.held_by % FOLDS == number), fold.fitted)
+        Held(whole.only(whole.held_by % FOLD_COUNT == number), fold.fitted)
         for number, fold in enumerate(folds)
     ]
     away = np.asarray(film.others - film.lights, np.float64)
@@ -254,8 +254,8 @@ def _level(logarithm: F8) -> F8:
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
     """The simplest change that the held-out slices support, its error and its folds."""
-    best, error, folds = _judged(known, balls, CHANGES[0], None)
-    for names in CHANGES[1:]:
+    best, error, folds = _judged(known, balls, FILM_CHANGES[0], None)
+    for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names, FIRST_COAT if "base" in names else None)
         if tried[1] < MAX_ERROR_RATIO * error:
             best, error, folds = tried
@@ -268,8 +268,8 @@ def _judged(
     """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(known, balls, names, start)
     folds, errors = [], []
-    for number in range(FOLDS):
-        held = balls.held_by % FOLDS == number
+    for number in range(FOLD_COUNT):
+        held = balls.held_by % FOLD_COUNT == number
         if not held.any():
             continue
         fold = _fit(known, balls.only(~held), names, whole.changed)

@@ -207,13 +207,16 @@ def _far(values: F8, harmless: float) -> NDArray[np.bool_]:
     return np.asarray(values > max(MAX_MEDIANS * _middle(values), harmless))
 
 
-def _out_of_line(found: _Agreement) -> Iterator[tuple[int, str]]:
-    residual, moved = _far(found.residual, INLIER_RESIDUAL), _far(found.moved, INLIER_MOVEMENT_PX)
+def _out_of_line(agreement: _Agreement) -> Iterator[tuple[int, str]]:
+    residual, moved = (
+        _far(agreement.residual, INLIER_RESIDUAL),
+        _far(agreement.moved, INLIER_MOVEMENT_PX),
+    )
     for i in np.flatnonzero(residual | moved):
         if moved[i]:
-            yield int(i), f"the ball moved by {found.moved[i]:.1f} px between two LEDs"
+            yield int(i), f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
         else:
-            left, others = found.residual[i], _middle(found.residual)
+            left, others = agreement.residual[i], _middle(agreement.residual)
             yield (
                 int(i),
                 f"LEDs that explain the others' light to {others:.1%} leave {left:.1%} of its; "

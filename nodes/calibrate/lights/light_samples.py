@@ -114,7 +114,7 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
 
 
 def is_uniform(flat: Light) -> bool:
-    """Whether the light is the same everywhere: no flat frame was taken."""
+    """Return whether the light is the same everywhere: no flat frame was taken."""
     return all(np.ptp(plane) == 0 for plane in flat)
 
 

@@ -11,13 +11,13 @@ from tactograph.nodes import F4, F8, U1, Light, Metrics
 from tactograph.nodes.calibrate.rating.verdict import advice_after
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
-REGIONS = (
+FILM_REGIONS = (
     ("at the upper left", "at the top", "at the upper right"),
     ("at the left", "in the middle", "at the right"),
     ("at the lower left", "at the bottom", "at the lower right"),
 )
 """Names of the nine parts of the film."""
-DIRECTIONS = (
+BALL_SIDES = (
     "right", "lower right", "lower side", "lower left",
     "left", "upper left", "upper side", "upper right",
 )  # fmt: skip
@@ -83,8 +83,8 @@ def _touched(mask: U1, rows: int) -> F8:
 def _steepest(slope: F4) -> F8:
     """The slope up to which each direction is covered; a slope falls away from its ball."""
     towards = np.arctan2(-slope[1], -slope[0])
-    sector = np.rint(towards / (2 * np.pi) * len(DIRECTIONS)).astype(int) % len(DIRECTIONS)
-    steep = np.zeros(len(DIRECTIONS))
+    sector = np.rint(towards / (2 * np.pi) * len(BALL_SIDES)).astype(int) % len(BALL_SIDES)
+    steep = np.zeros(len(BALL_SIDES))
     np.maximum.at(steep, sector, np.hypot(slope[0], slope[1]))
     return steep
 
@@ -97,11 +97,11 @@ def _advice(presses: int, touched: F8, steep: F8) -> str:
         if presses == 1:
             return "press once more: one press has no other to be checked by"
         return "the presses cover the film and the slopes; nothing more is needed"
-    where = f" {REGIONS[row][column]}" if empty else ""
+    where = f" {FILM_REGIONS[row][column]}" if empty else ""
     how = ("," if where else "") + " deeper, or with a smaller ball" if gentle else ""
     why = ["no contact reaches there"] if empty else []
     if gentle:
-        side = DIRECTIONS[flattest]
+        side = BALL_SIDES[flattest]
         why.append(f"slopes on the {side} of what was pressed end at {steep[flattest]:.2f}")
     if presses == 1:
         why.append("one press has no other to be checked by")

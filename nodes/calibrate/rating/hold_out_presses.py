@@ -130,10 +130,10 @@ def hold_out_presses(
         shift = shift_of(objects[i], placed, shift_px)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
         judged = _judged(presses[i], steepest)
-        found = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
+        surface = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
         errors = [
             judge_contact(
-                *found,
+                *surface,
                 np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]]),
                 balls.radius[b] / pixel,
                 pixel,

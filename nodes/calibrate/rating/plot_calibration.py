@@ -63,7 +63,7 @@ class HeldOutErrors(NamedTuple):
     microns: Annotated[F4, Port("P", "um", nan=True)]
 
 
-_FORMER = {
+_FORMER_INPUTS = {
     **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
     "spread": "give 'fit_null_vector' as 'null'",
     **dict.fromkeys(("names", "circle", "of"), "give 'find_balls' as 'balls'"),
@@ -71,7 +71,7 @@ _FORMER = {
 }
 
 
-@node(former=_FORMER)
+@node(former=_FORMER_INPUTS)
 def plot_calibration(
     light: SheetLight,
     frames: Binned,
@@ -208,7 +208,7 @@ def _draw_presses(
 
 
 def _draw_errors(
-    axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], what: str
+    axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], label: str
 ) -> None:
     """Draw a bar for each press; a press that is left out has none."""
     places = np.arange(len(names))
@@ -219,7 +219,7 @@ def _draw_errors(
     ]
     axes.set_yticks(places, labels, fontsize=7)
     axes.invert_yaxis()
-    axes.set(title=f"error by press: {what}", xlabel=what.rpartition(" / ")[2])
+    axes.set(title=f"error by press: {label}", xlabel=label.rpartition(" / ")[2])
 
 
 def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:

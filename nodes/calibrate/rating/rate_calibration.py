@@ -61,12 +61,15 @@ class RadiusCheck(NamedTuple):
     doubts: list[str]
 
 
-_MODEL, _RADIUS = "give the fit of the LEDs as 'model'", "give 'judge_radius' as 'radius'"
+_MODEL_ADVICE, _RADIUS_ADVICE = (
+    "give the fit of the LEDs as 'model'",
+    "give 'judge_radius' as 'radius'",
+)
 
 
 @node(
-    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL)
-    | dict.fromkeys(("fitted", "of_radius"), _RADIUS)
+    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL_ADVICE)
+    | dict.fromkeys(("fitted", "of_radius"), _RADIUS_ADVICE)
 )
 def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],

@@ -16,8 +16,8 @@ MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 MAX_DEPARTURE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
-_TAKEN = "the flat frame", "take both with the same exposure, gain and LED currents"
-_MODELLED = (
+_TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
+_MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, flat=DIR",
 )
@@ -59,7 +59,7 @@ def rate_exposure(
         ``rest_departure_percent``, the largest of all presses and LEDs, with its sign.
     """
     presses = cut(light, flat.shape[1])
-    compared, cure = _TAKEN if not is_uniform(taken) else _MODELLED
+    compared, cure = _TAKEN_FLAT if not is_uniform(taken) else _MODELLED_FLAT
     departures = [
         _departure(press, circle[of == number], names[number], compared, cure)
         for number, press in enumerate(presses)

@@ -178,7 +178,7 @@ def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
 
 
 def _cut_off(now: F4) -> NDArray[np.bool_]:
-    """Where the image ends at black under an LED that lights the film elsewhere."""
+    """Mask of pixels that are black under an LED that lights the film elsewhere."""
     alive = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
     return np.asarray((now[alive] < MIN_LIGHT).any(axis=0))
 

@@ -10,7 +10,7 @@ from tactograph.nodes.calibrate import TiltResponse
 from tactograph.nodes.optics.reflectance_map import terms
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 
-X, Y, XZ, YZ = 0, 1, 4, 5
+HARMONIC_X, HARMONIC_Y, HARMONIC_XZ, HARMONIC_YZ = 0, 1, 4, 5
 """Harmonics that change with a tilt of the film at rest, to first order."""
 
 
@@ -37,6 +37,10 @@ def map_tilt(flat: Light, reflectance: ReflectanceMap) -> TiltResponse:
     y, x = np.indices((rows, columns)).reshape(2, -1).astype(np.float64)
     place = terms(x, y, (rows, columns))
     by = np.stack(
-        [reflectance[:, X] + reflectance[:, XZ], reflectance[:, Y] + reflectance[:, YZ]], axis=1
+        [
+            reflectance[:, HARMONIC_X] + reflectance[:, HARMONIC_XZ],
+            reflectance[:, HARMONIC_Y] + reflectance[:, HARMONIC_YZ],
+        ],
+        axis=1,
     )
     return np.asarray(-(by @ place).reshape(*by.shape[:2], rows, columns), np.float32)

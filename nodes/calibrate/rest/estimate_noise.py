@@ -47,5 +47,5 @@ def estimate_noise(image: Light) -> Noise:
     if not rows:
         return np.array([0, max(float(variances(left.ravel())), MIN_READ_VARIANCE)], np.float32)
     scale = np.array(weights) / max(weights)
-    found, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
-    return np.array([found[0], max(found[1], MIN_READ_VARIANCE)], np.float32)
+    noise, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
+    return np.array([noise[0], max(noise[1], MIN_READ_VARIANCE)], np.float32)

@@ -18,7 +18,7 @@ RIM_LIGHT_SHARE = 0.5
 MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
 """Shares of the frame and of its border that a dark part has, if it is no marker there."""
 MAX_CONTINUED_RATIO = 1.5
-"""How far beyond the light on the film it may go on."""
+"""Limit of continued light, as a multiple of the light on the film."""
 MAX_FIT_PIXELS = 20000
 """Pixels that say enough of how light falls off."""
 
@@ -99,8 +99,8 @@ def _continued(plane: F4, area: U1) -> F4:
     light = plane.ravel()[inside]
     low, high = np.percentile(light, [1, 99])
     logs = np.log(np.clip(light, max(low, 1e-4), None))
-    found = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
-    logs = np.tensordot(found, terms, axes=1)
+    coefficients = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
+    logs = np.tensordot(coefficients, terms, axes=1)
     light = np.exp(
         np.clip(logs, *np.log([max(low, 1e-4) / MAX_CONTINUED_RATIO, high * MAX_CONTINUED_RATIO]))
     )

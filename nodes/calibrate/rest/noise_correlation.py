@@ -84,7 +84,7 @@ def noise_correlation(
 
 
 def _of_cells(light: F4) -> NDArray[Any]:
-    """For each tile, the pixel variance that would explain the noise of its cells.
+    """Pixel variance that would explain the noise of the cells, for each tile.
 
     The mask's taps are spaced apart, since neighbouring cells share noise, too.
     """

@@ -48,7 +48,7 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
                 f"object ({MIN_PIXELS} are needed): is it on?"
             )
         basis = harmonics(slope[:, chosen]).T.astype(np.float64)
-        found, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
-        coefficients.append(found)
-        residuals.append(np.sqrt(np.mean((basis @ found - plane[chosen]) ** 2)))
+        harmonic, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
+        coefficients.append(harmonic)
+        residuals.append(np.sqrt(np.mean((basis @ harmonic - plane[chosen]) ** 2)))
     return ReflectanceFit(np.asarray(coefficients, np.float32), np.asarray(residuals, np.float32))

@@ -13,10 +13,10 @@ PROTOCOL_VERSION = 1
 """The version of the protocol."""
 MAX_LINE_BYTES = 400
 """Most bytes of a line."""
-_LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
+_CHECKED_LINE = re.compile(rb"\$([ -#%-)+-~]*)\*([0-9A-F]{4})")
 MAX_NUMBER = 10**15
 """Largest number in a line: 31 years in microseconds, which a float holds to 0.1 us."""
-_NUMBER = re.compile(r"-?[0-9]{1,16}")
+_WHOLE_NUMBER = re.compile(r"-?[0-9]{1,16}")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def frame(body: str) -> bytes:
 
 def unframe(line: bytes) -> str | None:
     """The body of a line without its newline; None if it was damaged in transit."""
-    match = _LINE.fullmatch(line)
+    match = _CHECKED_LINE.fullmatch(line)
     if match is None or binascii.crc_hqx(match[1], 0xFFFF) != int(match[2], 16):
         return None
     return match[1].decode("ascii")
@@ -61,7 +61,7 @@ def whole_number(word: str, least: int = 0, most: int = MAX_NUMBER) -> int:
     ValueError
         If it is none, or out of its range.
     """
-    if not _NUMBER.fullmatch(word) or not least <= int(word) <= most:
+    if not _WHOLE_NUMBER.fullmatch(word) or not least <= int(word) <= most:
         raise ValueError(f"{word[:20]} is no whole number from {least} to {most}")
     return int(word)
 

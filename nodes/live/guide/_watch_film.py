@@ -85,7 +85,7 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
         taken = [mean for mean in means if mean is not None]
         if len(taken) < len(means):
             continue
-        dark, image, again = taken[0], np.stack(taken[1:-1]), taken[-1]
+        dark, image, later_dark = taken[0], np.stack(taken[1:-1]), taken[-1]
         for led, plane in zip(leds, image, strict=True):
             if float((plane - dark).mean()) < MIN_LED_LIGHT:
                 raise InputError(
@@ -93,7 +93,7 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
                     "exposure ('tactograph run check_leds' lights each in turn)"
                 )
         if (
-            _change(_cells(image[0], dark), _cells(again, dark), _cells(image[0], dark))
+            _change(_cells(image[0], dark), _cells(later_dark, dark), _cells(image[0], dark))
             < MIN_MOTION
         ):
             return image, dark
@@ -110,11 +110,11 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
     """
     end = time.monotonic() + patience_s
     while time.monotonic() < end:
-        one, again = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
+        one, later = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
         if (
             one is None
-            or again is None
-            or _change(cells(one), cells(again), cells(one)) > MIN_MOTION
+            or later is None
+            or _change(cells(one), cells(later), cells(one)) > MIN_MOTION
         ):
             continue
         for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
@@ -123,7 +123,7 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
                     f"{colour} gives no light on the film; look at the sensor's LEDs and at the "
                     "exposure"
                 )
-        return (one + again) * np.float32(0.5)
+        return (one + later) * np.float32(0.5)
     raise InputError(_restless(patience_s))
 
 

@@ -44,7 +44,7 @@ class Verdict(NamedTuple):
     """The LED that the fault is about; 0 for none."""
     other: int = 0
     share: float = 0.0
-    """In a mixed frame: the second LED, 0 for none, and its share of the light."""
+    """Second LED of a mixed frame, 0 for none, and its share of the light."""
     gain: float = 1.0
     """The LED's brightness, 1 as calibrated."""
 

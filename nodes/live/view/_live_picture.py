@@ -35,11 +35,11 @@ DIMMED_SHARE = 0.6
 WHITE_SHARE = 0.995
 """Share of the pixels that are shown below white."""
 LABEL_COUNT = 256
-BLUE, GREEN, RED = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
+BLUE_CURVE, GREEN_CURVE, RED_CURVE = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
     "leds": tuple((str(k), colour) for k, colour in enumerate(LED_COLOURS, start=1)),
-    "bgr": (BLUE, GREEN, RED),
-    "rgb": (RED, GREEN, BLUE),
+    "bgr": (BLUE_CURVE, GREEN_CURVE, RED_CURVE),
+    "rgb": (RED_CURVE, GREEN_CURVE, BLUE_CURVE),
 }
 """Names of the lights, and colours of their labels."""
 

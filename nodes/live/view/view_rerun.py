@@ -267,8 +267,8 @@ class _Stream:
             self._url = None
             warn(f"view_rerun: the viewer at {url} is gone; the stream goes on without it")
 
-    def log(self, path: str | list[object], *what: Any, static: bool = False) -> None:
-        self._recording.log(path, *what, static=static)
+    def log(self, path: str | list[object], *entities: Any, static: bool = False) -> None:
+        self._recording.log(path, *entities, static=static)
 
     def begin(self, age: float | None) -> None:
         """Begin a touch that was exposed `age` seconds ago."""

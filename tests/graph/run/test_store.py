@@ -122,7 +122,7 @@ def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> N
     import zlib
 
     body = pickle.dumps(Bad())
-    file.write_bytes(disk_cache._MAGIC + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
+    file.write_bytes(disk_cache._FIRST_LINE + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
     made(made_now=True)
     assert not (tmp_path / "obeyed").exists()
 

@@ -204,11 +204,11 @@ def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
     (folder / "nap.yaml").write_text("format: 1\npatch: [{neutral: shadow}]\n")
     monkeypatch.syspath_prepend(tmp_path)
-    point = EntryPoint("felt", "felt_pipelines", graph_places.GROUP)
+    point = EntryPoint("felt", "felt_pipelines", graph_places.ENTRY_GROUP)
     monkeypatch.setattr(
         graph_places,
         "entry_points",
-        lambda group, name: [point] if (group, name) == (graph_places.GROUP, "felt") else [],
+        lambda group, name: [point] if (group, name) == (graph_places.ENTRY_GROUP, "felt") else [],
     )
     assert read_graph("felt/soft").nodes["shadow"].neutral
     variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})

@@ -16,8 +16,8 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION, NO_MISFIT
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, NO_MISFIT
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
@@ -176,7 +176,7 @@ def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
 
 
 def test_every_array_of_a_calibration_has_a_range() -> None:
-    for kind in (CALIBRATION, PRESS_CALIBRATION, CAMERA):
+    for kind in (CALIBRATION_KIND, PRESS_CALIBRATION, CAMERA_KIND):
         for name, value in kind.values.items():
             limits = np.isfinite([value.stored.low, value.stored.high]).all()
             assert limits or value.dtype.kind != "f", name

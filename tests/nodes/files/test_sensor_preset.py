@@ -9,15 +9,17 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
-from tactograph.nodes.files.sensor_preset import FOLDER, read_preset
+from tactograph.nodes.files.sensor_preset import PRESET_FOLDER, read_preset
 from tactograph.nodes.live.camera.open_camera import CameraSettings, View
 from tactograph.nodes.live.touches.colour_stream import open_colour_sensor
 
 
-@pytest.mark.parametrize("name", sorted(file.stem for file in FOLDER.glob("*.yaml")))
+@pytest.mark.parametrize("name", sorted(file.stem for file in PRESET_FOLDER.glob("*.yaml")))
 def test_what_ships_can_be_copied(name: str, tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
-    copy.write_text((FOLDER / f"{name}.yaml").read_text().replace("turn_deg: 0 ", "turn_deg: 180"))
+    copy.write_text(
+        (PRESET_FOLDER / f"{name}.yaml").read_text().replace("turn_deg: 0 ", "turn_deg: 180")
+    )
     mine, shipped = read_preset(str(copy)), read_preset(name)
     assert mine.size == shipped.size
     assert pixel_size(sensor=name) == shipped.pixel_size_mm

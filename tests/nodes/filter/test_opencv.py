@@ -9,7 +9,7 @@ import pytest
 
 from tactograph import load
 from tactograph.graph.errors import GraphError
-from tactograph.nodes.filter._opencv_functions import FUNCTIONS
+from tactograph.nodes.filter._opencv_functions import FUNCTION_ARGUMENTS
 from tactograph.nodes.filter.opencv import opencv
 
 EXAMPLES: dict[str, dict[str, Any]] = {
@@ -49,7 +49,7 @@ def test_the_slope_of_a_ramp_is_what_sobel_finds() -> None:
     np.testing.assert_allclose(found[:, :, 1:-1], 1)
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", FUNCTION_ARGUMENTS)
 def test_every_listed_function_gives_an_image_of_the_same_size(name: str) -> None:
     light = np.random.default_rng(1).random((3, 12, 17), np.float32)
     found = opencv(light, call={name: EXAMPLES[name]})

@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.nodes import ShadowRises
-from tactograph.nodes.height.height_equations import AWAY, REST
+from tactograph.nodes.height.height_equations import STATE_AWAY, STATE_REST
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tests.nodes.error.test_height_error import stated_error
 from tests.nodes.height.test_precise_nodes import (
@@ -53,7 +53,7 @@ def test_no_equation_has_a_pixel_that_does_not_count() -> None:
     )
     system = equations(slope, 1e-4, at_rest(z), rises, mask)
     row, column = 18 - system.corner[0], 30 - system.corner[1]
-    assert system.state[row, column] == AWAY
+    assert system.state[row, column] == STATE_AWAY
     assert np.isinf(system.right_variance[row, column - 1 : column + 1]).all()
     assert np.isinf(system.down_variance[row - 1 : row + 1, column]).all()
     assert system.rise.tolist() == pytest.approx([0.2])
@@ -81,7 +81,7 @@ def test_a_mask_alone_leaves_no_film_at_rest() -> None:
     rest[:5] = 1
     system = equations(np.zeros((2, *SHAPE), np.float32), 1e-4, rest, mask=mask)
     assert not system.anchored[0]
-    assert not (system.state == REST).any()
+    assert not (system.state == STATE_REST).any()
 
 
 def test_what_rejects_outliers_is_set_once_for_height_and_stated_error() -> None:

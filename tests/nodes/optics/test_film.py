@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes.optics.film import (
-    FADE,
+    FADE_WIDTH,
     _changes,
     _reflected,
     is_affine,
@@ -84,7 +84,7 @@ def test_film_is_brighter_where_it_is_touched() -> None:
 
 def test_harmonics_end_at_the_slopes_that_were_pressed() -> None:
     film = FILMS["harmonics"]
-    pressed, beyond = film.flattest + 0.01, film.flattest - FADE - 0.01
+    pressed, beyond = film.flattest + 0.01, film.flattest - FADE_WIDTH - 0.01
     for nz, bent in ((pressed, True), (beyond, False)):
         n = np.array([[np.sqrt(1 - nz * nz)], [0.0], [nz]])
         at = n, *np.zeros((3, 1))

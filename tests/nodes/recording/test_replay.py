@@ -159,7 +159,7 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
     make_recording(tmp_path, 3)
     (path,) = log_files(tmp_path)
     content = path.read_bytes()
-    at, opcode = len(mcap_read.MAGIC), 0
+    at, opcode = len(mcap_read.MCAP_MAGIC), 0
     while opcode != Opcode.DATA_END:
         end = at
         opcode, length = mcap_read._OPCODE_AND_LENGTH.unpack_from(content, at)

@@ -267,6 +267,6 @@ def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int)
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     light = np.random.default_rng(4).uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
     whole = label(light)
-    monkeypatch.setattr(cache_blocks, "BLOCK", 7)
+    monkeypatch.setattr(cache_blocks, "BLOCK_PIXELS", 7)
     for expected, found in zip(whole, label(light), strict=True):
         assert np.array_equal(expected, found)

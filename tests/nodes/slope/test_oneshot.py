@@ -22,7 +22,13 @@ from tactograph.nodes.calibrate.file.write_press_calibration import write_press_
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.smooth_light import smooth_light
-from tactograph.nodes.optics.reflectance_map import SHADES, TERMS, ball_shape, shades, terms
+from tactograph.nodes.optics.reflectance_map import (
+    PLACE_TERMS,
+    SHADE_COUNT,
+    ball_shape,
+    shades,
+    terms,
+)
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
 from tests.conftest import real_data
 
@@ -36,7 +42,7 @@ FLAT = np.full((3, *SHAPE), 0.4, np.float32)
 
 def true_map() -> np.ndarray:
     """Three near lights: how strongly each answers to a slope changes over the film."""
-    found = np.zeros((3, SHADES, TERMS))
+    found = np.zeros((3, SHADE_COUNT, PLACE_TERMS))
     azimuth = np.array([0.3, 2.4, 4.5])
     found[:, 0, 0], found[:, 1, 0], found[:, 2, 0] = (
         0.7 * np.cos(azimuth),

@@ -8,7 +8,7 @@ import pytest
 from tactograph.nodes import F4
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tactograph.nodes.simulate.light_ring import light_ring
-from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust._check import NOT_TESTED
 from tactograph.nodes.trust.light_departure import light_departure, light_error
 from tests.nodes.scenes import waves
 
@@ -76,14 +76,14 @@ def test_a_pair_of_leds_tests_nothing() -> None:
     light = 3 * expected_light(vectors, SLOPE)
     pair = np.full((ROWS, COLUMNS), 0b0101, np.uint8)
     sigma = np.full(light.shape, 0.01, np.float32)
-    assert (departure(light, sigma, SLOPE, lights, used=pair) == UNTESTED).all()
-    assert (departure(light, sigma, SLOPE, lights, used=0 * pair) == UNTESTED).all()
+    assert (departure(light, sigma, SLOPE, lights, used=pair) == NOT_TESTED).all()
+    assert (departure(light, sigma, SLOPE, lights, used=0 * pair) == NOT_TESTED).all()
 
 
 def test_three_leds_and_a_brightness_that_may_be_any_test_nothing() -> None:
     lights, vectors = world(3)
     light, sigma = expected_light(vectors, SLOPE), np.full((3, ROWS, COLUMNS), 1e-3, np.float32)
-    assert (departure(light, sigma, SLOPE, lights, uneven=0.05) == UNTESTED).all()
+    assert (departure(light, sigma, SLOPE, lights, uneven=0.05) == NOT_TESTED).all()
     assert (departure(light, sigma, SLOPE, lights, uneven=0.0) >= 0).all()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.optics.reflectance_map import SHADES, TERMS
+from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.nodes.slope.solve_reflectance_map import mapped_light, solve_reflectance_map
 from tactograph.nodes.trust.map_departure import map_departure
 from tests.nodes.scenes import waves
@@ -20,7 +20,7 @@ FLAT = np.full((4, *SHAPE), 0.4, np.float32)
 def reflectance(count: int) -> F4:
     """Lights from all sides, brighter where the film is raised."""
     azimuth = 0.3 + 2 * np.pi * np.arange(count) / count
-    found = np.zeros((count, SHADES, TERMS), np.float32)
+    found = np.zeros((count, SHADE_COUNT, PLACE_TERMS), np.float32)
     found[:, 0, 0], found[:, 1, 0], found[:, 2, 0] = (
         0.7 * np.cos(azimuth),
         0.7 * np.sin(azimuth),

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._check import UNTESTED
+from tactograph.nodes.trust._check import NOT_TESTED
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust.slope_curl import NOISE_WEIGHT, slope_curl
 from tests.nodes.scenes import ball
@@ -102,7 +102,7 @@ def test_the_calibrations_misfit_widens_what_is_expected() -> None:
 
 def test_level_film_tests_nothing() -> None:
     level = np.random.default_rng(1).normal(0, 0.01, (2, *SHAPE)).astype(np.float32)
-    assert (slope_curl(level, EXACT) == UNTESTED).all()
+    assert (slope_curl(level, EXACT) == NOT_TESTED).all()
 
 
 def test_edges_and_pairs_of_leds_test_nothing_and_others_do() -> None:
@@ -111,8 +111,8 @@ def test_edges_and_pairs_of_leds_test_nothing_and_others_do() -> None:
     used = np.full((12, 16), 0b1111, np.uint8)
     used[6:] = 0b0110
     expected = np.zeros((12, 16), np.float32)
-    expected[:, 7] = expected[5:] = UNTESTED
-    expected[-1] = expected[:, -1] = UNTESTED
+    expected[:, 7] = expected[5:] = NOT_TESTED
+    expected[-1] = expected[:, -1] = NOT_TESTED
     np.testing.assert_array_equal(slope_curl(slope, EXACT, used), expected)
 
 
@@ -121,4 +121,4 @@ def test_fewer_than_four_cells_test_nothing(shape: tuple[int, int]) -> None:
     slope = np.full((2, *shape), 0.3, np.float32)
     found = slope_curl(slope, EXACT, factor=4)
     assert found.shape == tuple(-(-side // 4) for side in shape)
-    assert (found == UNTESTED).all()
+    assert (found == NOT_TESTED).all()

@@ -20,10 +20,10 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import (
+    HEIGHT_WRITERS,
     MESH_AXES,
-    MESHES,
+    MESH_WRITERS,
     PNG_TEXT,
-    WRITERS,
     read_height_file,
     read_tmd,
     write_tmd,
@@ -50,7 +50,7 @@ def partly_known() -> F4:
 
 @pytest.fixture
 def exported(tmp_path: Path) -> Path:
-    export_height(slope(), PIXEL, folder=tmp_path, formats=(*WRITERS, *MESHES))
+    export_height(slope(), PIXEL, folder=tmp_path, formats=(*HEIGHT_WRITERS, *MESH_WRITERS))
     return tmp_path
 
 
@@ -150,7 +150,7 @@ def test_infinite_heights_and_nothing_known_are_refused(
     tmp_path: Path, suffix: str, wrong: float, told: str
 ) -> None:
     height = np.full((6, 7), wrong, np.float32)
-    WRITERS[suffix](tmp_path / f"height.{suffix}", height, PIXEL)
+    HEIGHT_WRITERS[suffix](tmp_path / f"height.{suffix}", height, PIXEL)
     with pytest.raises(InputError, match=told):
         read_height(file=tmp_path / f"height.{suffix}", unknown=True)
 

@@ -14,7 +14,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import TIFF_TEXT, TMD_SIZES, WRITERS, read_tmd
+from tactograph.nodes.files.height_files import HEIGHT_WRITERS, TIFF_TEXT, TMD_SIZES, read_tmd
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 PIXEL = 0.05
@@ -28,7 +28,7 @@ def ramp() -> F4:
 def stored(folder: Path, suffix: str, result: object = None) -> Path:
     """A height map of 0.05 mm per px, beside a ``result.json`` if one is given."""
     file = folder / f"height.{suffix}"
-    WRITERS[suffix](file, ramp(), PIXEL)
+    HEIGHT_WRITERS[suffix](file, ramp(), PIXEL)
     if result is not None:
         (folder / "result.json").write_text(json.dumps(result))
     return file

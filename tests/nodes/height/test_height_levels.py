@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactograph.nodes.height.height_solver import _levels, _tie_levels
+from tactograph.nodes.height.height_levels import levels_of, tie_levels
 from tactograph.nodes.height.springs import Ties, join_ends, stable_order
 
 ROWS, COLUMNS = 40, 50
@@ -26,8 +26,8 @@ def test_ties_of_a_coarser_level_join_those_between_the_same_blocks(
 ) -> None:
     """Level after level, as the host joins them; what lies within a block joins none."""
     top, foot = np.array(ends, np.int64).reshape(-1, 2).T
-    levels = _levels(ROWS, COLUMNS)
-    found = _tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)
+    levels = levels_of(ROWS, COLUMNS)
+    found = tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)
     members = [set(part.tolist()) for part in np.split(found.members, found.member_start[1:-1])]
     tops, feet = {}, {}
     for own, tie in zip(found.knot_own, found.knot_tie, strict=True):

@@ -1,0 +1,138 @@
+"""The levels of a multigrid in the planes that they share: places, ties, and order of steps.
+
+The host lays them out; `height_networks` and `height_solver` compute on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import I4
+from tactograph.nodes.height.springs import MAX_DENSE_PIXELS, SINGLE_VISITS, Ties, stable_order
+
+GAP_PIXELS = 32
+"""Gaps before, between and after the levels are multiples of this length, as rows are."""
+STEP_RESTRICT, STEP_REDO, STEP_LIFT, STEP_SMOOTH, STEP_SOLVE = range(5)
+
+
+class Level(NamedTuple):
+    """A network of the multigrid: its first number in the planes, its size, numbers per row."""
+
+    first: int
+    rows: int
+    columns: int
+    stride: int
+
+    @property
+    def size(self) -> int:
+        return self.rows * self.stride
+
+    @property
+    def there(self) -> tuple[int, int, int]:
+        """Its kernel arguments."""
+        return self.first, self.rows, self.stride
+
+    def at(self, pixel: NDArray[Any]) -> NDArray[Any]:
+        """The places in the planes of its pixels, which are counted without gaps."""
+        return self.first + pixel // self.columns * self.stride + pixel % self.columns
+
+
+class Step(NamedTuple):
+    """A step of a multigrid cycle."""
+
+    action: int
+    level: int
+    twice: bool
+
+
+def levels_of(rows: int, columns: int) -> list[Level]:
+    levels = [Level(_row(columns), rows, columns, _row(columns))]
+    while levels[-1].rows * levels[-1].columns > MAX_DENSE_PIXELS:
+        first, rows, columns, stride = levels[-1]
+        behind = first + (rows + 1) * stride
+        rows, columns = (rows + 1) // 2, (columns + 1) // 2
+        levels.append(Level(behind, rows, columns, _row(columns)))
+    return levels
+
+
+def _row(columns: int) -> int:
+    """The numbers that a row takes: whole lanes, and twice as many on the level before."""
+    return -(-columns // GAP_PIXELS) * GAP_PIXELS
+
+
+def gaps_of(levels: Sequence[Level]) -> I4:
+    """Beginnings of the runs of numbers that belong to no level, and of the row after the last.
+
+    The coarsest level is among them: only its pixels get heights, not the padding of its rows.
+    """
+    *finer, last = levels
+    begins = [0, *(level.first + level.size for level in finer)]
+    # Lanes at the end of a level read one run beyond the row after it.
+    ends = [*(level.first for level in finer), last.first + last.size + last.stride + GAP_PIXELS]
+    runs = [np.arange(begin, end, GAP_PIXELS) for begin, end in zip(begins, ends, strict=True)]
+    return np.concatenate(runs).astype(np.int32)
+
+
+@lru_cache(maxsize=16)
+def cycle_of(levels: int, top: int) -> tuple[Step, ...]:
+    """The steps of `springs.cycle`, from level `top` on."""
+    return tuple(_steps(levels, top))
+
+
+def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
+    if at == levels - 1:
+        yield Step(STEP_SOLVE, at, twice=False)
+        return
+    yield Step(STEP_RESTRICT, at, twice=False)
+    yield from _steps(levels, at + 1, depth + 1)
+    twice = depth + 1 >= SINGLE_VISITS and at + 2 < levels
+    if twice:
+        yield Step(STEP_REDO, at + 1, twice=False)
+        yield from _steps(levels, at + 1, depth + 1)
+    yield Step(STEP_LIFT, at, twice)
+    yield Step(STEP_SMOOTH, at, twice=False)
+
+
+class TieLevels(NamedTuple):
+    """The ties of all levels, one after another.
+
+    Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_own[n]` is an end of
+    the tie `knot_tie[n]`, with ~t where it is the foot of t; the other end is `knot_other[n]`.
+    """
+
+    member_start: I4
+    members: I4
+    knot_own: I4
+    knot_tie: I4
+    knot_other: I4
+
+
+def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
+    """The finest ties unchanged; on each coarser level, ties of the same two blocks are merged."""
+    count, width = ties.top.size, levels[0].columns
+    depth = np.arange(len(levels))[:, None]
+    first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))
+    at = [
+        first + (end // width >> depth) * stride + (end % width >> depth)
+        for end in (ties.top, ties.foot)
+    ]
+    # A tie whose ends lie in one block joins none.
+    level, finest = np.nonzero(at[0][1:] != at[1][1:])
+    top, foot = (end[level + 1, finest] for end in at)
+    pairs = top * (levels[-1].first + levels[-1].size) + foot
+    order = stable_order(pairs)
+    begins = np.flatnonzero(np.diff(pairs[order], prepend=-1))
+    own = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
+    numbers = np.arange(own[0].size)
+    member_start = np.concatenate([numbers[:count], count + begins, [count + order.size]])
+    members = np.concatenate([numbers[:count], finest[order]])
+    order = stable_order(np.concatenate(own))
+    knot_own, knot_other = (np.concatenate(ends)[order] for ends in (own, own[::-1]))
+    knot_tie = np.concatenate([numbers, ~numbers])[order]
+    arrays = member_start, members, knot_own, knot_tie, knot_other
+    return TieLevels(*(array.astype(np.int32) for array in arrays))

@@ -1,0 +1,309 @@
+"""The networks of `springs` on an OpenCL device: of pixels, of cells, and their coarser levels.
+
+`height_solver` finds the heights at which they rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.nodes import F4, I4
+from tactograph.nodes.height.height_equations import rise_variance, surest, window_at
+from tactograph.nodes.height.height_levels import (
+    GAP_PIXELS,
+    Level,
+    Step,
+    cycle_of,
+    gaps_of,
+    levels_of,
+    tie_levels,
+)
+from tactograph.nodes.height.springs import Ties
+
+ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
+"""Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
+CPU, whose lanes are filled, that is one core: it finishes before two cores would have started."""
+SUM_PARTS = 1024
+
+
+@dataclass
+class Stack:
+    """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
+
+    `steps` are those of a cycle through them.  `dense` is the inverse of the last one's matrix.
+    The host computes it when a cycle begins, because the device has other work first; until then
+    `matrix` waits for the matrix.
+    """
+
+    top: Level
+    right: DeviceArray
+    down: DeviceArray
+    inverse: DeviceArray
+    steps: tuple[Step, ...]
+    steps_there: DeviceArray
+    dense: DeviceArray
+    matrix: Callable[[], F4] | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape of the heights that it solves for."""
+        return self.top.rows, self.top.columns
+
+
+class Wants(NamedTuple):
+    """The target steps and rises of the springs, in mm, under one load or several (L x ...)."""
+
+    right: DeviceArray
+    down: DeviceArray
+    rise: DeviceArray
+
+
+class Planes(NamedTuple):
+    """The planes of a solution: numbers of all levels, from `base` on, `apart` for each load."""
+
+    force: DeviceArray
+    height: DeviceArray
+    lifted: DeviceArray
+    kept: DeviceArray
+    direction: DeviceArray
+    moved: DeviceArray
+    z: DeviceArray
+    base: int = 0
+    apart: int = 0
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Its kernel arguments."""
+        return self.base, self.apart
+
+
+class HeightNetworks:
+    """The equations that a launch has as its input `system`, as networks of springs.
+
+    With `deepest` above 0 there are also networks of cells (`spring_cells`), after this many
+    coarsenings by 2 x 2, or fewer if there are too few pixels.
+    """
+
+    def __init__(self, run: Launch, deepest: int = 0) -> None:
+        self._run = run
+        self.state = self._system("state")
+        told = ("corner", "anchored", "scales", "top", "foot")
+        coming = [run.begin_download(self._system(name)) for name in told]
+        self.shape = rows, columns = self.state.shape
+        self.levels = levels_of(rows, columns)
+        gaps = gaps_of(self.levels)
+        total = int(gaps[-1]) + GAP_PIXELS
+        (self.ground,) = self._new_planes(1, total)
+        self.planes = self.working_planes(total)
+        self.parts = run.scratch((SUM_PARTS,))
+        self.one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
+        last = self.levels[-1]
+        self.dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
+        self.pixels = self._stack(0, gaps)
+        first, _, stride = self.levels[0].there
+        run.kernel(
+            "hold", run.in_row_lanes(rows, stride),
+            self.state, self.ground, first, rows, columns, stride,
+        )  # fmt: skip
+        self._depth = min(deepest, len(self.levels) - 1)
+        self.cells = self._stack(self._depth, gaps) if self._depth else None
+        halved = self.levels[1 : 1 + self._depth]
+        self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
+        self.wants = Wants(*(self._system(name) for name in ("right", "down", "rise")))
+        self._variances = self._system("right_variance"), self._system("down_variance")
+        corner, anchored, scales, top, foot = (arrived() for arrived in coming)
+        self.window = window_at(corner, self.shape)
+        self.place = *(int(number) for number in corner), rows, columns
+        self.anchored = bool(anchored[0])
+        _, self.rise_error, self.robust, self.pixel = (float(number) for number in scales)
+        self._unit, self._rise_variance = float(surest(scales)), float(rise_variance(scales))
+        stiffness = np.ones(top.size, np.float32)
+        self._tie(Ties(top.astype(np.int64), foot.astype(np.int64), stiffness), total)
+        there = [level.there for level in self.levels]
+        self.levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
+
+    def _system(self, name: str) -> DeviceArray:
+        array: DeviceArray = self._run.inputs[f"system.{name}"]
+        return array
+
+    def _stack(self, top: int, gaps: I4) -> Stack:
+        """Allocate the networks from a level on; the gaps between them are cleared."""
+        run = self._run
+        right, down, inverse = self._new_planes(3, int(gaps[-1]) + GAP_PIXELS)
+        whole = self.planes
+        run.kernel(
+            "clear_gaps", (gaps.size * GAP_PIXELS,), run.put(gaps), gaps.size, right, down,
+            self.ground, whole.height, whole.lifted, whole.z,
+        )  # fmt: skip
+        steps = cycle_of(len(self.levels), top)
+        steps_there = run.put(np.array(steps, np.int32))
+        (size,) = self.dense_at.shape
+        # Its rows are padded to whole lanes.
+        dense = run.scratch((size, -(-size // GAP_PIXELS) * GAP_PIXELS))
+        return Stack(self.levels[top], right, down, inverse, steps, steps_there, dense)
+
+    def working_planes(self, size: int, base: int = 0, apart: int = 0) -> Planes:
+        force, height, lifted, kept, direction, moved, z = self._new_planes(7, size)
+        return Planes(force, height, lifted, kept, direction, moved, z, base, apart)
+
+    def _new_planes(self, count: int, size: int) -> list[DeviceArray]:
+        return [self._run.scratch((size,)) for _ in range(count)]
+
+    def _tie(self, ties: Ties, total: int) -> None:
+        """The rises as ties of every level, and where in the planes they are."""
+        run = self._run
+        levels = tie_levels(ties, self.levels)
+        self._ties, self._all_ties = ties.top.size, len(levels.member_start) - 1
+        self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
+        self._finest = run.scratch((self._ties,))
+        self._stiffness = run.scratch((self._all_ties,))
+        self._members = run.put(levels.member_start), run.put(levels.members)
+        runs = total // run.lanes
+        starts = np.append(0, np.cumsum(np.bincount(levels.knot_own // run.lanes, minlength=runs)))
+        marks = run.scratch((runs,), np.uint8)
+        self.knot_tie, stiffness = run.put(levels.knot_tie), run.scratch(levels.knot_tie.shape)
+        own, other = run.put(levels.knot_own), run.put(levels.knot_other)
+        self._knots = marks, run.put(starts.astype(np.int32)), own, other, stiffness
+
+    @property
+    def rises(self) -> int:
+        """Number of rises with both ends in the window."""
+        return self._ties
+
+    def arguments(self, stack: Stack) -> tuple[DeviceArray, ...]:
+        planes = stack.right, stack.down, self.ground, stack.inverse
+        return *planes, *self._knots
+
+    def cut(self, height: DeviceArray) -> DeviceArray:
+        """A height over the frame, inside the window, and zero on the film at rest."""
+        run, inside = self._run, self._run.scratch(self.shape)
+        first, _, stride = self.levels[0].there
+        run.kernel(
+            "cut", run.in_row_lanes(*self.shape),
+            height, self.ground, inside, first, stride, run.sizes["W"], *self.place,
+        )  # fmt: skip
+        return inside
+
+    def cost(self, height: DeviceArray, scale: float) -> float:
+        """The value of `HeightSystem.cost`."""
+        run, parts = self._run, self.parts
+        run.kernel(
+            "cost_parts", (SUM_PARTS,), height, *self.wants, *self._variances, self._finest_ends,
+            parts, *self.shape, self._ties, self._rise_variance, float(np.float32(scale * scale)),
+        )  # fmt: skip
+        return float(run.download(parts).sum(dtype=float))
+
+    def weigh(self, height: DeviceArray, scale: float) -> None:
+        """Make the networks of all levels, each spring weaker the farther `height` is from it."""
+        run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
+        if self._ties:
+            run.kernel(
+                "stiffen_rises", (self._ties,), height, self.wants.rise, self._finest_ends,
+                self._finest, self._ties, self._rise_variance, unit, square,
+            )  # fmt: skip
+            run.kernel(
+                "join_ties", (self._all_ties,),
+                self._finest, *self._members, self._stiffness, self._all_ties,
+            )  # fmt: skip
+            entries = self._knots[-1]
+            run.kernel(
+                "stiffen_knots", entries.shape, self._stiffness, self.knot_tie, entries,
+                *entries.shape,
+            )  # fmt: skip
+        first, rows, stride = self.levels[0].there
+        run.kernel(
+            "stiffen", run.in_row_lanes(rows, stride), height, *self.wants[:2], *self._variances,
+            self.pixels.right, self.pixels.down, first, rows, self.shape[1], stride, unit, square,
+        )  # fmt: skip
+        self._join(self.pixels)
+        if self.cells is not None:
+            for (fine, cell, stack), shares in zip(self._halvings(), self._shares, strict=True):
+                run.kernel(
+                    "springs_of_cells", (cell.rows, cell.stride), stack.right, stack.down,
+                    self.cells.right, self.cells.down, *shares, *fine, *cell,
+                )  # fmt: skip
+            self._join(self.cells)
+
+    def _halvings(self) -> Iterator[tuple[Level, Level, Stack]]:
+        """Pixels and their cells down to the coarsest, and where the pixels' springs are."""
+        assert self.cells is not None
+        for fine, cell in zip(self.levels[: self._depth], self.levels[1:], strict=False):
+            yield fine, cell, self.cells if fine.first != self.levels[0].first else self.pixels
+
+    def _join(self, stack: Stack) -> None:
+        """Make the networks below the first."""
+        run, levels, network = self._run, self.levels, self.arguments(stack)
+        *planes, marks, starts, own, _, stiffness = network
+        number = levels.index(stack.top)
+        joined = *planes, marks, starts, own, stiffness
+        while levels[number].size > self.one_group:
+            fine, coarse = levels[number], levels[number + 1]
+            run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.there)
+            run.kernel(
+                "coarsen_level", run.in_lanes(coarse.size),
+                stack.right, stack.down, self.ground, *fine.there, *coarse.there,
+            )  # fmt: skip
+            number += 1
+        run.kernel(
+            "join_small_levels", (run.group,), *joined, self.levels_there, number,
+            len(levels) - 1, local=(run.group,),
+        )  # fmt: skip
+        last = levels[-1]
+        size = last.rows * last.columns
+        matrix = run.scratch((size, size))
+        run.kernel("dense_matrix", (size, size), *network, self.dense_at, matrix, size, last.stride)
+        stack.matrix = run.begin_download(matrix)
+
+    def room(self, stack: Stack, loads: int) -> Wants:
+        """Allocate the springs' targets under `loads` loads."""
+        run, ties = self._run, self._ties if stack is self.pixels else self._all_ties
+        right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
+        return Wants(right, down, run.scratch((loads, ties)))
+
+    def wants_of_cells(self, wants: Wants, number: int, out: Wants, to: int) -> None:
+        """Find the targets of the cells' springs under load `to` from those between pixels."""
+        run = self._run
+        if self._all_ties:
+            run.kernel(
+                "join_rises", (self._all_ties,), self._finest, wants.rise, *self._members,
+                out.rise, self._all_ties, number, self._ties, to,
+            )  # fmt: skip
+        right, down = wants.right, wants.down
+        shape: tuple[int, ...] = self.shape
+        for shares in self._shares:
+            smaller, last = shares[0].shape, shares is self._shares[-1]
+            east, south = (out.right, out.down) if last else self._new_planes(2, math.prod(smaller))
+            run.kernel(
+                "wants_of_cells", run.in_row_lanes(*smaller), right, down, *shares, east, south,
+                *shape, *smaller, number, to if last else 0,
+            )  # fmt: skip
+            right, down, shape, number = east, south, smaller, 0
+
+    def on_pixels(self, planes: DeviceArray, number: int, out: DeviceArray) -> None:
+        """Interpolate the cells' values under a load at the pixels."""
+        run, source, size = self._run, planes, planes.shape[-2:]
+        for level in reversed(self.levels[: self._depth]):
+            shape = level.rows, level.columns
+            to = out if level is self.levels[0] else run.scratch(shape)
+            run.kernel(
+                "on_pixels", run.in_row_lanes(*shape[:1], size[1]), source, to, *size, *shape,
+                number,
+            )  # fmt: skip
+            source, size, number = to, shape, 0
+
+    def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
+        """The value of `Springs.energy` for the first loads."""
+        run, (first, rows, stride) = self._run, stack.top.there
+        parts, energies = run.scratch((loads, SUM_PARTS)), run.scratch((loads,))
+        run.kernel(
+            "energy_parts", (loads * SUM_PARTS,), stack.right, stack.down, wants.right, wants.down,
+            parts, first, rows, stack.top.columns, stride, loads,
+        )  # fmt: skip
+        run.kernel("add_energies", (loads,), parts, energies, loads)
+        return energies
