@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph import node, warn
+from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
@@ -16,6 +16,8 @@ MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 MAX_DEPARTURE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
+MAX_NO_FILM = 0.1
+"""Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
@@ -57,6 +59,11 @@ def rate_exposure(
     -------
     dict
         ``rest_departure_percent``, the largest of all presses and LEDs, with its sign.
+
+    Raises
+    ------
+    InputError
+        If there is no film beside a ball.
     """
     presses = cut(light, flat.shape[1])
     compared, cure = _TAKEN_FLAT if not is_uniform(taken) else _MODELLED_FLAT
@@ -78,14 +85,19 @@ def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> f
     if free.mean() < MIN_FREE_SHARE:
         free[:] = True
     levels = np.median(press[:, free], axis=1) - 1
+    # A single press has no name.
+    where = f"{name}: " if name else ""
+    if (levels < MAX_NO_FILM - 1).all():
+        raise InputError(
+            f"{where}there is no film beside the ball, but darkness: press the ball into the film, "
+            "whose light at rest is what slopes and heights are measured by"
+        )
     led = int(np.argmax(np.abs(levels)))
     level = float(levels[led])
     if abs(level) > MAX_DEPARTURE:
         more = "brighter" if level > 0 else "darker"
-        # A single press has no name.
-        where = f"{name}: under" if name else "under"
         warn(
-            f"{where} LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than "
+            f"{where}under LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than "
             f"{compared}: {cure}"
         )
     return level

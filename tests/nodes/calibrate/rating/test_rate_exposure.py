@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.rate_exposure import rate_exposure
@@ -48,6 +49,11 @@ def test_where_no_flat_frame_was_given_none_is_blamed() -> None:
     _, said = rated(press(1.25), taken=np.ones_like(FLAT))
     assert "brighter than a plain film under the LEDs that were found" in said
     assert said.endswith("as no flat frame was given: give one, flat=DIR")
+
+
+def test_a_ball_alone_is_no_press() -> None:
+    with pytest.raises(InputError, match="no film beside the ball"):
+        rated(press(0.02, dark=50), taken=np.ones_like(FLAT))
 
 
 def test_one_led_of_one_press_is_named() -> None:
