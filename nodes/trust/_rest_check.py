@@ -18,6 +18,8 @@ DARK_LIGHT, MAX_DARK_SHARE = np.float32(0.05), 0.02
 """Light that counts as none, and the share of the image without any."""
 MAX_LEVEL, MAX_SPREAD, MAX_SHAPE = 0.1, 0.08, 0.045
 """Change of an LED's light, half the range of the LEDs' changes, and change across the image."""
+MAX_KEPT_LEVEL = 0.04
+"""Change of an LED's light where no drift is taken out; heights change by three times as much."""
 MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.15
 """Depth below the film at rest, over the greatest height or this height if that is less."""
 MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.9, 0.05
@@ -55,7 +57,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
     light
         K x h x w, relative to the flat frame, before any drift is taken out.
     drift
-        K x 6, as `film_drift` found it; None: no drift is taken out.
+        K x 6, as `film_drift` found it; None: no drift is taken out, so less of it is right.
     height
         H x W in mm.
     lights
@@ -66,9 +68,13 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
     change = level - 1
     worst = int(np.abs(change).argmax())
     sense = "brighter" if change[worst] > 0 else "darker"
+    most = MAX_KEPT_LEVEL if drift is None and dark <= MAX_DARK else MAX_LEVEL
     named = f"LED {worst + 1} is {sense} than in the calibration"
     checks = [
-        Check(abs(float(change[worst])) / MAX_LEVEL, f"{named} (check exposure, gain and LED)"),
+        Check(
+            abs(float(change[worst])) / most,
+            f"{named} (check exposure, gain and LED, and that other light is kept out)",
+        ),
         Check(
             float(np.ptp(change)) / 2 / MAX_SPREAD,
             f"{named}, and the others are not (check the LED; if the touch reaches all borders, "

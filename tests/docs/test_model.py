@@ -28,6 +28,7 @@ LIMITS = {
     "T2": (_curl_check.MAX_MEDIAN, _curl_check.MAX_QUARTILE),
     "T3": (
         _rest_check.MAX_LEVEL,
+        _rest_check.MAX_KEPT_LEVEL,
         _rest_check.MAX_SPREAD,
         _rest_check.MAX_SHAPE,
         _rest_check.MAX_DARK_SHARE,

@@ -47,7 +47,7 @@ def test_trust_is_a_half_at_a_limit_and_falls_beyond() -> None:
 
 
 def test_the_worst_check_decides() -> None:
-    found = judged(0.25 * LIMIT, rest=0.84)
+    found = judged(0.25 * LIMIT, rest=0.936)
     assert found["check_curl"] == pytest.approx(0.5)
     assert found["check_rest"] == pytest.approx(1.6)
     assert found["trust"] == pytest.approx(1 / (1 + 1.6**4), rel=1e-4)
@@ -71,7 +71,7 @@ def test_a_warning_says_the_cause_and_the_cure() -> None:
 
 
 def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
-    (line,) = told(4 * LIMIT, rest=0.85, light=0.0)
+    (line,) = told(4 * LIMIT, rest=0.94, light=0.0)
     slopes, led = line.index("slopes are those of no surface"), line.index("LED 2 is darker")
     assert slopes < led
     assert "the light of the touch" not in line
