@@ -68,7 +68,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
     change = level - 1
     worst = int(np.abs(change).argmax())
     sense = "brighter" if change[worst] > 0 else "darker"
-    most = MAX_KEPT_LEVEL if drift is None and dark <= MAX_DARK else MAX_LEVEL
+    most = MAX_KEPT_LEVEL if drift is None and dark <= MAX_DARK_SHARE else MAX_LEVEL
     named = f"LED {worst + 1} is {sense} than in the calibration"
     checks = [
         Check(

@@ -16,7 +16,7 @@ MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 MAX_DEPARTURE = 0.1
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
-MAX_NO_FILM = 0.1
+NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
 _MODELLED_FLAT = (
@@ -87,7 +87,7 @@ def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> f
     levels = np.median(press[:, free], axis=1) - 1
     # A single press has no name.
     where = f"{name}: " if name else ""
-    if (levels < MAX_NO_FILM - 1).all():
+    if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(
             f"{where}there is no film beside the ball, but darkness: press the ball into the film, "
             "whose light at rest is what slopes and heights are measured by"
