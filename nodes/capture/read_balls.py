@@ -9,8 +9,9 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Light
+from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
+from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
 from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights, lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
@@ -21,6 +22,10 @@ KnownCircles = Annotated[F4, Port("P 3", "px", nan=True)]
 """x, y and contact radius of each press's ball; NaN where unknown."""
 
 
+Marks = Annotated[F4, Port("M 3", "px")]
+"""Balls that were marked by hand: x, y and the number of their press."""
+
+
 class BallPresses(NamedTuple):
     """P presses as a sheet, the first of them alone, and known properties of their balls."""
 
@@ -29,6 +34,8 @@ class BallPresses(NamedTuple):
     radius: Radii
     known: KnownCircles
     names: list[str]
+    marks: Marks | None = None
+    pixel_size: PixelSize | None = None
 
 
 @node
@@ -44,10 +51,11 @@ def read_balls(
     crop: Crop | None = None,
     channel: Channel | None = None,
 ) -> BallPresses:
-    """Read one press of a ball, or a folder of them.
+    """Read one press of a ball, or of a grid of balls, or a folder of them.
 
     Entries for the ball in a press's ``capture.yaml`` (``ball_radius_mm``,
-    ``ball_center_px: [x, y]``, ``ball_contact_px``) take precedence over the parameters.
+    ``ball_center_px: [x, y]``, ``ball_contact_px``) take precedence over the parameters.  A scan
+    brings the balls that were marked in it, their radius unless it is given, and its pixel size.
 
     Parameters
     ----------
@@ -64,7 +72,8 @@ def read_balls(
     -------
     BallPresses
         Images K x S x W on a sheet (`sheet`), the first press K x H x W, radii of length
-        P in mm, known circles P x 3 in px, the names of the P folders.
+        P in mm, known circles P x 3 in px, the names of the P folders, marked balls M x 3 in px if
+        there are any, and the pixel size that the first scan states.
 
     Raises
     ------
@@ -91,9 +100,18 @@ def read_balls(
             "for one; write them into each press's capture.yaml"
         )
     said = [read_capture_file(folder / name) for name in names]
+    scans = [read_scan(folder / name) if is_scan(folder / name) else None for name in names]
     radii = [
-        _radius(folder / name, about, usual)
-        for name, about, usual in zip(names, said, _spread(folder, names, radius_mm), strict=True)
+        _radius(folder / name, about, usual or (scan.ball_radius if scan else None))
+        for name, about, usual, scan in zip(
+            names, said, _spread(folder, names, radius_mm), scans, strict=True
+        )
+    ]
+    x0, y0 = crop[:2] if crop else (0, 0)
+    marks = [
+        (mark.x - x0, mark.y - y0, number)
+        for number, scan in enumerate(scans)
+        for mark in (scan.circles if scan else ())
     ]
     known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
@@ -102,6 +120,8 @@ def read_balls(
         np.asarray(radii, np.float32),
         np.asarray(known, np.float32),
         names,
+        np.array(marks, np.float32) if marks else None,
+        captures[0].pixel_size,
     )
 
 

@@ -120,7 +120,8 @@ def read_capture(
         folders, which are then read in order of name.  Hidden folders and files are ignored.
     lights
         "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
-        lights in that order.  None: the entry in ``capture.yaml``, else "leds".
+        lights in that order.  None: the entry in ``capture.yaml``; else "rgb" for a scan of one
+        image, and "leds" for others.
     leds
         Which LEDs to read and in what order, counted from 1.  None: all that exist.
     files
@@ -275,7 +276,11 @@ def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
 
 
 def _lights(folder: Path, lights: Lights | None) -> Lights:
-    return lights or read_capture_file(folder).lights or "leds"
+    """As given, or as the folder says; the one image of a scan is a colour image."""
+    said = lights or read_capture_file(folder).lights
+    if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
+        return "rgb"
+    return said or "leds"
 
 
 def read_capture_file(folder: Path) -> CaptureFile:
@@ -298,7 +303,7 @@ def _with_capture_file(folder: Path, layout: Layout) -> Layout:
 
 
 def _only_image(folder: Path) -> Path:
-    images = images_of(folder)
+    images = read_scan(folder).images if is_scan(folder) else images_of(folder)
     if len(images) != 1:
         names = ", ".join(f.name for f in images[:4]) or "none"
         raise InputError(f"{folder}: one colour image is needed here, there are: {names}")

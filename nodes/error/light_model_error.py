@@ -31,8 +31,6 @@ DRAW_COUNT = 16
 """Random errors; they come in pairs, whose waves are a quarter of a wave apart."""
 PIXEL_UNKNOWNS = 3
 """Unknowns of a pixel: p, q and the brightness.  Only more LEDs than these show a model's error."""
-USUAL_MISFIT = 0.01
-"""Misfit of the light by three LEDs, over full scale: between those of two real sensors."""
 REPEAT_TURN, REPEAT_FRAME = np.float32(1), np.float32(2)
 """Change of the normal, and of the position over the frame's shorter side, after which a model's
 error repeats."""
@@ -48,7 +46,7 @@ NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 
 
-@node(sizes={"K": SizeLimit(3, 8, "slope and brightness need three LEDs")})
+@node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
 def light_model_error(
     slope: Slope,
     brightness: Annotated[F4, Port("H W", "1", high=2)],
@@ -145,10 +143,8 @@ def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
 
     Of n x n pixels the mean has 1 / n of a pixel's noise.
     """
-    shown = leds - PIXEL_UNKNOWNS
-    if not shown:
-        return np.zeros_like(residual), USUAL_MISFIT
-    square, of_cell = (leds / shown * np.square(each) for each in (single, residual))
+    per_led = leds / (leds - PIXEL_UNKNOWNS)
+    square, of_cell = (per_led * np.square(each) for each in (single, residual))
     variance = np.maximum(cv2.GaussianBlur(square - of_cell, (0, 0), NOISE_MEAN_CELLS), 0)
     noise = np.sqrt(variance / cell**2)
     left = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2

@@ -48,6 +48,8 @@ class Scan(NamedTuple):
     model: str
     """The light model's file name, without its folder; empty where none is named."""
     circles: list[Circle]
+    ball_radius: float
+    """mm; 0 where it is unknown."""
 
 
 class FlatField(NamedTuple):
@@ -101,9 +103,12 @@ def read_scan(folder: Path) -> Scan:
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
     if not 0 <= pixel < 1e3:
         raise InputError(f"{file}: mmperpixel: {pixel:g} is no size of a pixel in mm")
+    radius = _number(entries.get("calibradius", 0), f"{file}: calibradius")
+    if not 0 <= radius < 1e3:
+        raise InputError(f"{file}: calibradius: {radius:g} is no radius of a ball in mm")
     marks = [_circle(mark, file) for mark in entries.get("annotations") or []]
     model = PureWindowsPath(str(entries.get("calib") or "")).name
-    return Scan(images, pixel, model, [mark for mark in marks if mark is not None])
+    return Scan(images, pixel, model, [mark for mark in marks if mark is not None], radius)
 
 
 def find_light_model(folder: Path) -> Path:

@@ -45,7 +45,7 @@ class ModelSlope(NamedTuple):
 
 
 @node(
-    sizes={"K": SizeLimit(3, 8, "slope and brightness need three LEDs")},
+    sizes={"K": SizeLimit(4, 8, "three leave nothing to tell brightness from slope")},
     tolerance=Flips(
         1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
     ),

@@ -67,14 +67,23 @@ def find_grid(
     if len(peaks) < 4:
         return None
     centre, kept = _lattice(peaks, pitch_px)
-    if kept.sum() < 4:
-        return None
-    circle = np.column_stack([centre, np.full(len(centre), FIRST_CONTACT_SHARE * radius_px)])[kept]
+    return place_balls(light, Grid(centre[kept], goodness[kept]), radius_px, pixel, rest)
+
+
+def place_balls(
+    light: F4, seen: Grid, radius_px: float, pixel: float, rest: Rest | None
+) -> Grid | None:
+    """Return the balls that are wholly seen, placed by their light; None if fewer than four.
+
+    As `find_grid`, for balls whose centres are known to some pixels.
+    """
+    circle = np.column_stack(
+        [seen.circle[:, :2], np.full(len(seen.circle), FIRST_CONTACT_SHARE * radius_px)]
+    )
     inside = _whole(circle, radius_px, light.shape[1:])
-    circle, goodness = circle[inside], goodness[kept][inside]
-    if len(circle) < 4:
+    if inside.sum() < 4:
         return None
-    return Grid(_placed(light, circle, radius_px, pixel, rest), goodness)
+    return Grid(_placed(light, circle[inside], radius_px, pixel, rest), seen.goodness[inside])
 
 
 def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
-from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MIN_BALL_RADIUS_PX = 16.0
@@ -29,6 +29,7 @@ class BinnedPresses(NamedTuple):
     known: KnownCircles
     pixel: PixelSize
     factor: int
+    marks: Marks | None = None
 
 
 @node
@@ -39,6 +40,7 @@ def bin_presses(
     pixel: PixelSize,
     radius: Radii | None = None,
     known: KnownCircles | None = None,
+    marks: Marks | None = None,
     *,
     pixels: Annotated[float, Gt(0)] = MIN_IMAGE_PIXELS,
 ) -> BinnedPresses:
@@ -58,6 +60,8 @@ def bin_presses(
         mm per px.
     radius, known
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
+    marks
+        M x 3, marked balls: x, y in px, press.
     pixels
         Fewest pixels of the binned image.
     """
@@ -67,12 +71,14 @@ def bin_presses(
     by_ball = float(radius.min()) / pixel / MIN_BALL_RADIUS_PX
     factor = int(min(by_ball, np.sqrt(rows * columns / pixels)))
     if factor <= 1:
-        return BinnedPresses(image, flat, dark, known, pixel, 1)
+        return BinnedPresses(image, flat, dark, known, pixel, 1, marks)
     size = (columns // factor, rows // factor)
     presses = [_binned(press, factor, size) for press in cut(image, rows)]
     circles = known.copy()
     circles[:, :2] = (known[:, :2] + 0.5) / factor - 0.5
     circles[:, 2] = known[:, 2] / factor
+    if marks is not None:
+        marks = np.column_stack([(marks[:, :2] + 0.5) / factor - 0.5, marks[:, 2]])
     return BinnedPresses(
         np.concatenate(presses, axis=1),
         _binned(flat, factor, size),
@@ -80,6 +86,7 @@ def bin_presses(
         circles,
         pixel * factor,
         factor,
+        None if marks is None else marks.astype(np.float32),
     )
 
 

@@ -10,10 +10,10 @@ from annotated_types import Gt
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball._ball_grid import find_grid
+from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
-from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
@@ -35,6 +35,7 @@ def find_balls(
     known: KnownCircles,
     names: list[str],
     pixel: PixelSize,
+    marks: Marks | None = None,
     *,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
 ) -> FoundBalls:
@@ -53,6 +54,9 @@ def find_balls(
         As `read_balls` returns them.  No names mean that there is no press, and no ball.
     pixel
         mm per px.
+    marks
+        M x 3 in px, balls that were marked by hand, as `read_balls` gives them: where a press has
+        some, these are its balls, and none are searched for.
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
         None: every press is one of a single ball.
@@ -73,8 +77,9 @@ def find_balls(
         return FoundBalls(
             np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32), names
         )
-    if pitch_mm is not None:
-        return _grids(light, flat, radius, names, pixel, pitch_mm)
+    if pitch_mm is not None or marks is not None:
+        none = np.zeros((0, 3), np.float32)
+        return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
     balls: list[Ball | None] = []
     for press, size, circle, name in zip(
         cut(light, flat.shape[1]), radius, known, names, strict=True
@@ -111,19 +116,33 @@ def find_balls(
 
 
 def _grids(
-    light: F4, flat: F4, radius: F4, names: list[str], pixel: float, pitch_mm: float
+    light: F4,
+    flat: F4,
+    radius: F4,
+    names: list[str],
+    pixel: float,
+    pitch_mm: float | None,
+    marks: F4,
 ) -> FoundBalls:
     """The balls of presses that each show a grid of balls."""
     rest = rest_of(flat, pixel)
     grids = []
+    if pitch_mm is not None and 2 * radius.max() > pitch_mm:
+        raise InputError(
+            f"ball_pitch_mm={pitch_mm:g}: balls of {2 * radius.max():g} mm diameter do not fit"
+        )
     for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):
-        if 2 * size > pitch_mm:
-            raise InputError(
-                f"ball_pitch_mm={pitch_mm:g}: balls of {2 * size:g} mm diameter do not fit"
-            )
-        grid = find_grid(press, size / pixel, pitch_mm / pixel, pixel, rest)
+        radius_px, why = float(size) / pixel, "it shows no grid of four balls or more"
+        marked = marks[marks[:, 2] == number, :2].astype(float)
+        if len(marked):
+            seen = Grid(marked, np.ones(len(marked)))
+            grid = place_balls(press, seen, radius_px, pixel, rest)
+        elif pitch_mm is not None:
+            grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
+        else:
+            grid, why = None, "unlike others it has no marks, and ball_pitch_mm is not given"
         if grid is None:
-            warn(f"press {names[number]} is left out: it shows no grid of four balls or more")
+            warn(f"press {names[number]} is left out: {why}")
         else:
             grids.append((number, float(size), grid))
     if not grids:

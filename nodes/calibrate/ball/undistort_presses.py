@@ -8,23 +8,24 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Lens, Light
-from tactograph.nodes.capture.read_balls import KnownCircles
+from tactograph.nodes.capture.read_balls import KnownCircles, Marks
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, is_straight
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 class IdealPresses(NamedTuple):
-    """P presses on the ideal grid as a sheet, the first of them alone, and known circles."""
+    """P presses on the ideal grid as a sheet, the first of them alone, known circles and marks."""
 
     image: SheetLight
     first: Light
     known: KnownCircles
+    marks: Marks | None
 
 
 @node
 def undistort_presses(
-    image: SheetLight, first: Light, known: KnownCircles, lens: Lens
+    image: SheetLight, first: Light, known: KnownCircles, lens: Lens, marks: Marks | None = None
 ) -> IdealPresses:
     """Return what `read_balls` read, as seen by a camera without distortion.
 
@@ -38,13 +39,17 @@ def undistort_presses(
         P x 3 in px of the captured images; the radius does not change.
     lens
         Length 8, as `read_lens` returns it.
+    marks
+        M x 3, marked balls: x, y in px, press.
     """
     if is_straight(lens):
-        return IdealPresses(image, first, known)
+        return IdealPresses(image, first, known, marks)
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]
     circles = ideal_circles(known, lens, (rows, columns))
-    return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles)
+    if marks is not None:
+        marks = ideal_circles(marks, lens, (rows, columns))
+    return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles, marks)
 
 
 def ideal_circles(known: F4, lens: Lens, shape: tuple[int, int]) -> F4:

@@ -22,6 +22,7 @@ PixelSides = Side | Annotated[tuple[Side, ...], Len(1, 2)]
 
 @node
 def pixel_size(
+    stated: PixelSize | None = None,
     *,
     mm: PixelSides | None = None,
     camera: Path | None = None,
@@ -31,6 +32,8 @@ def pixel_size(
 
     Parameters
     ----------
+    stated
+        mm per px, as a scan states it; used if nothing else is given.
     mm
         mm per px, from a nanometre to a metre, which files of 32-bit floats can hold; x, y of
         pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal
@@ -51,20 +54,21 @@ def pixel_size(
     if mm is None and sensor is not None:
         mm = read_preset(sensor).pixel_size_mm
     if camera is None:
+        mm = mm or stated
         if mm is None:
             raise InputError(
                 "the pixel size is not known; give pixel_size_mm=..., or lens=camera.npz"
             )
         return mm
-    stated = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
+    of_camera = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
     if mm is None:
-        return stated
-    if abs(mm / stated - 1) > MAX_SIZE_DIFFERENCE:
+        return of_camera
+    if abs(mm / of_camera - 1) > MAX_SIZE_DIFFERENCE:
         warn(
-            f"{camera}: says {stated:.6g} mm per px, which is taken in place of pixel_size_mm="
+            f"{camera}: says {of_camera:.6g} mm per px, which is taken in place of pixel_size_mm="
             f"{mm:.6g}: undistorted images have the camera's"
         )
-    return stated
+    return of_camera
 
 
 def sides_of(mm: PixelSides) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -54,6 +55,13 @@ def test_marked_balls_are_read(tmp_path: Path) -> None:
     write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
     (circle,) = read_scan(tmp_path / "scan").circles
     assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
+
+
+def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
+    (tmp_path / "scan.yaml").write_text("images: [image01.png]\ncrop: [0, 0, 0, 0]\n")
+    cv2.imwrite(str(tmp_path / "image01.png"), np.full((8, 9, 3), (20, 120, 220), np.uint8))
+    (capture,) = read_capture(folder=tmp_path)
+    assert capture.image[:, 0, 0] == pytest.approx(np.array([220, 120, 20]) / 255)
 
 
 @pytest.mark.parametrize(
