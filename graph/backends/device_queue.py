@@ -51,13 +51,21 @@ __kernel void fraction(
 
 
 _serials = itertools.count(1)
+SCALAR_PLATFORMS = ("rusticl",)
+"""Platforms whose compilers for CPUs vectorise across work-items, and take ten times as long to
+build kernels whose work-items do several elements."""
+
+
+def usual_lanes(device: Device) -> int:
+    """Return the number of elements that a work-item does side by side on a device."""
+    return 16 if device.kind == "CPU" and device.handle.platform.name not in SCALAR_PLATFORMS else 1
 
 
 class Queue:
     """One OpenCL device with its queue and its buffers.
 
     `lanes` is the number of elements that a work-item does side by side.  None suits it to the
-    device: CPU compilers do not all vectorise across work-items, GPUs want one element each.
+    device: most CPU compilers do not vectorise across work-items, GPUs want one element each.
     """
 
     error: type[Exception] = cl.Error
@@ -67,7 +75,7 @@ class Queue:
         self.driver = device.handle.driver_version
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
-        self.lanes = lanes or (16 if self.is_cpu else 1)
+        self.lanes = lanes or usual_lanes(device)
         self.context = context_of(device.handle)
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)

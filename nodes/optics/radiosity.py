@@ -14,6 +14,7 @@ import numpy as np
 from tactograph.nodes import F4
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.difference import difference
+from tactograph.nodes.optics.near_light import irradiance_ratio
 
 MAX_RIM_CELLS = 64
 """Cells beyond the frame after which the film's light is negligible."""
@@ -140,8 +141,7 @@ def cells_of(
     rest = np.empty((len(lights), *seen.shape), np.float32)
     for plane, (lx, ly, lz) in zip(rest, lights, strict=True):
         dx, dy = lx - u, ly - v
-        square = lz * lz / (dx * dx + dy * dy + lz * lz)
-        np.multiply(square, np.sqrt(square), out=plane)
+        plane[:] = irradiance_ratio(lz * lz, dx * dx + dy * dy + lz * lz)
     return Cells(
         np.stack([u * nearer, v * nearer, seen * nearer]),
         np.stack([-p * upright, -q * upright, upright]),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 
 from tactograph.graph.backends import device_backend
 from tactograph.graph.backends.device_backend import open_device
+from tactograph.graph.backends.device_queue import usual_lanes
+from tactograph.graph.backends.devices import Device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
@@ -50,3 +53,14 @@ def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_fo
     assert plan.placements["slope"].backend == "cuda"
     assert plan.placements["again"].backend == "numpy"
     assert {s.backend for s in plan.steps if s.kind in ("upload", "download")} == {"cuda"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "platform", "lanes"),
+    [("CPU", "Portable Computing Language", 16), ("CPU", "rusticl", 1), ("GPU", "NVIDIA CUDA", 1)],
+)
+def test_work_items_do_several_elements_where_the_compiler_does_not_see_to_it(
+    kind: str, platform: str, lanes: int
+) -> None:
+    handle: Any = SimpleNamespace(platform=SimpleNamespace(name=platform))
+    assert usual_lanes(Device("", kind, handle, True, "works", False)) == lanes
