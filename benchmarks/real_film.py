@@ -43,7 +43,7 @@ ASTRAY_PX = 6
 """Normals that meet so far from a mark do not tell the ball's centre."""
 WITHIN_90 = 1.6449
 """Standard deviations of a normal distribution on either side that hold 90 %."""
-BESIDE = 1.5
+BESIDE_REACH = 1.5
 """Film counts as such from so many radii from any ball."""
 RIG_PIXEL_MM = 1 / 14
 RIGS = (
@@ -241,7 +241,7 @@ def _between(
     inverse = np.linalg.inv(lattice[:2])
     at = (np.stack([x, y], axis=-1) - lattice[2]) @ inverse
     away = (at - np.round(at)) @ lattice[:2]
-    return np.asarray(np.hypot(away[..., 0], away[..., 1]) > BESIDE * reach)
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]) > BESIDE_REACH * reach)
 
 
 def rigs(data: Path, names: list[str], graphs: tuple[str, ...], folder: Path) -> None:

@@ -4,7 +4,7 @@ Only features of MicroPython are used.
 """
 
 VERSION = 1
-LONGEST = 120
+MAX_LINE_BYTES = 120
 """Most bytes of a line, from ``$`` to the last digit of the checksum."""
 
 
@@ -55,7 +55,7 @@ class Lines:
         parts = data.split(b"\n")
         for i, part in enumerate(parts):
             self._line += part
-            if len(self._line) > LONGEST:
+            if len(self._line) > MAX_LINE_BYTES:
                 self._line = b""
                 self._skip = True
             if i == len(parts) - 1:

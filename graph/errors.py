@@ -48,7 +48,7 @@ class NodeError(TactographError):
 
 
 class DeviceError(NodeError):
-    """A device failed at what was asked of it; the pipeline may have to be loaded again."""
+    """A device failed; the pipeline may have to be loaded again."""
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)

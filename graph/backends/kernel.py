@@ -59,8 +59,8 @@ class Kernel:
 
     def copy(self) -> Kernel:
         """Copy the kernel, with arguments of its own."""
-        again = cl.Kernel(self._kernel.program, self.name)
-        return Kernel(again, self._signature)
+        kernel = cl.Kernel(self._kernel.program, self.name)
+        return Kernel(kernel, self._signature)
 
     def twin(self, number: int) -> Kernel:
         """The copy of this number, made on first use."""

@@ -118,7 +118,7 @@ def check(node: Node, device: str | None = None) -> int:
         raise InputError(f"no kernel can be compared: {reason}")
     compared = cases(node)
     differences = [(case, compare(node, opencl, case)) for case in compared]
-    wrong = [f"  {case}: {what}" for case, what in differences if what]
+    wrong = [f"  {case}: {difference}" for case, difference in differences if difference]
     more = [f"  and {len(wrong) - MAX_DIFFERENCES} more"] if len(wrong) > MAX_DIFFERENCES else []
     said = f"node '{node.name}' differs on {opencl.name} in {len(wrong)} of {len(compared)} cases:"
     assert not wrong, "\n".join([said, *wrong[:MAX_DIFFERENCES], *more])
@@ -199,7 +199,7 @@ def _difference(
 
 
 def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> str | None:
-    """The first input that is not what it was."""
+    """Return the first input that has changed."""
     for name, array in before.items():
         equal_nan = array.dtype.kind == "f"
         if name in inputs and not np.array_equal(inputs[name], array, equal_nan=equal_nan):

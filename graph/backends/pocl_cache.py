@@ -32,16 +32,16 @@ def heed_crashes() -> None:
     told, ours = os.environ.get(CACHE_VARIABLE), folder / "pocl"
     if how := _crashes(folder):
         damaged = Path(told) if told else ours if ours.is_dir() else _usual_place()
-        what = (
+        damage = (
             f"a run before died of '{how}' while it used PoCL: what {damaged} holds may be damaged"
         )
         if told:
-            warnings.warn(f"{what}; empty that folder", stacklevel=2)
+            warnings.warn(f"{damage}; empty that folder", stacklevel=2)
         else:
             shutil.rmtree(ours, ignore_errors=True)
             with suppress(OSError):
                 ours.mkdir(parents=True, mode=0o700)
-            warnings.warn(f"{what}; PoCL keeps its programs in {ours} from now on", stacklevel=2)
+            warnings.warn(f"{damage}; PoCL keeps its programs in {ours} from now on", stacklevel=2)
     if not told and ours.is_dir():
         os.environ[CACHE_VARIABLE] = str(ours)
 

@@ -103,10 +103,10 @@ def reopen_damaged(store: Store) -> int:
     """Reopen the captures that are marked done but are not whole; return their number."""
     damaged = set(store.damaged())
     if store.job.folders is not None:
-        done = zip(store.captures, store.statuses, strict=True)
+        runs = zip(store.captures, store.statuses, strict=True)
         damaged.update(
             number
-            for number, (capture, status) in enumerate(done)
+            for number, (capture, status) in enumerate(runs)
             if status == DONE and not _has_results(store.job, capture)
         )
     store.reopen(sorted(damaged))

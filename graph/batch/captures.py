@@ -28,7 +28,7 @@ def absolute(place: str) -> str:
 
 
 class Found(NamedTuple):
-    """The captures of a batch, the folder that all patterns begin in, and what was passed over.
+    """The captures of a batch, the folder in which all patterns begin, and the skipped paths.
 
     `below` is "" where the patterns have no folder in common.
     """
@@ -79,7 +79,7 @@ def _spread(pattern: str) -> list[str]:
 
 
 def _common_start(patterns: Sequence[str]) -> str:
-    """The folder that all patterns begin in, as far as they say one without ``*``.
+    """The folder in which all patterns begin, up to the first ``*``.
 
     It does not depend on the present files, so that captures can be added later.
     """

@@ -108,9 +108,9 @@ class Store:
         axes = {*AXIS_NAMES.values()} - {*self.job.maps}
         return [name for name in self._group.array_keys() if name not in axes]
 
-    def _damage(self, what: str) -> InputError:
+    def _damage(self, damage: str) -> InputError:
         place = self._group.store_path
-        return InputError(f"{place}: is damaged: {what}; remove it, or give another --out")
+        return InputError(f"{place}: is damaged: {damage}; remove it, or give another --out")
 
     def __len__(self) -> int:
         return int(self._array("status").shape[0])
@@ -140,15 +140,15 @@ class Store:
         Reads every map; a capture whose checksum does not hold, or a map that cannot be
         decoded, counts as damaged.
         """
-        done = np.flatnonzero(self.statuses == DONE)
+        finished = np.flatnonzero(self.statuses == DONE)
         if not self.has_maps:
-            return [int(number) for number in done]
+            return [int(number) for number in finished]
         whole = np.ones(len(self), bool)
         for first in range(0, len(self), self.chunk):
             here = self._chunk_of(first)
-            if ((here.start <= done) & (done < here.stop)).any():
+            if ((here.start <= finished) & (finished < here.stop)).any():
                 whole[here] = self._are_whole(here)
-        return [int(number) for number in done if not whole[number]]
+        return [int(number) for number in finished if not whole[number]]
 
     def _are_whole(self, here: slice) -> list[bool]:
         """Return whether captures are read as they were written; old stores have no checksums.

@@ -136,8 +136,8 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     from tactograph.graph.batch.entry import DONE, FAILED
 
     statuses = store.statuses
-    done, failed = (int((statuses == status).sum()) for status in (DONE, FAILED))
-    said = f"{len(store)} captures, {done} of them finished before"
+    finished, failed = (int((statuses == status).sum()) for status in (DONE, FAILED))
+    said = f"{len(store)} captures, {finished} of them finished before"
     if not failed:
         return said
     return f"{said}, {failed} failed ({'' if retry_failed else 'not '}done again)"
@@ -215,18 +215,18 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
         TimeLeft(), TextColumn("{task.fields[failed]} failed"),
     )  # fmt: skip
     start = said = time.monotonic()
-    done = failed = 0
+    finished = failed = 0
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         bar = progress.add_task("", total=total, rate=0.0, failed=0)
         for tally in tallies:
-            done, failed = done + tally.done, failed + tally.failed
+            finished, failed = finished + tally.done, failed + tally.failed
             now = time.monotonic()
-            rate = (done + failed) / max(now - start, 1e-9)
-            progress.update(bar, completed=done + failed, rate=rate, failed=failed)
+            rate = (finished + failed) / max(now - start, 1e-9)
+            progress.update(bar, completed=finished + failed, rate=rate, failed=failed)
             if not console.is_terminal and now - said > REPORT_S:
-                left = (total - done - failed) / rate
+                left = (total - finished - failed) / rate
                 console.print(
-                    f"{done + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
+                    f"{finished + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
                     f"{left:.0f} s left"
                 )
                 said = now
@@ -250,9 +250,11 @@ def _conclude(store: Store, out: str) -> int:
         table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
         _write_table(table, captures, entries)
         say(f"table: {table}")
-    done = sum(entry.status == DONE for entry in entries)
+    finished = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
-    say(f"{done} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else ""))
+    say(
+        f"{finished} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else "")
+    )
     return len(failures)
 
 

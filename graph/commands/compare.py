@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     help="Runs with different seeds, for 95 % confidence intervals.",
 )  # fmt: skip
 @click.option(
-    "--again", metavar="REPORT", type=click.Path(file_okay=False, path_type=Path),
+    "--again", "former_report", metavar="REPORT",
+    type=click.Path(file_okay=False, path_type=Path),
     help="Repeat the comparison in this folder, into REPORT_again.",
 )  # fmt: skip
 @click.option(
@@ -44,7 +45,11 @@ if TYPE_CHECKING:
     help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
 def command(
-    words: tuple[str, ...], again: Path | None, out: Path | None, repeats: int, **choices: Any
+    words: tuple[str, ...],
+    former_report: Path | None,
+    out: Path | None,
+    repeats: int,
+    **choices: Any,
 ) -> None:
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
@@ -60,17 +65,17 @@ def command(
     )
     from tactograph.graph.errors import InputError
 
-    if again is None:
+    if former_report is None:
         values = [word for word in words if "=" in word]
         study = _read_study(words, repeats=repeats, **choices)
         _compare(study, values, out or Path("report"))
         return
     if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
-    then = read_record(again)
-    former = read_rows(again)
-    folder = out or again.with_name(f"{again.resolve().name}_again")
-    rows, now = _compare(study_again(then, again), then.values, folder)
+    then = read_record(former_report)
+    former = read_rows(former_report)
+    folder = out or former_report.with_name(f"{former_report.resolve().name}_again")
+    rows, now = _compare(study_again(then, former_report), then.values, folder)
     for line in what_changed(then, now):
         say(f"changed: {line}")
     say(deviation(former, rows))

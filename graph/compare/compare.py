@@ -171,9 +171,9 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     row = _empty_row(job, values)
     try:
         row.made_by = _made_by(job, values, study.device, row)
-        done = _done(folder, row)
-        if done is not None:
-            return done, True
+        kept = _done(folder, row)
+        if kept is not None:
+            return kept, True
         results = _run(job, values, study.device, row, cache)
     except WriteError:
         raise  # no other run can be kept either

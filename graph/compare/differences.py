@@ -14,7 +14,7 @@ class Difference:
     """A difference between two graphs: its place, and both values."""
 
     node: str
-    what: str
+    change: str
     before: str
     after: str
 

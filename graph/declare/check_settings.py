@@ -154,12 +154,12 @@ def _words(text: str) -> list[str]:
 def _of_length(
     split: Callable[[Any], Any], lengths: Collection[int], names: str, value: Any
 ) -> Any:
-    """Refuse other than so many values, whose names an annotation may give."""
-    found = split(value)
-    if lengths and isinstance(found, list | tuple) and len(found) not in lengths:
+    """Refuse another number of values than `lengths`; an annotation may name the values."""
+    values = split(value)
+    if lengths and isinstance(values, list | tuple) and len(values) not in lengths:
         wanted = " or ".join(map(str, sorted(lengths)))
         raise ValueError(f"{wanted} values are needed{names and f' ({names})'}")
-    return found
+    return values
 
 
 def _split_numbers(value: Any) -> Any:

@@ -73,7 +73,7 @@ def node_page(node: Node) -> str:
     lines += [] if node.outputs else ["None: it is a sink."]
     lines += ["", about.returns] if about.returns else []
     if about.raises:
-        lines += ["", "## Errors", "", *(f"- `{name}`: {what}" for name, what in about.raises)]
+        lines += ["", "## Errors", "", *(f"- `{name}`: {cause}" for name, cause in about.raises)]
     return "\n".join([*lines, "", *_facts(node), ""])
 
 
@@ -117,8 +117,10 @@ def _facts(node: Node) -> list[str]:
         f"Calls `{each.name}`, on a device where there is one." for each in node.calls.values()
     ]
     if node.neutral is not None:
-        what = f"`{node.neutral}` is passed on" if isinstance(node.neutral, str) else node.neutral
-        facts.append(f"Taken out (`neutral`): {what}.")
+        neutral = (
+            f"`{node.neutral}` is passed on" if isinstance(node.neutral, str) else node.neutral
+        )
+        facts.append(f"Taken out (`neutral`): {neutral}.")
     facts += [f"{symbol}: {limit.why}." for symbol, limit in node.sizes.items()]
     return facts
 

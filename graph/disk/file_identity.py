@@ -1,4 +1,4 @@
-"""Identity of the files that a graph is given: their content, and what they say of it."""
+"""Identity of the files that a graph is given: the hash and header of each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ IDENTITY_KEYS = ("sensor", "serial", "date")
 
 
 def about_in(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return what a file says of itself; nothing if that cannot be read."""
+    """Return a file's header; an empty one if it cannot be read."""
     try:
         head = json.loads(str(arrays[ABOUT_ARRAY]))
     except (KeyError, ValueError, RecursionError):
@@ -29,7 +29,7 @@ def about_in(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 def file_identity(file: Path) -> dict[str, str]:
-    """Return hash, sensor, serial and date of an ``.npz``, as far as it says them.
+    """Return hash, sensor, serial and date of an ``.npz``, as far as its header states them.
 
     Nothing for other files, which may be large or change with every item.
     """

@@ -1,4 +1,4 @@
-"""A graph as data: what a graph file says once `extends` and `patch` are worked in."""
+"""A graph as data: the content of a graph file with `extends` and `patch` applied."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class Graph:
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 (first 16 digits) of what the graph computes, not of its titles."""
+        """SHA-256 (first 16 digits) of the graph's nodes and settings, without its titles."""
         plain = self.as_dict()
         del plain["title"]
         for param in plain["params"].values():

@@ -37,7 +37,7 @@ def _shipped_files(pattern: str) -> list[Path]:
     return sorted(Path(str(resources.files(ENTRY_GROUP))).glob(pattern))
 
 
-def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path | None:
+def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> Path | None:
     """The file of a bare name, a ``package/name`` or a path; None if there is no such file.
 
     A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
@@ -60,8 +60,8 @@ def find_file(name: str, beside: Path | None, shipped: dict[str, Path]) -> Path 
     if not is_path(name):
         return shipped.get(name)
     path = Path(name)
-    if beside is not None and not path.is_absolute():
-        path = beside / path
+    if base_folder is not None and not path.is_absolute():
+        path = base_folder / path
     if _is_file(path):
         return path
     if path.name == name and name.removesuffix(".yaml") in shipped:

@@ -68,7 +68,7 @@ def alone(layer: Layer) -> Graph:
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
-    """Apply to a graph what a file or a variant itself says.
+    """Apply the own content of a file or variant to a graph.
 
     Raises
     ------

@@ -25,7 +25,7 @@ class Layer:
     file: Path
     base: str = ""
     """The name of the graph that it is a variant, or a study, of."""
-    beside: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
+    siblings: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
     """The variants of the same file."""
 
     @property

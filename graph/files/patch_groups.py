@@ -111,8 +111,8 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
             graph = VERB_FUNCTIONS[verb](graph, node, change, places)
         return graph
     if verb == "neutral" or target in graph.groups:
-        what = "a group" if target in graph.groups else "a use of a group"
-        raise GraphError(f"{place}: {verb}: '{target}' is {what}; name one of its nodes")
+        kind = "a group" if target in graph.groups else "a use of a group"
+        raise GraphError(f"{place}: {verb}: '{target}' is {kind}; name one of its nodes")
     if "group" in change:
         return put_use(graph, target, change, places)
     inputs = graph.uses[target].inputs

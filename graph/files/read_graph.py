@@ -38,18 +38,18 @@ def shipped_names() -> list[str]:
 
 def shipped_titles() -> dict[str, dict[str, str]]:
     """Titles of what ships, by folder and name; variants of a study stand under the study."""
-    found: dict[str, dict[str, str]] = {}
+    by_heading: dict[str, dict[str, str]] = {}
     for name, file in {**shipped_graphs(), **shipped_studies()}.items():
         layer = read_layer(file)
         heading = f"study {name}, for compare" if layer.base else file.parent.name
-        titles = found.setdefault(heading, {})
+        titles = by_heading.setdefault(heading, {})
         if not layer.base:
             titles[name] = layer.model.title
         for key, variant in layer.variants(layer.base or name).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped_overlays().items()
     return {
-        **found,
+        **by_heading,
         _OVERLAY_FOLDER: {name: read_layer(file).model.title for name, file in overlays},
     }
 
@@ -119,10 +119,10 @@ def _file_and_variant(name: str) -> tuple[str, str]:
     return (file, key) if file.endswith((".yaml", ".yml")) else (name, "")
 
 
-def _named(name: str, beside: Path | None, chain: Chain) -> Graph:
+def _named(name: str, base_folder: Path | None, chain: Chain) -> Graph:
     file_name, key = _file_and_variant(name)
     try:
-        file = find_file(file_name, beside, shipped_graphs())
+        file = find_file(file_name, base_folder, shipped_graphs())
     except InputError as error:
         # A shipped variant may be named FILE.yaml, as a shipped graph may.
         bare, joined = name.removesuffix(".yaml"), name.replace("/", "_")
@@ -246,13 +246,13 @@ def _base_of(layer: Layer) -> str | None:
 
 
 def _overlaid(
-    graph: Graph, name: str, beside: Path | None, chain: Chain, *, whole: bool = False
+    graph: Graph, name: str, base_folder: Path | None, chain: Chain, *, whole: bool = False
 ) -> Graph:
     """Lay an overlay or a variant over a graph.
 
     With `whole`, nothing follows that could give it what it lacks then.
     """
-    layer = _overlay(graph.variants, name, beside, chain)
+    layer = _overlay(graph.variants, name, base_folder, chain)
     try:
         laid = _lay(graph, layer, chain)
         if whole:
@@ -262,7 +262,9 @@ def _overlaid(
     return laid
 
 
-def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chain: Chain) -> Layer:
+def _overlay(
+    variants: Mapping[str, Layer], name: str, base_folder: Path | None, chain: Chain
+) -> Layer:
     """One of some variants, an overlay, or a variant of another graph, by its full name.
 
     A variant extends the overlay of its own name, not itself.
@@ -270,7 +272,7 @@ def _overlay(variants: Mapping[str, Layer], name: str, beside: Path | None, chai
     if name in variants and variants[name].id not in chain:
         return variants[name]
     file_name, key = _file_and_variant(name)
-    file = find_file(file_name, beside, shipped_overlays())
+    file = find_file(file_name, base_folder, shipped_overlays())
     if file is None:
         variant = _shipped_variant(name)
         if variant is not None:
@@ -301,7 +303,7 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
             below = _named(base, layer.file.parent, chain)
     for index, name in enumerate(layer.model.extends):
         with blamed_on(layer.place(index)):
-            below = _lay(below, _overlay(layer.beside, name, layer.file.parent, chain), chain)
+            below = _lay(below, _overlay(layer.siblings, name, layer.file.parent, chain), chain)
     title = layer.model.title
     if layer.base and layer.base != graph.name and below.title != graph.title:
         title = below.title  # which the overlays below it have made
@@ -311,7 +313,7 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
 
 
 def _refuse_gaps(before: Graph, graph: Graph) -> None:
-    """Refuse references of an overlay to what the graph below it does not have."""
+    """Refuse references of an overlay to nodes that the graph below it does not have."""
     for name, entry in graph.nodes.items():
         if name not in before.nodes or before.nodes[name].inputs != entry.inputs:
             for port, reference in entry.inputs.items():

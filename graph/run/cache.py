@@ -27,7 +27,7 @@ _OBJECT_BYTES = 2**23
 
 
 class Kept(NamedTuple):
-    """A kept output of a node's run: the run's key, the port, and the side that it lies on."""
+    """A kept output of a node's run: the run's key, the port, and its side (host or device)."""
 
     run: str
     port: str

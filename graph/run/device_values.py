@@ -98,7 +98,7 @@ class DeviceValues:
         self._values[Value(task.id, port)] = self._device.fill(shape, dtype, neutral)
 
     def _hand_on(self, task: Task) -> Shapes | None:
-        """Hand on what is there instead of running a node; return None if it has to run."""
+        """Pass on existing values instead of running a node; return None if it must run."""
         if task.id in self._first:
             handed_on = self._made_first(task)
         elif task.node.is_idle is not None and self._is_idle(task, task.node.is_idle):
@@ -118,7 +118,7 @@ class DeviceValues:
 
     def _read(self, task: Task) -> dict[str, DeviceArray] | None:
         """The inputs that an idle node returns, by output; None if one is not as declared."""
-        found: dict[str, DeviceArray] = {}
+        arrays: dict[str, DeviceArray] = {}
         for name, port in task.node.outputs.items():
             read = task.reads.get(task.node.handed_on(name))
             array = None if read is None else self._values.get(read)
@@ -126,8 +126,8 @@ class DeviceValues:
             as_float = made in self._plan.inspected or made not in self._read_whole
             if array is None or (as_float and array.dtype != port.dtype):
                 return None
-            found[name] = array
-        return found
+            arrays[name] = array
+        return arrays
 
     def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
         """The outputs of the node that this one repeats; None if it does more."""
@@ -212,7 +212,7 @@ class DeviceValues:
         self._launches.pop(node, None)
 
     def remember(self) -> None:
-        """Keep what the next item recalls."""
+        """Keep the values that the next item recalls."""
         taken = {v: self._values.pop(v, None) for v in self._recalled}
         self._before = {v: array for v, array in taken.items() if array is not None}
 
@@ -222,7 +222,7 @@ class DeviceValues:
 
 
 def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
-    """What decides whether a node is idle: values, and those that have to be absent.
+    """Conditions of an idle node: its values, and the values that must be absent.
 
     A value is None if it is not of this item.
     """
@@ -235,7 +235,7 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
 
 
 def _first(plan: Plan) -> dict[str, str]:
-    """By node that of the same operation which runs before it, on all that it reads.
+    """The earlier node of the same operation and inputs, by node.
 
     But for arrays that may be absent: without these the node does the same once more.
     """

@@ -42,13 +42,13 @@ class Executor:
         self._runner = runner
         self.kept: frozenset[str] = frozenset()
 
-    def begin(self, *, again: bool) -> None:
-        """Begin an item, or, `again`, the last one with its sources as they are."""
+    def begin(self, *, same_item: bool) -> None:
+        """Begin an item; with `same_item`, the last one with its sources as they are."""
 
     def compute(
         self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Known, float]:
-        """Make the outputs, and what the part's sinks read.
+        """Compute the outputs, and the values that the part's sinks read.
 
         Parameters
         ----------

@@ -143,7 +143,7 @@ class HostValues:
         return {} if whole is None else {whole: self._whole[source.id]}
 
     def remember(self) -> None:
-        """Keep what the next item recalls."""
+        """Keep the values that the next item recalls."""
         values = self._values
         self._before = {v: own(values[v]) for v in self._recalled if v in values}
 

@@ -54,9 +54,9 @@ class OnlyChanged(Executor):
         self._to_run: set[str] = set()
         self._ran: set[str] = set()
 
-    def begin(self, *, again: bool) -> None:
+    def begin(self, *, same_item: bool) -> None:
         tasks = self._plan.tasks
-        if not again:
+        if not same_item:
             if self._has_item:  # until now it could be run again
                 # A value left half done by a failed attempt equals no other.
                 self._before = {
@@ -137,19 +137,19 @@ class OnlyChanged(Executor):
         Nodes that look outside run first, one after the other: keys follow from what they made.
         Steps that are passed over take the times of when they ran.
         """
-        done = 0
+        begin = 0
         for end, step in enumerate(steps, start=1):
             if not self._looks_outside(step):
                 continue
-            self._derive_keys(steps[done : end - 1])
+            self._derive_keys(steps[begin : end - 1])
             if step.name not in self._outside:
                 self._make(steps[:end], step.name, read_by(self._plan, step), given, 1)
                 made = [self._runner.host[value] for value in step.writes]
                 self._outside[step.name] = content_key(*made)
             key = self._keys[step.name] = self._outside[step.name]
             self._here |= dict.fromkeys(written_by(step), key)
-            done = end
-        self._derive_keys(steps[done:])
+            begin = end
+        self._derive_keys(steps[begin:])
         self._make(steps, "", targets, given, repeats)
         times = self._runner.times
         for step in steps:
@@ -217,7 +217,7 @@ class OnlyChanged(Executor):
         return self._runner.pass_over(step, known, shapes)
 
     def _capture(self, step: Step, warnings: Sequence[str]) -> None:
-        """Keep what a step made, but no output that its node was not asked for."""
+        """Keep the outputs of a step that were requested of its node."""
         if not step.is_transfer:
             shapes = dict(self._runner.shapes_of(step))
             self._runs[step.name] = Run(shapes, 0.0, tuple(warnings))
@@ -246,7 +246,7 @@ class OnlyChanged(Executor):
         return needed
 
     def _settle(self) -> None:
-        """Give back what lies on the device for this item alone: the cache has what is kept."""
+        """Release the device's values of this item; kept values are in the cache."""
         device = self._runner.device
         stays = {spot for spot in self._recalled if spot.side == "device"}
         for spot in [s for s in self._here if s.side == "device" and s not in stays]:

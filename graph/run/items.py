@@ -1,4 +1,4 @@
-"""Items of a plan: what depends on no stream runs once, the rest item by item."""
+"""Items of a plan: nodes that depend on no stream run once, the others item by item."""
 
 from __future__ import annotations
 
@@ -50,35 +50,35 @@ class Items:
         return self._only_changed is not None
 
     def keep(self, cache: Cache) -> None:
-        """Run, from now on, only what is not in the cache."""
+        """Run only nodes whose results are not in the cache, from now on."""
         self._only_changed = OnlyChanged(self.runner, cache)
         self._is_prepared = False
         self._lasting = 0
 
     def prepare(self) -> None:
-        """Run, once, what does not depend on the stream."""
+        """Run the nodes that do not depend on the stream, once."""
         if self._is_prepared:
             return
         self.begin()
         if self._only_changed is not None:
-            self._only_changed.begin(again=True)
+            self._only_changed.begin(same_item=True)
         self._run(self._once, {}, 1, self._plan.outputs)
         if not self.keeps:
             self._lasting = len(self.runner.notes)
         self._is_prepared = True
 
     def begin(self) -> None:
-        """Forget the warnings of the item before, but not those of what ran once."""
+        """Forget the previous item's warnings; keep those of nodes that ran once."""
         del self.runner.notes[self._lasting :]
 
     @property
-    def news(self) -> list[str]:
+    def new_warnings(self) -> list[str]:
         """The warnings since `begin`."""
         return self.runner.notes[self._lasting :]
 
     def item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
         """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`."""
-        return self._item(self._stream, given, repeats, self._plan.outputs, again=False)
+        return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
 
     def again(self, names: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.
@@ -89,7 +89,7 @@ class Items:
         if names is not None:
             part = part._replace(sinks=[])
             outputs = {name: value for name, value in outputs.items() if name in names}
-        return self._item(part, {}, 1, outputs, again=True)
+        return self._item(part, {}, 1, outputs, same_item=True)
 
     def inspect(self, value: Value) -> Any:
         """A value of the last item, made again if it is not there any more."""
@@ -111,7 +111,7 @@ class Items:
         self._executor.forget()
 
     def settings_changed(self, nodes: Iterable[str]) -> None:
-        """Work out anew what may follow from the settings of nodes."""
+        """Recompute everything that may follow from the settings of nodes."""
         for name in nodes:
             self.runner.settings_changed(name)
             self._executor.changed(name)
@@ -119,7 +119,7 @@ class Items:
                 self._is_prepared = False
 
     def end(self) -> None:
-        """Close what the nodes keep; a node outside the stream that kept something runs again."""
+        """Close the objects that nodes keep; a node outside the stream that kept one runs again."""
         host = self.runner.host
         if any(not self._plan.tasks[name].stream for name in host.sessions):
             self._is_prepared = False
@@ -132,10 +132,10 @@ class Items:
         repeats: int,
         outputs: Mapping[str, Value],
         *,
-        again: bool,
+        same_item: bool,
     ) -> Result:
         executor, host = self._executor, self.runner.host
-        executor.begin(again=again)
+        executor.begin(same_item=same_item)
         total = self._run(part, given, repeats, outputs)
         tasks = self._plan.tasks
         yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]

@@ -53,8 +53,8 @@ def _newest(folder: Path) -> Path | None:
     own = folder / RESULT_FILE
     if own.is_file():
         return own
-    found = folder.glob(f"*/{RESULT_FILE}")
-    return max(found, key=lambda file: file.stat().st_mtime, default=None)
+    files = folder.glob(f"*/{RESULT_FILE}")
+    return max(files, key=lambda file: file.stat().st_mtime, default=None)
 
 
 def _key(step: Step, device: str | None) -> tuple[str, str, str | None]:

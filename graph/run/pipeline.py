@@ -168,7 +168,7 @@ class Pipeline:
                 with collect_warnings(self._runner.notes):
                     item = stream.next()
                 if item is None:
-                    self.closing_warnings += self._items.news
+                    self.closing_warnings += self._items.new_warnings
                     return
                 self._runner.times[source.id] = stream.milliseconds
                 if self._runner.trace is not None:
@@ -290,10 +290,10 @@ class Pipeline:
             self._items.keep(Cache())
             self._has_run = False
 
-    def _refuse_without_item(self, what: str) -> None:
+    def _refuse_without_item(self, method: str) -> None:
         if not self._has_run:
             why = "no item has run since results are kept; run one now, or load with cache=Cache()"
-            raise InputError(f"{self.plan.graph.name}: {what}: {why}")
+            raise InputError(f"{self.plan.graph.name}: {method}: {why}")
 
     def trace(self) -> Trace:
         """Record from now on when each step runs; return the record.

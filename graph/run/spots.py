@@ -1,4 +1,4 @@
-"""Spots: a value, and the side that it lies on."""
+"""Spots: a value and its side, host or device."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Side = Literal["host", "device"]
 
 
 class Spot(NamedTuple):
-    """A value, and where it lies."""
+    """A value and its side."""
 
     value: Value
     side: Side

@@ -136,7 +136,7 @@ class StepRunner:
         return value
 
     def remember(self) -> None:
-        """Keep what the next item recalls."""
+        """Keep the values that the next item recalls."""
         for side in self._sides:
             side.remember()
 
@@ -146,7 +146,7 @@ class StepRunner:
             side.forget()
 
     def settings_changed(self, node: str) -> None:
-        """Work out a node's sizes and launch anew: they may follow from its settings."""
+        """Recompute a node's sizes and launch: they may follow from its settings."""
         if node in self._sized:
             self._sized[node].doubtful = True
         if self.device is not None:

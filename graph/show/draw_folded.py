@@ -187,5 +187,5 @@ def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float
 
 def _drawn_box(box: Box, x: float, layer: int, times: Mapping[str, float]) -> list[str]:
     inside = [ms for node, ms in times.items() if f"{node}.".startswith(f"{box.name}.")]
-    words = f"{box.what}, {sum(inside):.2g} ms" if any(inside) else box.what
+    words = f"{box.label}, {sum(inside):.2g} ms" if any(inside) else box.label
     return drawn_box(box, x - WIDTH_PX / 2, _top(layer), box.name, words)

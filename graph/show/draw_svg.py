@@ -45,7 +45,7 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
         for a, b, port in sketch.recalls
     ]
     for box in sketch.boxes:
-        title, words = box.name, box.what
+        title, words = box.name, box.label
         if box.is_transfer:
             title, _, words = box.name.partition(" ")
         if times and times.get(box.name):

@@ -74,4 +74,4 @@ def _quoted(text: str) -> str:
 
 
 def _label(box: Box, newline: str) -> str:
-    return f"{box.name}{newline}{box.what}"
+    return f"{box.name}{newline}{box.label}"

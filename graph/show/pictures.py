@@ -41,7 +41,7 @@ Curve = tuple[Sequence[Any], Sequence[Estimate]]
 
 
 def png_of(name: str, port: PortType, array: NDArray[Any]) -> bytes | None:
-    """A map, labels or a stack as a PNG; None for what is no picture."""
+    """A map, labels or a stack as a PNG; None for any other value."""
     kind = kind_of(port)
     is_stack = array.ndim == 3 and port.dims[-2:] == ("H", "W") and array.dtype.kind == "f"
     if not (kind or is_stack) or not array.size or not np.isfinite(array).any():

@@ -17,7 +17,7 @@ class Box:
     """A step, or a folded use; `use` is the use of a group that it is drawn in."""
 
     name: str
-    what: str
+    label: str
     kind: str
     backend: str
     use: str = ""

@@ -33,7 +33,7 @@ EMIT_TEXT_JS = "emit(e.target.value)"
 
 
 class NodePanel:
-    """The card of the chosen node, made anew when another is chosen."""
+    """The card of the chosen node, rebuilt when another is chosen."""
 
     def __init__(self, tuning: Tuning, follow: Follow) -> None:
         self._tuning, self._follow = tuning, follow
@@ -59,7 +59,7 @@ class NodePanel:
             self._inside.draw(shown)
 
     def build(self) -> None:
-        """Make the card anew."""
+        """Rebuild the card."""
         tuning, name = self._tuning, self._tuning.asked.node
         self._shows = self._chosen()
         self._card.clear()

@@ -45,7 +45,7 @@ class ResultView:
                     self._section.props("data-testid=section")
 
     def draw(self) -> None:
-        """Draw what is shown now."""
+        """Draw the current view."""
         shown = self._tuning.shown
         if shown.result is None:
             return

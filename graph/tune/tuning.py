@@ -221,7 +221,7 @@ class Tuning:
         return changes_between(self.base, self.graph, defaults)
 
     def is_of_others(self, file: Path) -> bool:
-        """Return whether there is such a file that `save` did not write."""
+        """Return whether the file exists and `save` did not write it."""
         return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
 
     def save(self, file: Path, *, over_others: bool = False) -> Path:
@@ -311,17 +311,17 @@ class Tuning:
         make_plan(_anywhere(graph), given, device=None, sinks=False)
 
     def _work(self) -> None:
-        done: Asked | None = None
+        last: Asked | None = None
         while True:
             with self._changed:
-                while not (self._ended or self.playing or self._asked is not done):
+                while not (self._ended or self.playing or self._asked is not last):
                     self._changed.wait()
                 if self._ended:
                     break
-                if self.playing and self._asked is done:
+                if self.playing and self._asked is last:
                     self._asked = replace(self._asked, item=self._asked.item + 1)
-                done = self._asked
-            self._run(done)
+                last = self._asked
+            self._run(last)
         for runner in self._runners:
             runner.close()
 

@@ -14,7 +14,7 @@ IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
-"""Name without suffix: what comes before its last number, the number, what comes behind."""
+"""Name without suffix: the part before its last number, the number, and the part behind."""
 SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
 
 Named = dict[int, Path]
@@ -114,7 +114,7 @@ def _may_be_leds(group: Named) -> bool:
 
 
 def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
-    """The numbered images of a folder by what stands before and behind their numbers.
+    """The numbered images of a folder, grouped by the parts before and behind their numbers.
 
     Upper and lower case are the same name, and so are numbers with and without leading zeros.
     """

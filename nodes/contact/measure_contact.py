@@ -62,7 +62,7 @@ def measure_contact(
 def _measured(height: Height, mask: NDArray[np.uint8], side_x: float, side_y: float) -> Metrics:
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
-    below, beside = height.shape[0] - top - rows, height.shape[1] - left - width
+    below, to_right = height.shape[0] - top - rows, height.shape[1] - left - width
     depth = height[part] * mask[part]
     # Bytes: of floats, cv2.moments takes two columns for the corners of a polygon.
     moments = cv2.moments(mask[part])
@@ -86,5 +86,5 @@ def _measured(height: Height, mask: NDArray[np.uint8], side_x: float, side_y: fl
         "major_mm": 4 * float(np.sqrt(major)),
         "minor_mm": 4 * float(np.sqrt(minor)),
         "angle_deg": float(90 - (90 - angle) % 180),
-        "cut": min(left, top, below, beside) == 0,
+        "cut": min(left, top, below, to_right) == 0,
     }

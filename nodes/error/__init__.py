@@ -1,1 +1,1 @@
-"""The standard deviation of every height, and what it comes from."""
+"""The standard deviation of every height, and its causes."""

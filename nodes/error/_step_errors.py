@@ -21,7 +21,7 @@ Steps = tuple[F4, F4]
 
 
 def turns(steps: Steps) -> Steps:
-    """Return by how much steps differ from their neighbours."""
+    """Return the differences of steps from their neighbours."""
     right, down = steps
     return _turn(right, axis=1), _turn(down, axis=0)
 
@@ -47,7 +47,7 @@ def random_steps(slopes: F4, turn: Steps, keys: Keys, pixel: float, aperture: fl
 
 
 def kinks(steps: Steps, turn: Steps, kink: float, pixel: float) -> Steps:
-    """Return by how much steps are too small where slopes change within a pixel, all uphill."""
+    """Return the lack of steps where slopes change within a pixel: all are too small, uphill."""
     right, down = (_lacking(*each, kink, pixel) for each in zip(steps, turn, strict=True))
     return right, down
 

@@ -1,4 +1,4 @@
-"""State how far what is taken for film at rest may be from rest."""
+"""State how far film that is taken to be at rest may be from rest."""
 
 from __future__ import annotations
 

@@ -359,7 +359,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
 
 
 def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
-    """Write what `_smooth_deviation` computes to the output."""
+    """Write the result of `_smooth_deviation` to the output."""
     shape, frame = networks.shape, (run.sizes["H"], run.sizes["W"])
     kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.upload(kernel.ravel()))

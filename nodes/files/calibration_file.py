@@ -133,7 +133,7 @@ def write_record(file: Path, kind: FileKind, record: Any, about: Mapping[str, An
 
 
 def record_of(record: type[R], known: Mapping[str, Any]) -> R:
-    """Make a record of what a file holds, and of what older files stand for."""
+    """Make a record of a file's values, and of the defaults for older files."""
     filled = with_older(record, known)
     made: R = make_record(record, [filled[name] for name in record_ports(record)])
     return made
@@ -176,7 +176,7 @@ class About(NamedTuple):
 
 
 def read_about(file: Path) -> About:
-    """Return what a calibration says of itself; an older file says less.
+    """Return a calibration's header; that of an older file has fewer entries.
 
     `read_arrays` must have read the file before.
 

@@ -53,7 +53,7 @@ class Scan(NamedTuple):
 
 
 class FlatField(NamedTuple):
-    """Flat frames of all LEDs in one image, three tiles a row, and what each is scaled to."""
+    """Flat frames of all LEDs in one image, three tiles a row, and the scale of each."""
 
     image: Path
     scale: list[float]
@@ -231,10 +231,10 @@ def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path
 
 
 def _per_led(value: Any, leds: int, where: str) -> list[float]:
-    found = _numbers(value, where)
-    if len(found) != leds:
-        raise InputError(f"{where}: {len(found)} values for {leds} LEDs")
-    return found
+    numbers = _numbers(value, where)
+    if len(numbers) != leds:
+        raise InputError(f"{where}: {len(numbers)} values for {leds} LEDs")
+    return numbers
 
 
 def _flat_field(entry: Any, leds: int, file: Path) -> FlatField | None:

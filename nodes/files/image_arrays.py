@@ -14,7 +14,7 @@ BIT_DEPTHS = (8, 10, 12, 14, 16)
 
 
 def check_handed_in(stack: NDArray[Any], name: str) -> None:
-    """Refuse images, K x H x W, that files could not hold, and warn of what files are warned of.
+    """Refuse images, K x H x W, that files could not hold, and give the same warnings as for files.
 
     Raises
     ------

@@ -162,7 +162,7 @@ def read_heights(file: Path) -> NDArray[np.float32]:
 
 
 def check_heights(height: NDArray[np.float32], file: Path, *, unknown: bool = False) -> None:
-    """Refuse what is no height map in mm; with `unknown` a part of it may be NaN."""
+    """Refuse arrays that are no height map in mm; with `unknown` a part may be NaN."""
     if not height.size:
         raise InputError(f"{file}: a height map of shape {height.shape} holds no pixel")
     is_known = np.isfinite(height)
@@ -177,7 +177,7 @@ def check_heights(height: NDArray[np.float32], file: Path, *, unknown: bool = Fa
 
 
 def read_numbers(file: Path) -> NDArray[Any]:
-    """Return the array of a ``.npy``, or refuse what holds none."""
+    """Return the array of a ``.npy``, or refuse a file that holds none."""
     try:
         return load_array(file)
     except FileNotFoundError:

@@ -66,7 +66,7 @@ class McapFile:
         self._flush()
 
     def cut(self) -> None:
-        """Remove what was only partly written."""
+        """Remove a message that was only partly written."""
         with contextlib.suppress(OSError):
             os.ftruncate(self.handle, self.size)
 
@@ -79,7 +79,7 @@ class McapFile:
 
 
 class _Pending(io.BufferedIOBase):
-    """Collects what the MCAP library has written since the last `take`."""
+    """Collects the bytes that the MCAP library has written since the last `take`."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []

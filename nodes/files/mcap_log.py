@@ -147,12 +147,12 @@ class McapLog:
         return True
 
     def tell(self) -> None:
-        """Warn the user of what has happened since the last call."""
+        """Warn the user of the events since the last call."""
         while self._lines:
             warn(self._lines.popleft())
 
     def close(self) -> None:
-        """Write what waits, end the file with its index, wait for the disk; tell how it went."""
+        """Write the queue, end the file with its index, wait for the disk, report the outcome."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()

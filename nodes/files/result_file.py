@@ -1,4 +1,4 @@
-"""``result.json``: what it says of the files beside it."""
+"""``result.json``: its statements about the files beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RESULT_FILE = "result.json"
 
 
 def read_result(folder: Path) -> dict[str, Any]:
-    """Return what a folder's result says; nothing if there is none, or it cannot be read."""
+    """Return the content of a folder's ``result.json``; empty if there is none that can be read."""
     try:
         said = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

@@ -26,7 +26,7 @@ class SensorIdentity(NamedTuple):
 
 
 def identity_in(said: Mapping[str, Any]) -> SensorIdentity:
-    """Return what a file's own words, ``sensor`` and ``serial``, say of its sensor."""
+    """Return the sensor that a file names by ``sensor`` and ``serial``."""
     words = (said.get(name) for name in ("sensor", "serial"))
     return SensorIdentity(*(one_line(word) if isinstance(word, str) else "" for word in words))
 

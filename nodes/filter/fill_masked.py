@@ -1,4 +1,4 @@
-"""Fill what a mask leaves out from its surroundings."""
+"""Fill the pixels that a mask leaves out from their surroundings."""
 
 from __future__ import annotations
 

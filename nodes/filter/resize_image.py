@@ -108,7 +108,7 @@ def _linear(at: int, ratio: float, before: int) -> tuple[int, list[float]]:
 
 @resize_image.opencl()
 def _launch(run: Launch) -> None:
-    """Find on the host what each row and column reads, and sum it on the device."""
+    """Find on the host the pixels that each row and column reads; sum them on the device."""
     method = run.settings["method"]
     first_row, of_row = _taps(run.sizes["H"], run.sizes["h"], method)
     first_column, of_column = _taps(run.sizes["W"], run.sizes["w"], method)

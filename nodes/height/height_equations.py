@@ -1,4 +1,4 @@
-"""The equations for the height as a record, and what a height departs from them."""
+"""The equations for the height as a record, and a height's departures from them."""
 
 from __future__ import annotations
 

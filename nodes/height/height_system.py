@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
 MARGIN_PX = 8
-"""Pixels around what is touched."""
+"""Width in pixels of the margin around touched film."""
 UNKNOWN_VARIANCE = np.float32(1e6)
 """Variance from which on a slope is unknown."""
 MAX_CUBIC_VARIANCE = np.float32(1)

@@ -23,7 +23,7 @@ MIN_STIFFNESS = np.float32(1e-12)
 
 
 class Cells(NamedTuple):
-    """Cells of 2 x 2 pixels of a network of `shape`, and what their stiffness is made of."""
+    """Cells of 2 x 2 pixels of a network of `shape`, and the stiffness of their parts."""
 
     springs: Springs
     shape: tuple[int, ...]

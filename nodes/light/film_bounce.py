@@ -138,7 +138,7 @@ def _launch(run: Launch) -> None:
 def _launch_on_cells(
     run: Launch, grid: Grid, constants: dict[str, int], larger: DeviceArray | None = None
 ) -> DeviceArray:
-    """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
+    """Enqueue `_on_cells`, and extrapolate by the result on `larger` cells."""
     inputs, camera = run.inputs, run.inputs["film.camera"]
     film = inputs["light"], inputs.get("slope"), inputs["film.lights"], camera
     table = launch_cells(run, grid, constants, *film)

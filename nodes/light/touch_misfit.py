@@ -153,7 +153,7 @@ def _left(
 
 
 def brighter(departs: F4, shown: F4, uneven: float) -> F4:
-    """Return by what share the film is brighter than predicted, from the light's residuals."""
+    """Return the share by which film is brighter than predicted, from the light's residuals."""
     noise = np.float32(LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE)
     share = brightness_share((shown * shown).sum(axis=0), noise, np.float32(uneven))
     return np.asarray((departs * shown).sum(axis=0) * share)

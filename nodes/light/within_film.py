@@ -1,4 +1,4 @@
-"""Images in which what shows no film, such as a housing, looks like film at rest."""
+"""Images in which pixels that show no film, such as a housing, look like film at rest."""
 
 from __future__ import annotations
 

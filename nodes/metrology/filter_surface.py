@@ -28,7 +28,7 @@ def filter_surface(
     s_filter_mm: Annotated[float, Gt(0)] | None = None,
     l_filter_mm: Annotated[float, Gt(0)] | None = None,
 ) -> Height:
-    """Subtract the form, then what is shorter than the S and longer than the L nesting index.
+    """Subtract the form, then waves shorter than the S and longer than the L nesting index.
 
     The order is ISO 25178-3's: S-filter, F-operation, L-filter.  The Gaussian is that of ISO
     16610-61; at the border and beside unknown film (NaN) its weights are scaled up to one.

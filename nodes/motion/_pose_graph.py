@@ -11,7 +11,7 @@ from tactograph.nodes.motion._rigid_fit import Fit
 from tactograph.nodes.motion._surface import F8, six_numbers, small_motion
 
 MIN_PAIR_VARIANCE = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
-"""Variance in mm^2 and rad^2 that no pair goes below: what a film does alike is in no scatter."""
+"""Least variance of a pair in mm^2 and rad^2: the scatter lacks errors common to a film."""
 MAX_APART = 5.0
 """Standard deviations by which a pair may miss the poses before it counts as false."""
 

@@ -61,7 +61,7 @@ is gone, and neighbours were averaged."""
 
 
 class Fit(NamedTuple):
-    """A motion, 4 x 4 in mm, and what is known of it."""
+    """A motion, 4 x 4 in mm, its error and quality."""
 
     motion: F8
     covariance: F8
@@ -71,7 +71,7 @@ class Fit(NamedTuple):
     overlap: float
     """Share of the first surface's touched cells that the second has, too."""
     misfit: float
-    """Standard deviation of what remains of the slopes."""
+    """Standard deviation of the residual slopes."""
     likeness: float
     """Correlation of the slopes, their mean taken out."""
 
@@ -88,7 +88,7 @@ class _Key(NamedTuple):
     slopes: F4
     """6 x N, the Jacobian of the differences between touched neighbours."""
     heights: F4
-    """6 x M, that of the touched heights."""
+    """6 x M, the Jacobian of the touched heights."""
 
 
 def _key(surface: Surface, to_middle: F8) -> _Key:
@@ -116,7 +116,7 @@ def _to_middle(surface: Surface) -> F8:
 class _Seen(NamedTuple):
     """Differences between the first surface and the second, moved back."""
 
-    both: NDArray[np.bool_]
+    overlap: NDArray[np.bool_]
     residual: F4
     left: F4
     """N, slopes of the residual."""
@@ -128,7 +128,7 @@ class _Seen(NamedTuple):
     def equations(self, key: _Key) -> tuple[F8, F8]:
         """A and g of the normal equations A d = g."""
         weighted = key.slopes * self.weight
-        seen = self.both[key.surface.touched]
+        seen = self.overlap[key.surface.touched]
         flat = np.float32(1 / (np.count_nonzero(seen) * ZERO_MM**2)) * key.heights * seen
         matrix = weighted @ key.slopes.T + flat @ key.heights.T
         gradient = weighted @ self.left + flat @ self.residual[key.surface.touched]
@@ -196,7 +196,7 @@ def fit_motion(first: list[Surface], second: list[Surface], guess: F8) -> Fit | 
 
 
 def _is_noise(fit: Fit, first: Surface, second: Surface) -> bool:
-    """Return whether no more is left than what both surfaces state."""
+    """Return whether the residual is no larger than the stated errors of both surfaces."""
     if first.variance is None or second.variance is None:
         return False
     return SLOPE_VARIANCE_RATIO * fit.misfit**2 < 2 * (first.variance + second.variance)
@@ -217,7 +217,7 @@ def _fitted(keys: list[_Key], second: list[Surface], guess: F8) -> Fit | None:
         motion,
         spread @ told.covariance @ spread.T,
         told.open,
-        float(np.count_nonzero(seen.both) / np.count_nonzero(keys[-1].surface.touched)),
+        float(np.count_nonzero(seen.overlap) / np.count_nonzero(keys[-1].surface.touched)),
         seen.level,
         _likeness(keys[-1], seen),
     )
@@ -266,7 +266,7 @@ def _noise_information(key: _Key, seen: _Seen) -> F8:
     The residual holds the noise of two surfaces, the Jacobian that of one.
     """
     surface = key.surface
-    inner = cv2.erode(seen.both.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    inner = cv2.erode(seen.overlap.view(np.uint8), np.ones((3, 3), np.uint8)) > 0
     kept = _pairs(inner)[key.pairs]
     if not kept.any():
         return np.zeros((6, 6))
@@ -285,7 +285,7 @@ def _scatter(key: _Key, seen: _Seen, told: F8) -> float:
     Half of a noise is curl, which integration has taken out.
     """
     down, right = (index // BLOCK_CELLS for index in np.nonzero(key.pairs)[1:])
-    block = down * (seen.both.shape[1] // BLOCK_CELLS + 1) + right
+    block = down * (seen.overlap.shape[1] // BLOCK_CELLS + 1) + right
     gradients = told.T.astype(np.float32) @ (key.slopes * (seen.weight * seen.left))
     sums = np.stack([np.bincount(block, row) for row in gradients])
     return max(1.0, 2 * float(np.square(sums).sum()) / max(told.shape[1], 1))

@@ -27,7 +27,7 @@ class Surface(NamedTuple):
     side: float
     left: float
     top: float
-    """mm from the image's middle to that of the first cell."""
+    """Vector in mm from the image's middle to that of the first cell."""
 
 
 def pyramid(
@@ -85,7 +85,7 @@ def six_numbers(motion: F8) -> F8:
 
 
 def carried(motion: F8) -> F8:
-    """The adjoint, 6 x 6: what a small motion before `motion` is after it."""
+    """The adjoint, 6 x 6, which turns a small motion before `motion` into one after it."""
     turn, (x, y, z) = motion[:3, :3], motion[:3, 3]
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.block([[turn, cross @ turn], [np.zeros((3, 3)), turn]])

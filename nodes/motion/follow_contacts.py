@@ -28,7 +28,7 @@ Tracks = Annotated[F4, Port("254 6", "frames, px, px/frame")]
 
 
 class FollowedContacts(NamedTuple):
-    """Contacts under lasting numbers, what is known of each number, and figures."""
+    """Contacts under lasting numbers, the track of each number, and figures."""
 
     contact: Contacts
     tracks: Tracks

@@ -40,7 +40,7 @@ OPEN_SHARE = 0.3
 
 
 class TrackedPose(NamedTuple):
-    """A pose with its covariance, what the next frame needs, and figures."""
+    """A pose with its covariance, the state for the next frame, and figures."""
 
     pose: Pose
     covariance: PoseCovariance
@@ -62,7 +62,7 @@ def track_pose(
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     least_overlap: Annotated[float, Interval(ge=0.1, le=1)] = 0.6,
 ) -> TrackedPose:
-    """Track the rigid motion of what presses against the film.
+    """Track the rigid motion of the object that presses against the film.
 
     The touched surface of a key frame is moved until its slopes and heights are those of the
     frame, by Gauss-Newton over the pixels that both see (M1).  Where the two share less than

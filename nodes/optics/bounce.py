@@ -33,7 +33,7 @@ def bounce(
     *,
     from_above: bool = False,
 ) -> F4:
-    """Return what cells that show `light` throw, both K x rows x columns of the frame.
+    """Return the light that cells of `light` throw, both K x rows x columns of the frame.
 
     `seen` tells what the cells see of one another along an azimuth (`sight`); `from_above` as for
     `coated`.
@@ -77,7 +77,7 @@ def launch_bounce(
     out: DeviceArray,
     larger: DeviceArray | None = None,
 ) -> None:
-    """Enqueue what `bounce` does: from a table of cells to `out`, K x rows x columns.
+    """Enqueue `bounce`: from a table of cells to `out`, K x rows x columns.
 
     `coat` holds the LEDs, then the properties of the film's coat; `COATED` says if it has one.
     `larger` is the result on cells twice as large, by which this one is extrapolated.

@@ -1,4 +1,4 @@
-"""A rough dielectric coat: what its microfacets mirror, hide and let through (equation F3).
+"""A rough dielectric coat: light that microfacets mirror, hide and let through (equation F3).
 
 Beckmann's distribution; Walter et al., Microfacet models for refraction (2007).  All functions
 take cosines of any shape.  ``kernels/headers/coat.clh`` holds the same.

@@ -327,7 +327,7 @@ def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array,
 
 
 def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
-    """Return what the coat's microfacets mirror: the second part of equation F2.
+    """Return the light that the coat's microfacets mirror: the second part of equation F2.
 
     From the cosines of the normal to the light, to the eye and to the direction h between them,
     and that of the eye to h.

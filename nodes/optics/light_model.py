@@ -34,7 +34,7 @@ class LightModel(NamedTuple):
     dark: Annotated[F4, Port("K", "1", high=0.2)]
     """Light in the shadow of an LED, which the gel diffuses; it only tells shadows."""
     gain: Light | None
-    """K x H x W: what the light is multiplied with, the sensor's own flat-field correction."""
+    """Factor on the light, K x H x W: the sensor's own flat-field correction."""
 
 
 def positions(x: F4, y: F4, view: F4) -> tuple[F4, F4]:

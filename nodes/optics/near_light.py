@@ -18,7 +18,7 @@ import numpy as np
 from tactograph.nodes import F4
 
 UNLIT_LIGHT_SIGMA = 0.5
-"""Standard deviation of the light behind the terminator, as a share of what it is below 0."""
+"""Standard deviation of the light behind the terminator, as a share of its negative value."""
 MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
 LEAST_WRAP = 1e-9

@@ -38,7 +38,7 @@ def linear_normal(v: F4, light: F4, weight: F4) -> F4:
 
 
 def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
-    """Return the 4 x 4 products a'Wb of what the light tells near a normal n.
+    """Return the 4 x 4 products a'Wb of the gradients, prediction and residual at a normal n.
 
     a and b are the derivatives J of n.v_k by the two tangents, the light n.v_k itself, and the
     residual m_k - n.v_k.  W is the inverse of the light's covariance: the variance of each LED,
@@ -109,8 +109,8 @@ def angle_between(a: Any, b: Any) -> Any:
     p, q = a - b
     twist = p * b[1] - q * b[0]
     lengths = np.sqrt((1 + a[0] * a[0] + a[1] * a[1]) * (1 + b[0] * b[0] + b[1] * b[1]))
-    both = lengths + (1 + a[0] * b[0] + a[1] * b[1])
-    square = (p * p + q * q + twist * twist) / (2 * lengths * both)
+    length_sum = lengths + (1 + a[0] * b[0] + a[1] * b[1])
+    square = (p * p + q * q + twist * twist) / (2 * lengths * length_sum)
     return 2 * np.arcsin(np.sqrt(np.minimum(square, 1)))
 
 

@@ -1,4 +1,4 @@
-"""Cells of a film that light one another: what `film_bounce` and `interreflect` share.
+"""Cells of a film that light one another, for `film_bounce` and `interreflect`.
 
 ``kernels/headers/radiosity.clh`` holds the same.
 """

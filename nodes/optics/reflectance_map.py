@@ -1,4 +1,4 @@
-"""A reflectance that varies over the film: what one-shot colour sensors need.
+"""A reflectance that varies over the film, for one-shot colour sensors.
 
 Their LEDs are a few millimetres beside the film.  So light depends on the slope by another
 function at every place, and grows with height.  Divided by the film at rest::

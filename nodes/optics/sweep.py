@@ -50,7 +50,7 @@ class Sight(NamedTuple):
     """Pairs of cells that see one another along an azimuth: N pairs, by number."""
 
     share: F4
-    """Factor from the other cell's light to what arrives, per radian of azimuth: N."""
+    """Factor from the other cell's light to the arriving light, per radian of azimuth: N."""
     direction: F4
     """Direction to the other cell, 3 x N."""
     here: Numbers
@@ -93,7 +93,7 @@ class _Looking(NamedTuple):
 
 
 def sight(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
-    """Return what cells see of one another along one of the grid's azimuths.
+    """Return the pairs of cells that see one another along one of the grid's azimuths.
 
     `camera` is 1 over the height of the pupil for which the cells form a grid.
     """
@@ -189,7 +189,7 @@ def _risen(
 
 
 def arriving(seen: Callable[[int], Sight], law: Law, lights: int, grid: Grid) -> F4:
-    """Return what arrives at the cells of the frame, over pi: K x rows x columns.
+    """Return the light that arrives at the cells of the frame, over pi: K x rows x columns.
 
     `seen` tells what they see along each azimuth, which all cores share.
     """
@@ -220,7 +220,7 @@ def gathered(t: F4, across: F4, facing: F4) -> F4:
 
 
 def _longest(grid: Grid, azimuth: tuple[float, float]) -> F4:
-    """Return how far each cell of the frame is from the film's end."""
+    """Return the distance of each cell of the frame from the film's end."""
     ways = []
     for part, count in zip(azimuth, (grid.columns, grid.rows), strict=True):
         place = np.arange(count, dtype=np.float32)

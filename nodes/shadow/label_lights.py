@@ -66,7 +66,7 @@ Leds = NDArray[np.bool_]
 
 
 class Labelled(NamedTuple):
-    """A slope for each pixel, and what it rests on."""
+    """A slope for each pixel, its labels and its variance."""
 
     slope: Slope
     twin: Slope
@@ -77,7 +77,7 @@ class Labelled(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What a set of LEDs costs, and which sets are tried.
+    """Cost of a set of LEDs, and limits on the sets that are tried.
 
     Parameters
     ----------

@@ -10,6 +10,6 @@ from tactograph.nodes import ShadowRises
 
 @node
 def no_rises() -> ShadowRises:
-    """Return what `shadow_constraints` gives where there is no shadow."""
+    """Return the result of `shadow_constraints` for a touch without shadow."""
     none = np.zeros(0, np.int32)
     return ShadowRises(none, none, np.zeros(0, np.float32), np.zeros(0, np.uint8))

@@ -69,7 +69,7 @@ def shadow_constraints(
     step_px: Annotated[float, Interval(ge=0.1, le=1)] = 0.5,
     longest_px: Annotated[float, Ge(0)] = 10_000.0,
 ) -> ShadowRises:
-    """Measure how far the edge that casts a shadow stands above the shadow's end.
+    """Measure the height of the edge that casts a shadow above the shadow's end.
 
     A ray starts at every lit pixel whose neighbour towards the LED is dark.  It runs towards
     the LED through the shadow to the first lit pixel, the edge that casts the shadow.  The

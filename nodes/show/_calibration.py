@@ -135,7 +135,7 @@ def _dots(axes: Axes, x: F4, y: F4, other_x: F4, other_y: F4) -> None:
 
 
 def _draw_map(part: Any, reflectance: F4, count: int) -> None:
-    """Draw how far a slope in x and in y changes each light in the middle of the film."""
+    """Draw the change of each light with a slope in x and in y, in the middle of the film."""
     axes = part.subplots(1, 1)
     places = np.arange(count)
     for shift, (number, name) in enumerate(((0, "x"), (1, "y"))):
@@ -148,7 +148,7 @@ def _draw_map(part: Any, reflectance: F4, count: int) -> None:
 
 
 def _draw_lens(arrays: dict[str, Any], title: str, target: Path) -> None:
-    """Draw by how much the camera sees places of an even grid displaced."""
+    """Draw the displacements at which the camera sees places of an even grid."""
     columns, rows = (int(side) for side in arrays["size"])
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()

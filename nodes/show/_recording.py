@@ -10,7 +10,7 @@ from tactograph.nodes.show._shown import Shown
 
 
 def show_recording(file: Path) -> Shown:
-    """Return duration, topics with their numbers of messages, and what is damaged.
+    """Return duration, topics with their numbers of messages, and damage.
 
     Raises
     ------

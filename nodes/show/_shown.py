@@ -41,7 +41,7 @@ def first(lines: list[str]) -> list[str]:
 
 
 def sentences(values: Any) -> list[str]:
-    """Return the strings of what should be a list of them, a line each."""
+    """Return the strings of a value that should be a list of them, a line each."""
     lines = values if isinstance(values, list) else []
     return [f"  {one_line(line)}" for line in lines if isinstance(line, str)]
 

@@ -20,7 +20,7 @@ STORE_FILE = "zarr.json"
 
 @node
 def show_file(*, file: Path, folder: Path | None = None) -> None:
-    """Print what a file holds; draw it, where there is something to draw.
+    """Print a file's contents; draw those that have a picture.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def expose(
     bits: Annotated[int, Interval(ge=1, le=16)] = 8,
     seed: Annotated[int, Ge(0)] = 0,
 ) -> Exposed:
-    """Return what a camera with an ideal linear sensor records of the light.
+    """Return the images of the light by a camera with an ideal linear sensor.
 
     The mean number of electrons is the light times `full_well`.  Shot noise makes it Poisson
     distributed, and the electronics add Gaussian noise.  The result is clipped to full scale

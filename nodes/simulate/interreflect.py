@@ -133,7 +133,7 @@ def _launch_on_cells(
     constants: dict[str, int],
     larger: DeviceArray | None = None,
 ) -> DeviceArray:
-    """Do what `_on_cells` does, and extrapolate by the result on `larger` cells."""
+    """Enqueue `_on_cells`, and extrapolate by the result on `larger` cells."""
     settings, count, lights = run.settings, run.sizes["K"], run.inputs["lights"]
     direct, table = (
         launch_cells(run, grid, constants, relative, None, lights, 0.0) for _ in range(2)

@@ -50,7 +50,7 @@ class MarkerTracks(NamedTuple):
 
 @dataclass(frozen=True)
 class Touch:
-    """A touch: what `join_touch` takes, in its units; None for what its graph does not provide."""
+    """A touch: the inputs of `join_touch`, in its units; None for those that its graph lacks."""
 
     height: Height
     image: Light
@@ -75,7 +75,7 @@ class Touch:
 
 
 def now_in_touch(*names: str) -> dict[str, str]:
-    """Return what to write in place of inputs that are parts of a touch, by name."""
+    """Return advice on inputs that are parts of a touch, by name."""
     return {
         name: f"'op: join_touch' takes it as '{_TAKEN_AS.get(name, name)}', and this node takes "
         "the result as 'touch'"

@@ -10,7 +10,7 @@ MAX_MEDIAN, MAX_QUARTILE = 0.77, 3.5
 
 
 def check_curl(curl: F4) -> Check:
-    """Return how far the slopes are from the gradient of a height (`slope_curl`, T2, h x w)."""
+    """Return the departure of slopes from the gradient of a height (`slope_curl`, T2, h x w)."""
     middle, upper = spread_of(curl[curl >= 0])
     return Check(
         max(middle / MAX_MEDIAN, upper / MAX_QUARTILE),

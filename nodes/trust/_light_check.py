@@ -53,7 +53,7 @@ class Touched(NamedTuple):
 def check_light(
     touched: Touched, count: int, rim_error: float, brightness_error: float = 0.0
 ) -> Check:
-    """Return how far the light of K LEDs is from that of the slopes that were found (T1, T4).
+    """Return the departure of the light of K LEDs from the prediction by the slopes (T1, T4).
 
     `rim_error` is the error of the light where rims in shadow leave the height uncertain, over
     the model's error; `brightness_error` the standard deviation of the film's brightness.

@@ -28,7 +28,7 @@ stands out by this height."""
 
 
 class Rest(NamedTuple):
-    """The light without what the LEDs have drifted by, and how much of it is at rest."""
+    """The light without the LEDs' drift, and the share of it that is at rest."""
 
     level: F4
     """K, each LED's light on the film at rest."""
@@ -39,7 +39,7 @@ class Rest(NamedTuple):
 
 
 def find_rest(light: F4, drift: Drift | None) -> Rest:
-    """Return what is at rest in light of the touch, K x h x w relative to the flat frame."""
+    """Return the film at rest in light of the touch, K x h x w relative to the flat frame."""
     if drift is not None and (drift[:, 0] != 1).any():
         level, shape = drift[:, 0], float(np.abs(drift[:, 1:]).max())
         light = light / drift_gain(drift, (light.shape[1], light.shape[2]))
@@ -50,7 +50,7 @@ def find_rest(light: F4, drift: Drift | None) -> Rest:
 
 
 def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
-    """Return how far the film at rest is from that of the flat frame (T3 of ``docs/model.md``).
+    """Return the departure of film at rest from the flat frame (T3 of ``docs/model.md``).
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ MAX_CELLS = 2500
 
 
 class FilmErrors(NamedTuple):
-    """The LEDs, and by how much the film departs from its model."""
+    """The LEDs, and the film's departure from its model."""
 
     lights: LightPositions | None = None
     misfit: Misfit | None = None

@@ -18,7 +18,7 @@ CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 MIN_SLOPE = np.float32(0.05)
 """Film less steep is as good as at rest."""
 NOISE_WEIGHT = np.float32(2)
-"""Weight of the slopes' variances among what may curl."""
+"""Weight of the slopes' variances among the causes of curl."""
 MAX_CURVATURE = np.float32(0.5)
 """Change of the slope per cell beyond which a cell holds an edge."""
 

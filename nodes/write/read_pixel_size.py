@@ -60,7 +60,7 @@ def read_pixel_size(
 
 
 def _size_in(folder: Path) -> float | None:
-    """Return what a folder's result says; None if it is no result, or an older one."""
+    """Return the pixel size of a folder's result; None if it is no result, or an older one."""
     said = read_result(folder)
     size = said.get("pixel_size_mm")
     if isinstance(size, bool) or not isinstance(size, int | float):

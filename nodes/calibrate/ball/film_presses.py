@@ -1,4 +1,4 @@
-"""Presses in which what shows no film looks like film at rest."""
+"""Presses in which pixels that show no film look like film at rest."""
 
 from __future__ import annotations
 

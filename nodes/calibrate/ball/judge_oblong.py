@@ -17,7 +17,7 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 MAX_OBLONG_SHARE = 0.03
 """Ratio of a pixel's sides, less 1, above which pixels are not square..."""
 MIN_EXPLAINED = 0.3
-"""... where that explains so much of what round balls leave: film of its own kind leaves more."""
+"""... where it explains this share of the balls' residual: film of its own kind leaves more."""
 MAX_BALLS = 5
 """Most balls that are looked at; the best say as much as all."""
 
@@ -52,12 +52,12 @@ def judge_oblong(
         radius = np.full(len(circle), radius_mm, np.float32)
     presses = [*cut(light, flat.shape[1])]
     best = [n for n in np.argsort(-goodness)[:MAX_BALLS] if circle[n, 2] > 0]
-    found = np.array(
+    estimates = np.array(
         [oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel) for n in best]
     )
     if not best:
         return []
-    oblong, explained = np.median(found, axis=0)
+    oblong, explained = np.median(estimates, axis=0)
     share = np.expm1(abs(oblong))
     if share < MAX_OBLONG_SHARE or explained < MIN_EXPLAINED:
         return []

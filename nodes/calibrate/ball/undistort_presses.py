@@ -27,7 +27,7 @@ class IdealPresses(NamedTuple):
 def undistort_presses(
     image: SheetLight, first: Light, known: KnownCircles, lens: Lens, marks: Marks | None = None
 ) -> IdealPresses:
-    """Return what `read_balls` read, as seen by a camera without distortion.
+    """Return the presses of `read_balls` as a camera without distortion would see them.
 
     Parameters
     ----------

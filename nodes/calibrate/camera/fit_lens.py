@@ -93,13 +93,13 @@ def fit_lens(
     pitch = half * float(np.exp(pose[0]))
     bend = 100 * float(lens[0] + lens[1])
     if residual > MAX_RESIDUAL_PITCHES * pitch:
-        what = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
+        problem = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
         if abs(bend) > MAX_BEND_PERCENT:
             raise InputError(
-                f"{what} through a lens that bends lines by {bend:.0f} % at the corner, more than "
-                "k1 and k2 describe; crop= the middle of all images, or take a longer lens"
+                f"{problem} through a lens that bends lines by {bend:.0f} % at the corner, more "
+                "than k1 and k2 describe; crop= the middle of all images, or take a longer lens"
             )
-        raise InputError(f"{what}; lay it flat on the film, or name another pattern=")
+        raise InputError(f"{problem}; lay it flat on the film, or name another pattern=")
     _check_fold(lens)
     reach = float(np.linalg.norm(seen[kept], axis=1).max())
     if reach < MIN_REACH_SHARE:

@@ -26,7 +26,7 @@ def plot_camera(
     *,
     file: BesidePicture,
 ) -> None:
-    """Draw the marks on the image, and arrows that show by how much they depart from the fit.
+    """Draw the marks on the image, and arrows for their departures from the fit.
 
     Parameters
     ----------

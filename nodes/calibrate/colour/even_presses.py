@@ -25,7 +25,7 @@ class EvenPresses(NamedTuple):
 
 @node
 def even_presses(image: PressImages, flat: Light, circle: KnownCircles, lens: Lens) -> EvenPresses:
-    """Return what `read_presses` read, as seen by a camera without distortion.
+    """Return the presses of `read_presses` as a camera without distortion would see them.
 
     Parameters
     ----------

@@ -65,6 +65,6 @@ def contact_edge(
 
 
 def _departure(left: F8, lit: NDArray[np.bool_]) -> F8:
-    """Departure without what the LEDs share: at the foot, light from film to film is common."""
+    """Departure without the LEDs' common part: at the foot, light from film to film is common."""
     common = (left * lit).sum(0) / np.maximum(lit.sum(0), 1)
     return np.asarray((np.minimum(np.abs(left - common), MAX_DEPARTURE) ** 2 * lit).sum(0))

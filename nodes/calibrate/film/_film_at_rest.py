@@ -22,7 +22,7 @@ because its departures are smooth."""
 
 
 def rest_left(rest: Rest, now: Fitted) -> F8:
-    """Logarithm of the flat frame minus the model's, without what all LEDs share: K x M."""
+    """Logarithm of the flat frame minus the model's, without the LEDs' common part: K x M."""
     return _rest_less(rest, _rest_model(rest, now))
 
 

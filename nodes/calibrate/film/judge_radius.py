@@ -53,7 +53,7 @@ DISTANCE_TOLERANCE = 0.15
 
 
 class RadiusVerdict(NamedTuple):
-    """Figures, and what speaks against the radius, a sentence each."""
+    """Figures, and evidence against the radius, a sentence each."""
 
     quality: Metrics
     doubts: list[str]
@@ -187,7 +187,7 @@ def try_radii(
 
 
 def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
-    """Return what the light says against a radius; nothing if it is right.
+    """Return the evidence of the light against a radius; none if it is right.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def _best(trials: list[Tried]) -> Tried:
 
 
 def as_given(trials: list[Tried]) -> Tried:
-    """Return what the light says of the radius that was given."""
+    """Return the light's evidence on the given radius."""
     return next(each for each in trials if each.factor == 1)
 
 

@@ -247,7 +247,7 @@ def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _
 
 
 def _level(logarithm: F8) -> F8:
-    """Remove what all LEDs share, which is albedo, and each LED's strength."""
+    """Remove the LEDs' common part, which is albedo, and each LED's strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 

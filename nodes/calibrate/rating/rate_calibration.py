@@ -38,7 +38,7 @@ MAX_ALBEDO = 0.94
 
 
 class Rating(NamedTuple):
-    """Figures, what speaks against the calibration (a sentence each), and the verdict."""
+    """Figures, evidence against the calibration (a sentence each), and the verdict."""
 
     quality: Metrics
     doubts: list[str]

@@ -11,7 +11,7 @@ from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SKIRT_RADII = 1.5
-"""Film within so many contact radii of a ball is lifted, and shaded by its slope."""
+"""Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
 MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 MAX_DEPARTURE = 0.1
@@ -35,7 +35,7 @@ def rate_exposure(
     of: BallPress,
     names: list[str],
 ) -> Metrics:
-    """Return by how much the untouched film of the presses differs from the flat frame; warn of it.
+    """Return the difference of the presses' untouched film from the flat frame; warn of it.
 
     Heights follow from light relative to the flat frame, so exposure, gain and LED currents have
     to be the same in both.  The median over the film beyond the balls' skirts shows whether they

@@ -33,7 +33,7 @@ MIN_RESPONSE = 0.3
 
 
 MAX_PIXELS = 400_000
-"""Larger images are binned; more pixels say nothing new about a film."""
+"""Most pixels of an image that is compared; larger images are binned first."""
 
 
 class FilmChange(NamedTuple):

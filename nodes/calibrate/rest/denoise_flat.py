@@ -83,7 +83,7 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
 
 
 def _bands(plane: F4) -> tuple[list[F4], F4]:
-    """The detail between each scale and the next, and what is coarser than all of them.
+    """The detail between each scale and the next, and the remainder that is coarser.
 
     The trend is removed first, so that the remainder may be mirrored at the borders.
     """

@@ -1,4 +1,4 @@
-"""Tell where a frame shows film, and where a housing or nothing at all."""
+"""Distinguish film in a frame from a housing and from dark parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
 MAX_CONTINUED_RATIO = 1.5
 """Limit of continued light, as a multiple of the light on the film."""
 MAX_FIT_PIXELS = 20000
-"""Pixels that say enough of how light falls off."""
+"""Number of pixels to which the fall-off of the light is fitted."""
 
 
 class FilmArea(NamedTuple):
@@ -90,7 +90,7 @@ def _area(flat: Light, dark: float, margin_px: int) -> U1:
 
 
 def _continued(plane: F4, area: U1) -> F4:
-    """The light of an LED over the whole frame, as that on the film goes on."""
+    """The light of an LED over the whole frame, continued from the film."""
     height, width = plane.shape
     y, x = np.mgrid[:height, :width] / np.float64(max(height, width)) - 0.5
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])

@@ -12,7 +12,7 @@ from tactograph.nodes.live.camera.open_camera import CameraSettings, Library
 
 
 class CameraParams(NamedTuple):
-    """A camera, and what its driver is asked for.
+    """A camera, and the settings requested of its driver.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class CameraParams(NamedTuple):
     def wanted(
         self, width: int | None, height: int | None, *, colour: bool = False
     ) -> CameraSettings:
-        """Return what to request for frames of such a size; None keeps the driver's."""
+        """Return the size to request for frames of a size; None keeps the driver's."""
         return CameraSettings(
             width, height, self.rate, self.exposure, self.gain, self.white_balance, colour=colour
         )

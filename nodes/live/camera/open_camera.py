@@ -121,7 +121,8 @@ def open_capture(
 
 
 def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
-    """Fix size, rate, exposure, gain and white balance; return what the driver refused.
+    """Fix size, rate, exposure, gain and white balance; return the settings that the driver
+    refused.
 
     With automatic exposure or gain, the light of one LED would depend on that of the others, and
     nothing could be measured.

@@ -176,7 +176,7 @@ def _change(one: F4, other: F4, rest: F4) -> float:
 
 
 class Watch:
-    """Watches touches until the person at the sensor has done what was requested.
+    """Watches touches until the person at the sensor has made the requested one.
 
     Parameters
     ----------

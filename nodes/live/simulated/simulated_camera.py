@@ -70,7 +70,7 @@ class SimulatedCamera:
         self._released.set()
 
     def set(self, prop: int, value: float) -> bool:
-        """Set the frame rate, up to what the exposure allows; the size is the scene's."""
+        """Set the frame rate, up to the limit by the exposure; the size is the scene's."""
         if prop == cv2.CAP_PROP_FPS and value > 0:
             sensor = self.sensor
             if sensor.scene.exposure_s is None:

@@ -62,7 +62,7 @@ class Lamps(Protocol):
         """Count of the cycle's starts."""
 
     def shift(self, steps: float) -> None:
-        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+        """Restart the cycle so that it changes LEDs `steps` of a step later."""
 
     def hold(self, led: int) -> None:
         """Light one LED, 0 for none, until the cycle is resumed."""
@@ -89,7 +89,7 @@ class FreeLamps:
         """Do nothing: these LEDs obey nobody."""
 
     def hold(self, led: int) -> None:
-        """Refuse: callers need what these LEDs cannot do."""
+        """Raise an error: these LEDs cannot do it."""
         raise InputError(
             "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
             "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
@@ -136,7 +136,7 @@ class ControlledLamps:
         return 1 + self._shifts + len(self._controller.recoveries)
 
     def shift(self, steps: float) -> None:
-        """Start the cycle anew, so that it changes LEDs `steps` of a step later."""
+        """Restart the cycle so that it changes LEDs `steps` of a step later."""
         self._shifts += 1
         change = self._next_change(time.monotonic() + self._step / 4)
         if change is not None:

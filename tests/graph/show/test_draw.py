@@ -202,7 +202,7 @@ def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> Non
 def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     boxes = {box.name: box for box in folded(plan).boxes}
-    assert boxes["pass_1"].what == "pass: 6 nodes"
+    assert boxes["pass_1"].label == "pass: 6 nodes"
     assert not [name for name in boxes if "." in name]
     assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
     outside = [name for name in plan.tasks if "." not in name]
