@@ -93,7 +93,7 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
         Check(
             MIN_CALM / max(calm, MIN_CALM / 10),
             "hardly any film is at rest, so that zero and tilt of the height are unknown (a touch "
-            "that reaches all borders, for which run reconstruct_filled; another sensor; other light)",
+            "that reaches all borders, for which reconstruct_filled is; another sensor; other light)",
         ),
         Check(
             -float(height.min()) / max(float(height.max()), MIN_HEIGHT_MM) / MAX_DEPTH,
