@@ -92,8 +92,8 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
         ),
         Check(
             MIN_CALM / max(calm, MIN_CALM / 10),
-            "hardly any film is at rest, so that zero and tilt of the height are unknown (a touch "
-            "that reaches all borders, another sensor, or other light)",
+            "hardly any film is at rest, so that zero and tilt of the height are unknown (an "
+            "object that fills the frame is for reconstruct_filled; or another sensor or light)",
         ),
         Check(
             -float(height.min()) / max(float(height.max()), MIN_HEIGHT_MM) / MAX_DEPTH,

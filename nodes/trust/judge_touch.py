@@ -59,6 +59,7 @@ def judge_touch(
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
     force: bool = False,
+    filled: bool = False,
 ) -> Metrics:
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
@@ -94,6 +95,8 @@ def judge_touch(
         Error of the height beside rims in shadow, as a share of the greatest height.
     force
         Go on where all checks fail.
+    filled
+        Whether an object fills the frame: then no film at rest is looked for.
 
     Returns
     -------
@@ -103,13 +106,12 @@ def judge_touch(
     Raises
     ------
     InputError
-        If all checks fail, unless `force`: three, or two where the light is not checked.
+        If all checks that are made fail, unless `force`.
     """
     lights, misfit, uneven = film or FilmErrors()
-    checks = {
-        "curl": check_curl(_thinned(curl)),
-        "rest": check_rest(_thinned(light), drift, height, lights),
-    }
+    checks = {"curl": check_curl(_thinned(curl))}
+    if not filled:
+        checks["rest"] = check_rest(_thinned(light), drift, height, lights)
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)

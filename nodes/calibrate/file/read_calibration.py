@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from tactograph.graph import EVERYTHING, Wanted, node, warn
@@ -12,7 +13,11 @@ from tactograph.nodes.files.image_files import Lights
 
 @node
 def read_calibration(
-    *, file: Path, lights: Lights | None = None, wanted: Wanted = EVERYTHING
+    *,
+    file: Path,
+    lights: Lights | None = None,
+    filled: bool = False,
+    wanted: Wanted = EVERYTHING,
 ) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
@@ -28,6 +33,9 @@ def read_calibration(
     lights
         How the images that it is used for hold the lights, as for `read_capture`.  None: not
         known.
+    filled
+        Whether an object touches all of the film.  Then film is as bright everywhere, and how
+        bright that is, is known less well by as much as a touch brightens it.
 
     Raises
     ------
@@ -46,4 +54,9 @@ def read_calibration(
             "leave out; calibrate again"
         )
     said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
-    return record_of(Calibration, {**arrays, **said})
+    found = record_of(Calibration, {**arrays, **said})
+    if filled:
+        film = found.film
+        film = film._replace(gain=1.0, uneven=math.hypot(film.uneven, film.gain - 1))
+        found = found._replace(film=film)
+    return found

@@ -1,0 +1,24 @@
+"""The two ends of what may be known of a film's brightness."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tactograph.graph import node
+from tactograph.nodes import Uneven
+
+KNOWN, FREE = 0.0005, 0.2
+"""Standard deviations of the film's brightness that leave slopes no freedom, and all."""
+
+
+class BrightnessEnds(NamedTuple):
+    """Standard deviations of the brightness for `label_lights`."""
+
+    known: Uneven
+    free: Uneven
+
+
+@node
+def brightness_ends() -> BrightnessEnds:
+    """Return how uneven film is whose brightness is known, and whose is any."""
+    return BrightnessEnds(KNOWN, FREE)

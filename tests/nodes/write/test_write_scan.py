@@ -1,0 +1,57 @@
+"""A capture becomes a scan that its own reader, and GelSight's tools, take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.scan.read_light_model import read_light_model
+from tactograph.nodes.write.write_scan import write_scan
+from tests.nodes.scan.scans import PIXEL, cap, seen, write_model
+from tests.nodes.scan.scans import write_scan as made_scan
+
+
+def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml", flat=True)
+    made_scan(tmp_path / "first", seen(cap(), read_light_model(file=tmp_path / "model.yaml").model))
+    np.save(tmp_path / "height.npy", cap())
+    given = {
+        "capture": tmp_path / "first",
+        "height": tmp_path / "height.npy",
+        "model": tmp_path / "model.yaml",
+        "out": tmp_path / "second",
+    }
+    assert list(open_pipeline(read_graph("export_scan_height"), given).items())
+    (first,), (second,) = (read_capture(folder=tmp_path / name) for name in ("first", "second"))
+    np.testing.assert_allclose(second.image, first.image, atol=1e-6)
+    assert second.pixel_size == PIXEL
+    np.testing.assert_allclose(
+        read_height_file(tmp_path / "second" / "heightmap.tmd").height, cap(), atol=1e-6
+    )
+    assert read_light_model(file=tmp_path / "second").model.gain is not None
+
+
+def test_images_of_8_bits_stay_so(tmp_path: Path) -> None:
+    image = (100 + np.arange(64, dtype=np.float32).reshape(4, 4, 4)) / np.float32(255)
+    write_scan(image, 0.01, folder=tmp_path)
+    (capture,) = read_capture(folder=tmp_path)
+    np.testing.assert_array_equal(capture.image, image)
+    assert (tmp_path / "image01.png").stat().st_size < 100
+
+
+def test_a_model_of_another_sensor_is_refused(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml")
+    with pytest.raises(InputError, match="is of 6 LEDs, the capture of 4"):
+        write_scan(
+            np.zeros((4, 4, 4), np.float32),
+            0.01,
+            folder=tmp_path / "out",
+            model=tmp_path / "model.yaml",
+        )
