@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends import parity
+from tactograph.graph.backends.device_queue import usual_lanes
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import (
     expected_arguments,
@@ -33,11 +34,12 @@ LANED = [name for name in KERNEL_NODES if "LANES" in kernel_source(find_node(nam
 def one_lane(request: pytest.FixtureRequest) -> OpenCL | None:
     """The device as if it were a GPU, whose work-items do one element each.
 
-    None on PoCL 5.0, which aborts on barriers in loops; only a GPU's groups have those.
+    None where they do so anyway, and on PoCL 5.0, which aborts on barriers in loops; only a GPU's
+    groups have those.
     """
     found, _ = choose_device(request.config.getoption("--device"))
     assert found is not None
-    if "PoCL 5.0" in found.handle.platform.version:
+    if usual_lanes(found) == 1 or "PoCL 5.0" in found.handle.platform.version:
         return None
     return OpenCL(found, lanes=1)
 
