@@ -609,7 +609,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
         darkest = LESS_OF(darkest, here->light[k]);
         brightest = MORE_OF(brightest, here->light[k]);
     }
-    const ints open = (best->cost > rules->dimmed) & (here->forced == 0)
+    const ints open = (best->cost > rules->dimmed) & (here->below == 0)
         & (darkest > MIN_EVEN_SHARE * brightest);
     if (!ANY(open)) return open;
     const int all = (1 << here->K) - 1;

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 MIN_ENERGY_SHARE = 4e-9
 """Stop when less than this share of the steps' energy is left to gain."""
+MAX_SCALE = 1e15
+"""Largest c; long before, no residual lowers a weight.  Its square is still a float32."""
 
 
 @node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients add up in another order"))
@@ -87,7 +89,7 @@ def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[floa
     """The scale of each round; a height that is nearly right needs half of them and no ease."""
     if warm:
         return [robust] * ((rounds + 1) // 2)
-    return [robust * ease**left for left in reversed(range(rounds))]
+    return [min(robust * ease**left, MAX_SCALE) for left in reversed(range(rounds))]
 
 
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
@@ -139,10 +141,13 @@ def _launch(run: Launch) -> None:
 
 @integrate_weighted.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """The equations of rough film; the height before sometimes fits better along rows alone."""
+    """The equations of rough film; the height before sometimes fits better along rows alone.
+
+    A pixel that little holds keeps most of a start that is far off.
+    """
     shape = sizes["H"], sizes["W"]
     slope = rng.uniform(-2, 2, (2, *shape)).astype(np.float32)
-    before = rng.uniform(-0.1, 1, shape)
+    before, start = rng.uniform(-0.1, 1, (2, *shape)).astype(np.float32)
     if rng.random() < 0.5:
         before[:] = rng.uniform(-2, 6, (sizes["H"], 1))
-    return {**example_system(rng, slope, **sizes), "before": before.astype(np.float32)}
+    return {**example_system(rng, slope, **sizes), "before": before, "start": start}

@@ -149,13 +149,20 @@ def _launch_on_cells(
 
 
 @film_bounce.example
-def _example(rng: np.random.Generator, K: int, **_: int) -> dict[str, Any]:
-    """LEDs above a film that extends little beyond the frame; one film in two has no coat."""
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """LEDs above a film that extends little beyond the frame; one film in two has no coat.
+
+    The film is rough and tilted, but no steeper than a film: seen from its side, what a place sees
+    of another depends on the last digit of a height.
+    """
     sideways = rng.uniform(-20, 20, (K, 2))
     lights = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)
     matt = {"film.refraction": 1.0} if rng.random() < 1 / 2 else {}
     rim, albedo = float(rng.uniform(0, 0.6)), float(rng.uniform(0.2, 0.7))
-    return {"film.lights": lights, "film.rim": rim, "film.albedo": albedo, **matt}
+    pixel, (p, q) = float(rng.uniform(0.01, 0.2)), rng.uniform(-1, 1, 2)
+    rough = rng.uniform(-2, 2, (H, W)) + p * np.arange(W) + q * np.arange(H)[:, None]
+    height = {"height": (pixel * rough).astype(np.float32), "pixel": pixel}
+    return {"film.lights": lights, "film.rim": rim, "film.albedo": albedo, **height, **matt}
 
 
 def _check(albedo: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Interval
@@ -102,6 +102,12 @@ def _launch(launch: Launch) -> None:
             launch.kernel("settle", pairs, obstacle, film, *size, colour, *factors)
     launch.kernel("smooth", size, film, taps, half, *size, len(weights) // 2, 1)
     launch.kernel("smooth", size, half, taps, launch.outputs["press"], *size, len(weights) // 2, 0)
+
+
+@press.example
+def _example(rng: np.random.Generator, **_: int) -> dict[str, Any]:
+    """Pixels that are not too small for the longest reach."""
+    return {"pixel": float(rng.uniform(0.05, 0.2))}
 
 
 def _sweeps(reach_px: float) -> _Sweeps:

@@ -19,7 +19,8 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import CASE_SHAPES, cases, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks

@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, cases, make_inputs
+from tactograph.graph.backends.parity_cases import Case, cases, make_inputs
 from tactograph.graph.declare.find_node import find_node
 from tests.kernels.test_parity import KERNEL_NODES
 

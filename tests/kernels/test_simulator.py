@@ -23,7 +23,8 @@ import sys
 from tactograph.graph.backends import compiled_node, launch, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.backends.parity import cases, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import cases
 from tactograph.nodes.height import height_networks
 from tactograph.nodes.optics import radiosity
 

@@ -7,7 +7,7 @@ import inspect
 import numpy as np
 import pytest
 
-from tactograph.graph.backends.parity import cases, make_inputs
+from tactograph.graph.backends.parity_cases import cases, make_inputs
 from tactograph.graph.declare.find_node import builtin_names, find_node
 
 IDLE = [name for name in builtin_names() if find_node(name).is_idle is not None]

@@ -11,7 +11,7 @@ import pytest
 
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import cases, make_inputs
+from tactograph.graph.backends.parity_cases import cases, make_inputs
 from tactograph.nodes.height.height_system import height_system
 from tactograph.nodes.height.rest_at_border import rest_at_border
 

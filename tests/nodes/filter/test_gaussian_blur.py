@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import Case
 from tactograph.nodes.filter._border import Border
 from tactograph.nodes.filter.gaussian_blur import gaussian_blur
 

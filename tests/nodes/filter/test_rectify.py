@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import Case
 from tactograph.graph.declare.check_settings import model_of
 from tactograph.nodes.filter.rectify import Corners, rectify
 

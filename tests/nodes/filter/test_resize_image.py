@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import Case
 from tactograph.nodes.filter.resize_image import Method, resize_image
 
 LIGHT = np.random.default_rng(1).random((2, 24, 32), np.float32)

@@ -7,7 +7,8 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import Case
 from tactograph.nodes import F4
 from tactograph.nodes.height.enlarge_height import enlarge_height
 from tactograph.nodes.light.coarsen import coarsen

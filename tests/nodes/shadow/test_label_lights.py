@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import Case, compare
+from tactograph.graph.backends.parity import compare
+from tactograph.graph.backends.parity_cases import Case
 from tactograph.nodes import F4
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
 from tactograph.nodes.optics import cache_blocks
@@ -259,9 +260,11 @@ def test_the_variance_is_that_of_the_slope() -> None:
 
 @pytest.mark.parametrize("count", [3, 5, 8])
 def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int) -> None:
-    setting = {name: p.default for name, p in label_lights.parameters.items()}
-    case = Case({"K": count, "H": 31, "W": 37}, "random", "default", setting)
-    assert compare(label_lights, device, case) is None
+    default = {name: p.default for name, p in label_lights.parameters.items()}
+    # A soft gel under an LED below the floor is not dimmed.
+    for setting in (default, default | {"floor": 20.0, "dimmed": 1.0}):
+        case = Case({"K": count, "H": 31, "W": 37}, "random", "default", setting)
+        assert compare(label_lights, device, case) is None
 
 
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
