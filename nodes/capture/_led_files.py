@@ -12,11 +12,14 @@ from tactograph.nodes.files.image_files import MAX_LEDS
 
 IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
+MAX_LED_IMAGES = 16
+"""Most images that can be those of LEDs where nothing says which."""
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: the part before its last number, the number, and the part behind."""
 SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
 
+CHOOSE_LEDS = "'leds: [1, 2, ...]' in capture.yaml"
 Named = dict[int, Path]
 """Images of one name by their numbers."""
 
@@ -35,44 +38,52 @@ def is_hidden(path: Path) -> bool:
 def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> bool:
     """Return whether a folder holds images that are one LED's each."""
     if pattern != USUAL_PATTERN:
-        return any(_by_pattern(folder, pattern, leds or range(1, MAX_LEDS + 1)).values())
+        return any(_by_pattern(folder, pattern, leds or range(1, MAX_LED_IMAGES + 1)).values())
     if is_scan(folder):
         return True
     groups = _by_name(folder)
     return (USUAL_PATTERN.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
 
 
-def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> list[Path]:
-    """Return the image of each LED, in the order of `leds`, or of their numbers.
+def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Named:
+    """Return the image of each LED by its number, in the order of `leds`, or of the numbers.
 
     With the usual pattern, images of any one name with numbers are taken in the order of these,
-    and this is said; images of other names with numbers are named as left out.  Of a scan, those
+    and this is said; images of other names with numbers are named as left out.  Of more LEDs than
+    a label holds, eight are taken that are spread evenly over the numbers.  Of a scan, those
     that its ``scan.yaml`` lists are taken, in that order.
 
     Raises
     ------
     InputError
         If an image is missing or there twice, several names may be meant, or there are fewer LEDs
-        than a slope needs, or more than a label holds.
+        than a slope needs, or more than `MAX_LED_IMAGES`.
     """
     if leds is not None and len(set(leds)) < len(leds):
         raise InputError(f"leds={tuple(leds)}: an LED is named twice")
     if pattern == USUAL_PATTERN:
         there = _numbered_leds(folder)
     else:
-        asked = leds or range(1, MAX_LEDS + 1)
+        asked = leds or range(1, MAX_LED_IMAGES + 1)
         there = {led: file for led, file in _by_pattern(folder, pattern, asked).items() if file}
     wanted = leds or range(1, max(there, default=1) + 1)
     missing = [led for led in wanted if led not in there]
     if missing:
         name = pattern.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
+    if leds is None and MAX_LEDS < len(wanted) <= MAX_LED_IMAGES:
+        wanted = [wanted[number * len(wanted) // MAX_LEDS] for number in range(MAX_LEDS)]
+        warn(
+            f"of {len(there)} LEDs, {', '.join(map(str, wanted))} are taken, as labels hold "
+            f"{MAX_LEDS}; {CHOOSE_LEDS} takes others"
+        )
     if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
         raise InputError(
             f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
-            f"of them (if the channels of one colour image are the lights, {SAY_LIGHTS})"
+            f"of them ({CHOOSE_LEDS}; if the channels of one colour image are the lights, "
+            f"{SAY_LIGHTS})"
         )
-    return [there[led] for led in wanted]
+    return {led: there[led] for led in wanted}
 
 
 def _numbered_leds(folder: Path) -> Named:

@@ -188,7 +188,7 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     _check_folder(folder)
     layout = _with_capture_file(folder, layout)
     if layout.lights == "leds":
-        files = find_led_files(folder, layout.files, layout.leds)
+        files = [*find_led_files(folder, layout.files, layout.leds).values()]
         planes = [grey(read_image(file), layout.channel) for file in files]
     else:
         file = _only_image(folder)

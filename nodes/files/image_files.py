@@ -23,6 +23,8 @@ MOST_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
+GLINT_SHARE = 0.5
+"""Share of full scale of a highlight in an image that is dark else."""
 FEWEST_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 MAX_HEIGHT_MM = 1e4
@@ -351,6 +353,8 @@ def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str
     if light >= least:
         return
     hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
+    if plane.max() > GLINT_SHARE * full:
+        hint = "; a few pixels are bright: of a ball that mirrors, 'find_lamps' takes highlights"
     raise InputError(
         f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
         f"and the exposure long enough?{hint}"

@@ -85,6 +85,24 @@ def test_a_gap_between_numbers_is_refused(tmp_path: Path) -> None:
         read_one(tmp_path)
 
 
+def test_of_more_leds_than_a_label_holds_eight_all_around_are_taken(tmp_path: Path) -> None:
+    many = RNG.integers(1, 250, (12, 12, 16)).astype(np.uint8)
+    write(tmp_path, [f"led{k}.png" for k in range(1, 13)], many)
+    capture, notes = read_one(tmp_path)
+    assert np.array_equal(capture.image, many[[0, 1, 3, 4, 6, 7, 9, 10]] / np.float32(255))
+    assert notes[0].startswith("of 12 LEDs, 1, 2, 4, 5, 7, 8, 10, 11 are taken, as labels hold 8")
+    (tmp_path / "capture.yaml").write_text("leds: [3, 6, 9, 12]\n")
+    capture, notes = read_one(tmp_path)
+    assert np.array_equal(capture.image, many[2::3] / np.float32(255))
+    assert notes == []
+
+
+def test_a_folder_of_frames_is_no_capture(tmp_path: Path) -> None:
+    write(tmp_path, [f"frame{k}.png" for k in range(17)], np.tile(IMAGES, (5, 1, 1)))
+    with pytest.raises(InputError, match=r"17 LED images.*leds: \[1, 2, \.\.\.\]"):
+        read_one(tmp_path)
+
+
 def test_one_number_in_two_files_is_refused(tmp_path: Path) -> None:
     write(tmp_path, ["led1.png", "led01.png", "led2.png", "led3.png"])
     with pytest.raises(InputError, match=r"led01\.png and led1\.png are both there"):

@@ -1,0 +1,92 @@
+"""Check lamps of known places against the light of the untouched film."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import F8, Light, LightPlaces, LightPositions, Metrics, PixelSize
+from tactograph.nodes.calibrate.lights.light_fit import places_within
+from tactograph.nodes.calibrate.lights.light_samples import rest_of
+
+DIRECTION_DEVIATION = 0.01
+"""Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
+MAX_MISFIT = 0.02
+"""Departure of the film's light from that of the lamps, beyond which their order is looked at."""
+MAX_MISFIT_RATIO = 0.5
+"""Misfit of another order, over that of the given one, from which on the latter is wrong."""
+
+
+class KnownLamps(NamedTuple):
+    """The lamps, other places that they may have, figures, and what speaks against the lamps."""
+
+    lights: LightPositions
+    others: LightPlaces
+    quality: Metrics
+    doubts: list[str]
+
+
+@node
+def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLamps:
+    """Return lamps of known places, once the flat frame does not contradict them.
+
+    Near lamps light the film unevenly, each in its own way.  What all share, such as the film's
+    albedo and vignetting, is left out, and so is each lamp's strength: it is found here, and the
+    division by the flat frame does away with it.
+
+    Parameters
+    ----------
+    lamps
+        K x 3 in mm, as `read_lamps` gives them.
+    flat
+        K x H x W, the film at rest.
+    pixel
+        mm per px.
+
+    Raises
+    ------
+    InputError
+        If the film's light is that of the lamps in another order.
+    """
+    quality: Metrics = {}
+    doubts: list[str] = []
+    rest = rest_of(flat, pixel)
+    if rest is not None:
+        places = lamps.astype(np.float64)[:, :, None]
+        square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
+        modelled, taken = _own(-1.5 * np.log(square)), _own(rest.logarithm)
+        wrong = np.square(taken[:, None] - modelled[None]).mean(axis=-1)
+        images, order = linear_sum_assignment(wrong)
+        misfit, best = np.sqrt(np.diag(wrong).mean()), np.sqrt(wrong[images, order].mean())
+        if misfit > MAX_MISFIT and best < MAX_MISFIT_RATIO * misfit:
+            raise InputError(
+                f"the film's light fits the lamps in the order {', '.join(map(str, order + 1))}: "
+                "check the order of the lamps' lines, and that y points down (in an .lp up)"
+            )
+        quality["flat_residual_percent"] = float(100 * misfit)
+        if misfit > MAX_MISFIT:
+            doubts.append(
+                f"the untouched film's light departs by {misfit:.1%} from that of the lamps: check "
+                "their places, the pixel size and that other light is kept out"
+            )
+    for doubt in doubts:
+        warn(doubt)
+    return KnownLamps(lamps, _others(lamps, pixel * flat.shape[2]), quality, doubts)
+
+
+def _own(logarithm: F8) -> F8:
+    """What is a lamp's own, K x N: without what all share, and without its strength."""
+    shared = logarithm - logarithm.mean(axis=0)
+    return np.asarray(shared - shared.mean(axis=1, keepdims=True))
+
+
+def _others(lamps: LightPositions, width_mm: float) -> LightPlaces:
+    """Eight sets of places that the lamps may have."""
+    x, y, z = lamps.astype(np.float64).T
+    leds = np.stack([x / z, y / z, 1 / z], axis=1)
+    # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
+    deviation = DIRECTION_DEVIATION * np.stack([1 + leds[:, 0] ** 2, 1 + leds[:, 1] ** 2, 1 / z], 1)
+    return places_within(leds, np.diag(deviation.ravel() ** 2), width_mm)

@@ -1,0 +1,51 @@
+"""The pixels of the tables by a film's model, where no object was pressed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import CoarseLight, Film, Noise
+from tactograph.nodes.calibrate.tables.carry_tables import TablePixels
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.film import predict
+
+SIDE = 121
+"""Rows and columns of the hemisphere of normals."""
+STEEPEST_SINE = 0.95
+"""n_x and n_y go up to here: a slope of 3."""
+LEAST_LIGHT = 0.02
+"""Light up to which a lamp does not reach a slope."""
+
+
+@node
+def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
+    """Return the light that a film's model gives slopes in all directions, with a camera's noise.
+
+    Parameters
+    ----------
+    film
+        The model (`optics/film`, equation F1), in the middle of the image.
+    flat, noise
+        K x h x w, and as `estimate_noise` gives it: how noisy light is.
+
+    Returns
+    -------
+    TablePixels
+        Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
+    """
+    ny, nx = (STEEPEST_SINE * np.linspace(-1, 1, SIDE)[index] for index in np.indices((SIDE, SIDE)))
+    inside = np.hypot(nx, ny) < STEEPEST_SINE
+    normal = np.stack([nx[inside], ny[inside], np.sqrt(1 - nx[inside] ** 2 - ny[inside] ** 2)])
+    none = np.zeros_like(normal[0])
+    light = predict(film, normal, none, none, none)
+    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None, None]
+    deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
+    lit = (light > LEAST_LIGHT) << np.arange(len(light))[:, None]
+    light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
+    return TablePixels(
+        light.astype(np.float32)[:, None],
+        (-normal[:2] / normal[2]).astype(np.float32)[:, None],
+        np.ones((1, none.size), np.uint8),
+        lit.sum(axis=0).astype(np.uint8)[None],
+    )

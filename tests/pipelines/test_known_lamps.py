@@ -1,0 +1,122 @@
+"""Calibrations without a ball: from the places of the lamps, or their directions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, said, taken, write
+
+NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
+
+
+def table(file: Path, lamps: np.ndarray, names: bool = True) -> str:
+    rows = [f"led{k},{x},{y},{z}" for k, (x, y, z) in enumerate(lamps, start=1)]
+    file.write_text("\n".join(["lamp,x,y,z", *rows]) + "\n")
+    return str(file)
+
+
+def dome(file: Path, lamps: np.ndarray) -> str:
+    """As programs for light domes write it: y points up."""
+    unit = lamps / np.linalg.norm(lamps, axis=1, keepdims=True)
+    rows = [rf"C:\some dome\led{k}.jpg {x} {-y} {z}" for k, (x, y, z) in enumerate(unit, start=1)]
+    file.write_text("\n".join([str(len(lamps)), *reversed(rows)]) + "\n")
+    return str(file)
+
+
+def calibrated(folder: Path, lights: str, lamps: np.ndarray) -> object:
+    flat = write(folder / "flat", taken(FLAT, 0, lamps))
+    out = str(folder / "cal.npz")
+    return run("calibrate_lights", lights=lights, flat=flat, pixel_size_mm=PIXEL_MM, out=out)
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
+def test_near_lamps_give_heights_in_mm(tmp_path: Path, graph: str) -> None:
+    result = calibrated(tmp_path, table(tmp_path / "leds.csv", NEAR), NEAR)
+    assert said(result) == []
+    assert result["quality"]["flat_residual_percent"] < 1
+    touch = write(tmp_path / "touch", taken(TOUCH, 1, NEAR))
+    result = run(graph, capture=touch, calibration=str(tmp_path / "cal.npz"), sinks=False)
+    off = np.sqrt(np.mean((result["height"] - TOUCH) ** 2))
+    assert off < (0.06 if graph == "paper" else 0.012)
+    assert said(result) == []
+
+
+def test_a_light_dome_gives_the_shape(tmp_path: Path) -> None:
+    result = calibrated(tmp_path, dome(tmp_path / "lamps.lp", FAR), FAR)
+    assert said(result) == ["only the lamps' directions are known: they count as far away"]
+    touch = write(tmp_path / "touch", taken(TOUCH, 1, FAR))
+    result = run("reconstruct", capture=touch, calibration=str(tmp_path / "cal.npz"), sinks=False)
+    assert np.sqrt(np.mean((result["height"] - TOUCH) ** 2)) < 0.012
+
+
+def test_lamps_in_another_order_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "leds.csv"
+    file.write_text("\n".join(" ".join(map(str, lamp)) for lamp in NEAR[[1, 0, 2, 3]]))
+    with pytest.raises(InputError, match="fits the lamps in the order 2, 1, 3, 4"):
+        calibrated(tmp_path, str(file), NEAR)
+
+
+def mirror(lamps: np.ndarray, center: tuple[float, float], radius: float) -> np.ndarray:
+    """A black ball that mirrors small lamps, and a window that is in all images."""
+    y, x = np.indices((120, 160))
+    nx, ny = (x - center[0]) / radius, (y - center[1]) / radius
+    inside = nx**2 + ny**2 < 1
+    nz = np.sqrt(np.where(inside, 1 - nx**2 - ny**2, 0))
+    seen = np.stack([2 * nz * nx, 2 * nz * ny, 2 * nz * nz - 1])
+    away = lamps / np.linalg.norm(lamps, axis=1, keepdims=True)
+    glints = np.exp((np.tensordot(away, seen, axes=1) - 1) / 0.002)
+    window = np.exp((np.tensordot([0.0, -0.8, 0.6], seen, axes=1) - 1) / 0.01)
+    return np.uint8(np.clip(inside * (230 * glints + 120 * window), 0, 255))
+
+
+def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
+    center, radius = (71.0, 64.5), 45.0
+    ball = write(tmp_path / "mirror", mirror(FAR, center, radius))
+    lights = str(tmp_path / "lamps.csv")
+    found = run(
+        "find_lamps", capture=ball, ball_center_px=center, ball_radius_px=radius, out=lights
+    )
+    true = FAR / np.linalg.norm(FAR, axis=1, keepdims=True)
+    assert np.degrees(np.arccos((found["lamps"] * true).sum(axis=1).clip(-1, 1))).max() < 0.5
+    calibrated(tmp_path, lights, FAR)
+    touch = write(tmp_path / "touch", taken(TOUCH, 1, FAR))
+    result = run("reconstruct", capture=touch, calibration=str(tmp_path / "cal.npz"), sinks=False)
+    assert np.sqrt(np.mean((result["height"] - TOUCH) ** 2)) < 0.015
+
+
+def test_a_mirror_ball_is_no_film(tmp_path: Path) -> None:
+    ball = write(tmp_path / "mirror", mirror(FAR, (71.0, 64.5), 20.0))
+    with pytest.raises(InputError, match=r"too dark to measure.*'find_lamps' takes highlights"):
+        run("calibrate", capture=ball, ball_radius_mm=4.0, pixel_size_mm=PIXEL_MM)
+
+
+def test_a_ball_without_highlights_is_told(tmp_path: Path) -> None:
+    ball = write(tmp_path / "dull", taken(TOUCH, 1, NEAR))
+    with pytest.raises(InputError, match="LED 1 makes no highlight on the ball"):
+        run("find_lamps", capture=ball, ball_center_px=(80.0, 60.0), ball_radius_px=50.0)
+
+
+WRONG = {
+    "holds no lamp": "x,y,z\n",
+    "leds.csv:2: a lamp's line ends in x, y, z": "0,0,10\n1,2,ten\n",
+    "has 3 lamps, but .* an image of LED 4": "1,0,9\n0,1,9\n-1,0,9\n",
+    "the lamp of LED 2 is not above the film": "9,0,9\n0,9,-9\n-9,0,9\n0,-9,9\n",
+    "directions of length 1 and places in mm": "9,0,9\n0,0.6,0.8\n-9,0,9\n0,-9,9\n",
+}
+
+
+@pytest.mark.parametrize("told", WRONG)
+def test_wrong_lamps_are_told(tmp_path: Path, told: str) -> None:
+    (tmp_path / "leds.csv").write_text(WRONG[told])
+    with pytest.raises(InputError, match=told):
+        calibrated(tmp_path, str(tmp_path / "leds.csv"), NEAR)
+
+
+def test_a_dome_s_file_holds_directions(tmp_path: Path) -> None:
+    (tmp_path / "lamps.lp").write_text("4\n" + "".join(f"a{k} 1 2 30\n" for k in range(4)))
+    with pytest.raises(InputError, match=r"directions of length 30.* into a \.csv"):
+        calibrated(tmp_path, str(tmp_path / "lamps.lp"), NEAR)
