@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node, warn
-from tactograph.nodes import UM_PER_MM, HeightError, PixelSize, Slope
+from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.metrology.level_plane import level_plane
+from tactograph.nodes.metrology.scale_height import Scale
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""
@@ -15,36 +16,50 @@ MAX_SLOPE_CHANGE = np.float32(0.3)
 
 @node(neutral="error")
 def doubt_brightness(
-    error: HeightError, known: Slope, free: Slope, pixel: PixelSize, *, level: str = "plane"
+    error: HeightError,
+    height: Height,
+    known: Slope,
+    free: Slope,
+    pixel: PixelSize,
+    *,
+    level: str = "plane",
+    scale: Scale | None = None,
 ) -> HeightError:
     """Add half the difference between heights of film of known and of unknown brightness.
 
     Touched film is brighter, by some per cent, than film at rest.  Where none is at rest, what it
     is brighter than is not seen.  Slopes of a film whose brightness is known and of one whose
-    brightness is any are the two ends of what the light may mean.
+    brightness is any are the two ends of what the light may mean.  A step of known depth settles
+    it, up to the uncertainty of the scale that it gives.
 
     Parameters
     ----------
-    error
-        H x W in mm.
+    error, height
+        H x W in mm; the height above the plane, scaled.
     known, free
         2 x H x W, slopes found with the brightness held, and left free.
     pixel
         mm per px.
     level
         As for `level_plane`.
+    scale
+        As for `scale_height`.
 
     Returns
     -------
     ndarray
         H x W in mm.
     """
+    if scale is not None:
+        factor, uncertain = scale
+        return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
     apart = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(apart, pixel), level=level) / 2
     found = np.hypot(error, share)
     warn(
         "no film is taken for film at rest: heights are above a plane, and how bright touched film "
-        f"is makes up {_um(share)} of the {_um(found)} um that are stated (root mean square)"
+        f"is makes up {_um(share)} of the {_um(found)} um that are stated (root mean square); a "
+        "step of known depth settles it (measure_step known_um=, scale=)"
     )
     return np.asarray(found, np.float32)
 

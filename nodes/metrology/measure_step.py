@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Ge, Interval, Len
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
@@ -47,6 +47,7 @@ def measure_step(
     along: Literal["x", "y"] = "x",
     edges: Annotated[int, Interval(ge=1, le=2)] = 2,
     smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
+    known_um: Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)] | None = None,
 ) -> Metrics:
     """Measure a groove (two edges) or a step (one) on every profile across it.
 
@@ -69,6 +70,8 @@ def measure_step(
         2: groove or ridge; 1: step.
     smooth_px
         Pixels that a profile is averaged over, to find its edges.
+    known_um
+        Depth that is certified, and its standard uncertainty, both in um.
 
     Returns
     -------
@@ -77,7 +80,8 @@ def measure_step(
         ``step_spread_um`` (their standard deviation), ``step_uncertainty_um`` (standard
         uncertainty of the depth: the spread of the mean, and the stated error, which profiles
         share), ``step_width_mm``, ``wall_1_deg``, ``wall_2_deg`` (steepest part of the walls
-        against the level), ``step_profiles``.
+        against the level), ``step_profiles``.  Of a known depth also ``step_scale``, by
+        which heights are to be multiplied, and its standard uncertainty ``step_scale_error``.
 
     Raises
     ------
@@ -114,8 +118,24 @@ def measure_step(
     for wall in range(edges):
         angles = [profile.walls[wall] for profile in profiles]
         figures[f"wall_{wall + 1}_deg"] = float(np.median(angles))
+    if known_um is not None:
+        figures |= _scale(depths, known_um)
     _warn_of_wide_walls(figures)
     return figures
+
+
+def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:
+    """The factor from depths found to the certified one, and its standard uncertainty."""
+    certified, uncertainty = known_um
+    found = abs(float(np.median(depths)))
+    if not certified > 0 or not found > 0:
+        raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
+    spread = float(np.std(depths, ddof=1)) / np.sqrt(len(depths)) / found
+    scale = certified / found
+    return {
+        "step_scale": scale,
+        "step_scale_error": scale * float(np.hypot(spread, uncertainty / certified)),
+    }
 
 
 def _warn_of_wide_walls(figures: Metrics) -> None:

@@ -38,10 +38,13 @@ def seen(sensor: Path, brighter: float) -> tuple[F4, float]:
     return (image * noise).astype(np.float32), pixel
 
 
-def measured(graph: str, sensor: Path, brighter: float) -> tuple[dict[str, float], Result]:
+def measured(
+    graph: str, sensor: Path, brighter: float, **given: object
+) -> tuple[dict[str, float], Result]:
     image, pixel = seen(sensor, brighter)
-    found = load(graph, calibration=sensor, force=True)(frames=image)
-    return measure_step(found["height"], pixel, found.get("error")), found
+    found = load(graph, calibration=sensor, force=True, **given)(frames=image)
+    known = (1e3 * DEPTH_MM, 0.2)
+    return measure_step(found["height"], pixel, found.get("error"), known_um=known), found
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_filled", "precise_filled"])
@@ -57,3 +60,13 @@ def test_what_brightness_may_hide_is_stated_and_told(sensor: Path) -> None:
     band = BAND_DEVIATIONS * figures["step_uncertainty_um"]
     assert abs(figures["step_depth_um"] - 1e3 * DEPTH_MM) < band
     assert any("no film is taken for film at rest" in told for told in found.warnings)
+
+
+@pytest.mark.slow
+def test_a_known_step_settles_the_scale(sensor: Path) -> None:
+    first, _ = measured("precise_filled", sensor, 0.01)
+    scale = (first["step_scale"], first["step_scale_error"])
+    again, found = measured("precise_filled", sensor, 0.01, scale=scale)
+    assert again["step_depth_um"] == pytest.approx(1e3 * DEPTH_MM, abs=1)
+    assert again["step_uncertainty_um"] < first["step_uncertainty_um"]
+    assert not any("no film is taken" in told for told in found.warnings)

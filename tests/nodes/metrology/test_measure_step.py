@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from tactograph.graph import InputError
+from tactograph.graph import InputError, load
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.metrology.measure_step import measure_step
@@ -85,3 +87,23 @@ def test_unknown_film_is_left_out() -> None:
 def test_a_plane_holds_no_groove() -> None:
     with pytest.raises(InputError, match="0 of 60 profiles along x show a groove"):
         measure_step(np.zeros((60, 600), np.float32), PIXEL)
+
+
+def test_a_known_depth_gives_the_scale_of_heights() -> None:
+    figures = measure_step(groove(0.1, 0.6, 45), PIXEL, known_um=(102.0, 0.5))
+    assert figures["step_scale"] == pytest.approx(1.02, abs=2e-3)
+    assert figures["step_scale_error"] == pytest.approx(0.005, rel=0.1)
+    with pytest.raises(InputError, match="a depth above 0 is needed"):
+        measure_step(groove(0.1, 0.6, 45), PIXEL, known_um=(0.0, 0.5))
+
+
+def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:
+    z = groove(0.1, 0.6, 45)
+    np.save(tmp_path / "height.npy", z)
+    pipeline = load("measure_step", height=tmp_path / "height.npy", pixel_size_mm=PIXEL)
+    (alone,) = pipeline.items()
+    np.save(tmp_path / "error.npy", np.full_like(z, 1e-3))
+    pipeline = load("measure_step", height=tmp_path / "height.npy", pixel_size_mm=PIXEL)
+    (stated,) = pipeline.items()
+    assert alone["step"]["step_uncertainty_um"] < 0.1
+    assert stated["step"]["step_uncertainty_um"] == pytest.approx(np.sqrt(2), rel=0.01)

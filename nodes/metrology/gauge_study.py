@@ -1,0 +1,145 @@
+"""Repeatability and reproducibility of a measured step: a gauge R&R study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import Metrics
+from tactograph.nodes.files.image_files import Crop
+from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.write.read_height import read_height
+from tactograph.nodes.write.read_pixel_size import read_pixel_size
+
+HEIGHT_FILE = "height.npy"
+CATEGORIES = 1.41
+"""Distinct categories are this times the parts' deviation over the gauge's (AIAG)."""
+
+
+@node
+def gauge_study(
+    *,
+    folder: Path,
+    figure: Literal["step_depth_um", "step_width_mm", "wall_1_deg", "wall_2_deg"] = "step_depth_um",
+    pixel_size_mm: float | None = None,
+    crop: Crop | None = None,
+    along: Literal["x", "y"] = "x",
+    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
+) -> Metrics:
+    """Measure the step of every result, and split the variance by parts, operators and trials.
+
+    Analysis of variance of a crossed, balanced study (AIAG, "Measurement systems analysis", 2010):
+    repeatability is the deviation of trials, reproducibility that of operators and of how they
+    differ from part to part; the gauge's R&R is both.
+
+    Parameters
+    ----------
+    folder
+        Holds ``PART/TRIAL/height.npy``, or ``PART/OPERATOR/TRIAL/height.npy``, results as
+        `write_result` leaves them.
+    figure
+        Of `measure_step`, what is studied.
+    pixel_size_mm, crop, along, edges
+        As for `read_pixel_size`, `read_height` and `measure_step`.
+
+    Returns
+    -------
+    dict
+        ``gauge_repeatability``, ``gauge_reproducibility`` (of two operators or more), ``gauge_rr``,
+        ``gauge_parts`` and ``gauge_total``, standard deviations in the figure's unit; of two
+        parts or more ``gauge_rr_percent`` of the total, and ``gauge_categories``; ``gauge_mean``.
+
+    Raises
+    ------
+    InputError
+        If there are no results, or parts or operators have different numbers of them.
+    """
+    values = _by_trial(_files(folder), figure, pixel_size_mm, crop, along, edges)
+    trial, operator, part = _variances(values)
+    gauge = trial + operator
+    found = {
+        "gauge_mean": float(values.mean()),
+        "gauge_repeatability": float(np.sqrt(trial)),
+        "gauge_rr": float(np.sqrt(gauge)),
+    }
+    if values.shape[1] > 1:
+        found["gauge_reproducibility"] = float(np.sqrt(operator))
+    if len(values) > 1:
+        found["gauge_parts"] = float(np.sqrt(part))
+        found["gauge_total"] = float(np.sqrt(gauge + part))
+        found["gauge_rr_percent"] = float(100 * np.sqrt(gauge / max(gauge + part, 1e-30)))
+        found["gauge_categories"] = float(int(CATEGORIES * np.sqrt(part / max(gauge, 1e-30))))
+    return found
+
+
+def _files(folder: Path) -> list[list[list[Path]]]:
+    """The heights by part, operator and trial."""
+    depth = max((len(f.relative_to(folder).parts) for f in folder.rglob(HEIGHT_FILE)), default=0)
+    if depth not in (3, 4):
+        raise InputError(
+            f"{folder}: holds no PART/TRIAL/{HEIGHT_FILE}, nor PART/OPERATOR/TRIAL/{HEIGHT_FILE}"
+        )
+    pattern = f"*/{HEIGHT_FILE}"
+    parts = sorted(part for part in folder.iterdir() if part.is_dir())
+    operators = [sorted(p for p in part.iterdir() if p.is_dir()) for part in parts]
+    files = (
+        [[sorted(part.glob(pattern))] for part in parts]
+        if depth == 3
+        else [[sorted(one.glob(pattern)) for one in several] for several in operators]
+    )
+    counts = {len(several) for several in files}, {len(t) for several in files for t in several}
+    if any(len(count) > 1 for count in counts) or min(counts[1]) < 2:
+        raise InputError(
+            f"{folder}: a study has the same number of trials, two or more, of every part by every "
+            f"operator; here are {sorted(counts[1])} trials by {sorted(counts[0])} operators"
+        )
+    return files
+
+
+def _by_trial(
+    files: list[list[list[Path]]],
+    figure: str,
+    pixel_size_mm: float | None,
+    crop: Crop | None,
+    along: Literal["x", "y"],
+    edges: int,
+) -> NDArray[np.float64]:
+    """The figure of every result: parts x operators x trials."""
+
+    def measured(file: Path) -> float:
+        pixel = read_pixel_size(height=file, mm=pixel_size_mm)
+        height = read_height(file=file, crop=crop, unknown=True)
+        try:
+            return float(measure_step(height, pixel, along=along, edges=edges)[figure])
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        except KeyError:
+            raise InputError(f"{figure}: edges={edges} have no such figure") from None
+
+    return np.array([[[measured(file) for file in t] for t in several] for several in files])
+
+
+def _variances(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Variances by trials, by operators with how they differ by part, and by parts."""
+    parts, operators, trials = values.shape
+    mean, cell = values.mean(), values.mean(axis=2)
+    by_part, by_operator = cell.mean(axis=1), cell.mean(axis=0)
+    trial = np.square(values - cell[..., None]).sum() / (parts * operators * (trials - 1))
+    within, mixed, operator = trial, 0.0, 0.0
+    if parts > 1 and operators > 1:
+        left = cell - by_part[:, None] - by_operator + mean
+        within = trials * np.square(left).sum() / ((parts - 1) * (operators - 1))
+        mixed = max((within - trial) / trials, 0.0)
+    if operators > 1:
+        square = parts * trials * np.square(by_operator - mean).sum() / (operators - 1)
+        operator = max((square - within) / (parts * trials), 0.0)
+    if parts == 1:
+        return float(trial), float(operator + mixed), 0.0
+    square = operators * trials * np.square(by_part - mean).sum() / (parts - 1)
+    part = max((square - within) / (operators * trials), 0.0)
+    return float(trial), float(operator + mixed), float(part)
