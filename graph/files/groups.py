@@ -22,7 +22,7 @@ from tactograph.graph.files.flat_graph import (
     split_previous,
 )
 
-MOST_NODES = 10_000
+MAX_NODES = 10_000
 MAX_GROUP_DEPTH = 50
 """Far more nodes and uses, and groups in one another, than anybody needs."""
 
@@ -181,9 +181,9 @@ def _count(
             inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
             known[use.group] = _count(graph, inside, 0, known, depth + 1)
         total += known[use.group]
-        if total > MOST_NODES:
+        if total > MAX_NODES:
             raise GraphError(
-                f"{use.where('group')}: with '{use.group}' there are more than {MOST_NODES} nodes "
+                f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
                 "and uses of groups; use them less often"
             )
     return total

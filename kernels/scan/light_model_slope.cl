@@ -2,10 +2,10 @@
 #include "lanes.clh"
 #include "light_model.clh"
 
-#define MOST_LEDS 8
+#define MAX_LEDS 8
 #define MAX_TURN_RAD 0.3f
 #define MIN_START_Z 0.05f
-#define LEAST_LIGHT 1e-6f
+#define MIN_LIGHT 1e-6f
 #define MIN_LENGTH 1e-20f
 #define MIN_DETERMINANT 1e-12f
 #define MIN_EXPECTED_SHARE 0.2f
@@ -18,9 +18,9 @@ static void linear_slope(
     floats xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
     floats bx = 0.0f, by = 0.0f, bz = 0.0f;
     for (int k = 0; k < K; ++k) {
-        const floats x = coefficient(linear + (3 * k) * MOST_MONOMIALS, powers, count);
-        const floats y = coefficient(linear + (3 * k + 1) * MOST_MONOMIALS, powers, count);
-        const floats z = coefficient(linear + (3 * k + 2) * MOST_MONOMIALS, powers, count);
+        const floats x = coefficient(linear + (3 * k) * MAX_MONOMIALS, powers, count);
+        const floats y = coefficient(linear + (3 * k + 1) * MAX_MONOMIALS, powers, count);
+        const floats z = coefficient(linear + (3 * k + 2) * MAX_MONOMIALS, powers, count);
         xx += x * x;
         xy += x * y;
         xz += x * z;
@@ -77,7 +77,7 @@ LANED __kernel void light_model_slope(
 {
     GRID_LANES(i, count, H * W)
     const int size = H * W;
-    const floats least = LEAST_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
+    const floats least = MIN_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
     float xs[LANES], ys[LANES];
     for (int l = 0; l < LANES; ++l) {
         const int at = min(i + l, size - 1);
@@ -87,7 +87,7 @@ LANED __kernel void light_model_slope(
     const floats u = (LOAD_LANES(xs) - model_view[0]) * model_view[2];
     const floats v = (LOAD_LANES(ys) - model_view[1]) * model_view[2];
 
-    floats image[MOST_LEDS], terms[MOST_LEDS][MODEL_TERMS], powers[MOST_MONOMIALS], p, q;
+    floats image[MAX_LEDS], terms[MAX_LEDS][MODEL_TERMS], powers[MAX_MONOMIALS], p, q;
     for (int k = 0; k < K; ++k) {
         image[k] = load_floats(light + k * size + i, count);
         if (model_gain) image[k] *= load_floats(model_gain + k * size + i, count);
@@ -96,7 +96,8 @@ LANED __kernel void light_model_slope(
     linear_slope(image, model_linear, powers, there, K, &p, &q);
     for (int k = 0; k < K; ++k)
         for (int t = 0; t < MODEL_TERMS; ++t)
-            terms[k][t] = coefficient(model_quadratic + (MODEL_TERMS * k + t) * MOST_MONOMIALS, powers, there);
+            terms[k][t] = coefficient(model_quadratic + (MODEL_TERMS * k + t) * MAX_MONOMIALS,
+                powers, there);
 
     floats g = 0.0f;
     for (int step = 0; step <= steps; ++step) {
@@ -104,7 +105,7 @@ LANED __kernel void light_model_slope(
         const floats x = -p * w, y = -q * w;
         const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
         const floats xq = p * q * cube, yq = q * q * cube - w, zq = -q * cube;
-        floats m[MOST_LEDS], jp[MOST_LEDS], jq[MOST_LEDS];
+        floats m[MAX_LEDS], jp[MAX_LEDS], jq[MAX_LEDS];
         floats shown = 0.0f, norm = 0.0f, share_p = 0.0f, share_q = 0.0f;
         for (int k = 0; k < K; ++k) {
             floats gx, gy, gz;

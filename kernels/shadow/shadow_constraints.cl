@@ -6,8 +6,8 @@
 #define HALF_LIGHT 0.5f
 #define MIN_EXPECTED_LIGHT 0.02f
 #define MAX_SLOPE 3.0f
-#define FARTHEST_END 1.5f
-#define NEAREST_EDGE 1.2f
+#define MAX_END_PX 1.5f
+#define MIN_EDGE_PX 1.2f
 #define NO_PIXEL -1
 #define MAX_LEDS 8
 // All light that shows where a shadow ends lies within this many pixels of it.
@@ -133,15 +133,15 @@ static float2 march(
         const float x = column + ux * t, y = row + uy * t;
         if (!(x >= 0.0f && x <= (float)(W - 1) && y >= 0.0f && y <= (float)(H - 1))) break;
         const Around at = around(x, y, H, W);
-        if (t - step_ < FARTHEST_END) {
+        if (t - step_ < MAX_END_PX) {
             const float now = part_at(part, at);
             if (now < HALF_LIGHT && before >= HALF_LIGHT) {
                 const float back = step_ * (HALF_LIGHT - now) / fmax(before - now, 1e-6f);
-                end = clamp(t - back, 0.0f, FARTHEST_END);
+                end = clamp(t - back, 0.0f, MAX_END_PX);
             }
             before = now;
         }
-        if (t <= NEAREST_EDGE || are_dark(shadow, k, at)) continue;
+        if (t <= MIN_EDGE_PX || are_dark(shadow, k, at)) continue;
         if (darkness_at(shadow, k, at) < HALF_LIGHT) return (float2)(end, t);
     }
     return (float2)(end, -1.0f);

@@ -4,7 +4,7 @@
 
 #define GOLDEN_ANGLE 2.3999631f
 #define LIFT_PX 1e-3f
-#define SMALLEST_COSINE 1e-3f
+#define MIN_COAT_COSINE 1e-3f
 
 typedef struct {
     __global const float *height;
@@ -170,12 +170,12 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
         const float length_ = sqrt(spot.x * spot.x + spot.y * spot.y + up * up);
         vx = -spot.x / length_, vy = -spot.y / length_, vz = up / length_;
     }
-    const float seen = fmax((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE);
-    const float lit = fmax(n_l, SMALLEST_COSINE);
+    const float seen = fmax((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE);
+    const float lit = fmax(n_l, MIN_COAT_COSINE);
     const float hx = lx + vx, hy = ly + vy, hz = lz + vz;
     const float length_ = sqrt(hx * hx + hy * hy + hz * hz);
     const float upright =
-        fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), SMALLEST_COSINE);
+        fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), MIN_COAT_COSINE);
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
     const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
         * masking(lit, coat.alpha) * masking(seen, coat.alpha);

@@ -3,7 +3,7 @@
 #define SHADE_COUNT 9
 #define PLACE_TERMS 15
 #define PLACE_DEGREE 4
-#define LEAST_MAP_ERROR 0.006f
+#define MIN_MAP_ERROR 0.006f
 
 // A coefficient at the place (u, v): the monomials of degree d are u^d, u^(d-1) v, ..., v^d.
 static float at_place(__global const float *map, const float u, const float v)
@@ -46,6 +46,6 @@ __kernel void map_departure(
         const float left = light[k * size + at] - 1.0f - shown;
         chi += left * left;
     }
-    const float error = max(misfit[2], LEAST_MAP_ERROR);
+    const float error = max(misfit[2], MIN_MAP_ERROR);
     out[at] = chi / (error * error * (float)(K - 2));
 }

@@ -30,8 +30,8 @@ from tactograph.nodes.optics.near_light import (
 )
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
-LEAST_VARIANCE = np.float32(1e-10)
-LEAST_NOISE = np.float32(1e-12)
+MIN_VARIANCE = np.float32(1e-10)
+MIN_NOISE = np.float32(1e-12)
 MAX_SLOPE = np.float32(3)
 FULL_MISFIT_SLOPE = np.float32(0.1)
 """Slope from which on the model's error is that of the presses."""
@@ -120,7 +120,7 @@ def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     shown = expected_light(vectors, seen.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
     counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
-    weight = counts / np.maximum(seen.sigma * seen.sigma, LEAST_VARIANCE)
+    weight = counts / np.maximum(seen.sigma * seen.sigma, MIN_VARIANCE)
     weighted = weight * shown
     share = brightness_share(
         (weighted * shown).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
@@ -158,7 +158,7 @@ def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4,
     flat = causes.flat_noise * seen.light
     noise = by_light * (causes.shared * seen.sigma * np.sqrt(1 + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
-    along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, LEAST_NOISE)
+    along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_NOISE)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along
     return alone, along, np.sqrt(np.maximum(rest, np.float32(0)))
 

@@ -17,7 +17,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, UM_PER_MM, Height, Lens
 from tactograph.nodes.files.areal_surface import areal_surface, surfalize
-from tactograph.nodes.files.image_files import MOST_PIXELS, read_heights
+from tactograph.nodes.files.image_files import MAX_PIXELS, read_heights
 from tactograph.nodes.files.metrology_files import METROLOGY_READERS
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.film_places import film_places
@@ -307,7 +307,7 @@ def read_sur(file: Path) -> HeightFile:
     if len(header) < SUR_SIZES_AT + SUR_SIZES.size:
         raise InputError(f"{file}: ends within its header")
     columns, rows = SUR_SIZES.unpack_from(header, SUR_SIZES_AT)
-    if min(columns, rows) < 1 or columns * rows > MOST_PIXELS:
+    if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     try:
         surface = load(str(file))

@@ -19,13 +19,13 @@ from tactograph.graph.disk.array_files import load_array
 MAX_LEDS = 8
 """A label has 8 bits."""
 IMAGE_FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
-MOST_PIXELS = 2**25
+MAX_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 GLINT_SHARE = 0.5
 """Share of full scale of a highlight in an image that is dark else."""
-FEWEST_COUNTS = 4
+MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 MAX_HEIGHT_MM = 1e4
 """Largest absolute value of a height map in mm."""
@@ -90,10 +90,10 @@ def read_image(file: Path) -> NDArray[Any]:
 def _check_plain(image: Image.Image, file: Path) -> None:
     """Refuse an image that could be read in more than one way."""
     width, height = image.size
-    if width * height > MOST_PIXELS:
+    if width * height > MAX_PIXELS:
         raise InputError(
             f"{file}: {width} x {height} pixels are too large for a camera image "
-            f"(at most {MOST_PIXELS // 10**6} million)"
+            f"(at most {MAX_PIXELS // 10**6} million)"
         )
     frames = getattr(image, "n_frames", 1)
     if frames > 1:
@@ -344,7 +344,7 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
 
 def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
     """Refuse dark images, whose noise would give a flat height."""
-    counts = FEWEST_COUNTS if plane.dtype.kind == "u" else 0
+    counts = MIN_COUNTS if plane.dtype.kind == "u" else 0
     seen, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
     # With two per cent above the limit, the slow percentile need not be computed.
     if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-MOST_BYTES = 2**28
+MAX_BYTES = 2**28
 """Largest record, and largest chunk after decompression: a quarter of a gigabyte."""
 LZ4_RATIO = 255
 """Largest compression ratio of LZ4."""
@@ -147,7 +147,7 @@ class McapFile:
             # After a power cut some file systems leave zeros where data should be.
             if opcode == 0 or length > size - at - _OPCODE_AND_LENGTH.size:
                 break
-            if length > MOST_BYTES:
+            if length > MAX_BYTES:
                 stream.seek(length, io.SEEK_CUR)
                 self.lost += length
             else:
@@ -157,18 +157,18 @@ class McapFile:
 
 
 def _check_size(compression: str, unpacked: int, data: bytes) -> None:
-    """Refuse a chunk that would unpack to more than `MOST_BYTES`, whatever size it declares."""
+    """Refuse a chunk that would unpack to more than `MAX_BYTES`, whatever size it declares."""
     import lz4.frame
     import zstandard
 
     size = unpacked
     if compression == "zstd":
         size = max(size, zstandard.frame_content_size(data))
-    elif compression == "lz4" and len(data) * LZ4_RATIO > MOST_BYTES:
+    elif compression == "lz4" and len(data) * LZ4_RATIO > MAX_BYTES:
         size = max(
-            size, len(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=MOST_BYTES + 1))
+            size, len(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=MAX_BYTES + 1))
         )
-    if size > MOST_BYTES:
+    if size > MAX_BYTES:
         raise ValueError(f"a chunk of {size} bytes")
 
 

@@ -14,8 +14,8 @@ from tactograph.graph.disk.strict_yaml import read_yaml
 PRESET_FOLDER = Path(__file__).parent / "sensors"
 MAX_SETTING = 1e9
 """Largest size of a number for the driver, in the driver's unit."""
-LONGEST_WAIT_S = 3600.0
-SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-6, 10.0
+MAX_WAIT_S = 3600.0
+MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 10.0
 Side = Annotated[int, Interval(ge=8, le=16384)]
 Setting = Annotated[float, Interval(ge=-MAX_SETTING, le=MAX_SETTING)]
 Share = Annotated[float, Interval(ge=0, le=1)]
@@ -47,8 +47,8 @@ class SensorPreset(_Part):
     crop: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)
     size: tuple[Side, Side]
     lights: Literal["bgr", "rgb"] = "bgr"
-    pixel_size_mm: Annotated[float, Interval(ge=SMALLEST_PIXEL_MM, le=LARGEST_PIXEL_MM)]
-    warm_up_s: Annotated[float, Interval(ge=0, le=LONGEST_WAIT_S)] = 0.0
+    pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
+    warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 
 
 def read_preset(sensor: str) -> SensorPreset:

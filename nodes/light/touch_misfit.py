@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 MIN_TESTED_SLOPE = np.float32(0.1)
 """Only pixels steeper than this test the model."""
-NEAREST_PX = 2
+MIN_LAG_PX = 2
 """The noise of pixels this far apart is independent."""
 BLOCK_PX = 16
 """Side of a block in pixels; single places that depart, dirt or an edge, are no model error."""
@@ -118,7 +118,7 @@ def _typical(total: F4, known: F4) -> float:
 
 def _lag(misfit: Misfit, pixel: float) -> int:
     """Distance in pixels between the neighbours that are compared."""
-    return max(NEAREST_PX, round(float(misfit[1]) / pixel / 4))
+    return max(MIN_LAG_PX, round(float(misfit[1]) / pixel / 4))
 
 
 def _left(

@@ -34,7 +34,7 @@ COARSE_LEVEL = 1
 """The level, of 4 px, on which touches are matched."""
 HEIGHT_STEPS = 4
 """Steps in which a height on a turned surface is found."""
-MOST_CELLS = 10**8
+MAX_CELLS = 10**8
 
 Stitched = Annotated[F4, Port("Y X", "mm", nan=True)]
 """Surface on a grid of the touches' pixel size; NaN where nothing touched."""
@@ -225,7 +225,7 @@ def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
     side = surfaces[0].side
     left, top = np.min(corners, axis=0)
     columns, rows = (np.max(corners, axis=0) - (left, top)) // side + 2
-    if rows * columns > MOST_CELLS:
+    if rows * columns > MAX_CELLS:
         raise InputError(f"stitch: the touches lie {columns * side:.0f} mm apart; check them")
     empty = np.zeros((int(rows), int(columns)), np.float32)
     return Surface(empty, empty > 0, None, side, float(left), float(top))

@@ -17,7 +17,7 @@ from tactograph.nodes import F4, Light
 
 MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
-LEAST_SCALE = np.float32(1e-3)
+MIN_SCALE = np.float32(1e-3)
 
 
 class LightModel(NamedTuple):
@@ -72,7 +72,7 @@ def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:
             c[2] * x + c[4] * y + c[5] * z,
         ]
     )
-    scale = np.maximum(c[10], LEAST_SCALE)
+    scale = np.maximum(c[10], MIN_SCALE)
     linear = turned + c[6:9]
     light = scale * (x * linear[0] + y * linear[1] + z * linear[2] + c[9])
     lit = np.where(light > 0, scale, np.float32(0))

@@ -21,7 +21,7 @@ UNLIT_LIGHT_SIGMA = 0.5
 """Standard deviation of the light behind the terminator, as a share of its negative value."""
 MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
-LEAST_WRAP = 1e-9
+MIN_WRAP = 1e-9
 """Smallest 4 w that is divided by."""
 
 
@@ -67,7 +67,7 @@ def wrapped(light: Any, wrap: float) -> Any:
     n.v = -2 w, where the film is in shadow.  An LED that is a point has w = 0.
     """
     behind = np.clip(light, -2 * wrap, 0)
-    return np.maximum(light, 0) + behind * (1 + behind / max(4 * wrap, LEAST_WRAP))
+    return np.maximum(light, 0) + behind * (1 + behind / max(4 * wrap, MIN_WRAP))
 
 
 def unwrapped(light: F4, sigma: F4, wrap: float) -> tuple[F4, F4]:

@@ -12,7 +12,7 @@ from tactograph.nodes import F4, F8, Height, PixelSize
 
 Side = Annotated[int, Interval(ge=1, le=16384)]
 """Width or height of an image in pixels."""
-MOST_PIXELS = 2**24
+MAX_PIXELS = 2**24
 """Most pixels of a simulated image: 17 million."""
 Length = Annotated[float, Interval(gt=0, le=1e4)]
 """A length in mm, at most 10 m."""
@@ -38,7 +38,7 @@ def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset)
     Raises
     ------
     InputError
-        If the image has more than `MOST_PIXELS`.
+        If the image has more than `MAX_PIXELS`.
     """
     check_pixels(width_px, height_px)
     x: F8 = (
@@ -52,11 +52,11 @@ def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset)
 
 def check_pixels(width_px: int, height_px: int) -> None:
     """Refuse an image that is larger than any camera's."""
-    if width_px * height_px > MOST_PIXELS:
+    if width_px * height_px > MAX_PIXELS:
         raise InputError(
             f"width_px={width_px} and height_px={height_px} are "
             f"{width_px * height_px / 1e6:.0f} million pixels, at most "
-            f"{MOST_PIXELS / 1e6:.0f} million can be simulated"
+            f"{MAX_PIXELS / 1e6:.0f} million can be simulated"
         )
 
 

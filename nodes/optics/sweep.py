@@ -34,7 +34,7 @@ STEP_GROWTH_CELLS = 6
 """Cells of distance after which a step is one cell longer, ..."""
 MAX_STEP_CELLS = 8
 """... and the longest step."""
-LEAST_FACING = np.float32(1e-3)
+MIN_FACING = np.float32(1e-3)
 """Smallest n_e."""
 MIN_SEEN_RISE = np.float32(0.02)
 """Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
@@ -108,7 +108,7 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     """The start of a sweep, when the horizon of each cell is its own tangent."""
     eye = np.stack(to_pupil(camera, *at))
     x, y = (np.float32(part) for part in azimuth)
-    facing = np.maximum((normal * eye).sum(0), LEAST_FACING)
+    facing = np.maximum((normal * eye).sum(0), MIN_FACING)
     along = x * eye[0] + y * eye[1]
     flat = 1 - along * along  # the square of the azimuth's component across the camera's ray
     forwards = (x * normal[0] + y * normal[1] - facing * along) / np.sqrt(flat)

@@ -20,7 +20,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import Light
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.files.image_arrays import check_handed_in
-from tactograph.nodes.files.image_files import MAX_LEDS, MOST_PIXELS
+from tactograph.nodes.files.image_files import MAX_LEDS, MAX_PIXELS
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile, Read
 from tactograph.nodes.files.ros_messages import read_image
@@ -235,7 +235,7 @@ class _Recording:
             raise InputError(f"{path}: {message.topic} holds {data.ndim - 1} planes of an image")
         if led > self.leds:
             raise InputError(f"{path}: holds frames of LED {led}, but is of {self.leds} LEDs")
-        if data.dtype.kind != "u" or not 0 < data.size <= MOST_PIXELS:
+        if data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
             raise InputError(
                 f"{path}: holds a frame of {data.shape[1]} x {data.shape[0]} {data.dtype} pixels, "
                 "which no camera gives"

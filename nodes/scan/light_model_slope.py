@@ -23,7 +23,7 @@ from tactograph.nodes.optics.normals import cofactors, times
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
 MIN_LENGTH = np.float32(1e-20)
-LEAST_LIGHT = np.float32(1e-6)
+MIN_LIGHT = np.float32(1e-6)
 """Smallest sum of squares of the modelled light."""
 MIN_START_Z = np.float32(0.05)
 """Smallest n_z of the start."""
@@ -102,7 +102,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
     for _ in range(steps):
         square, n, by_p, by_q = normal_by_slope(p, q)
         m, gradient = modelled_light(terms, np.array(n))
-        norm = np.sum(m * m, axis=0) + LEAST_LIGHT
+        norm = np.sum(m * m, axis=0) + MIN_LIGHT
         brightness = np.sum(m * image, axis=0) / norm
         columns = [along(tuple(gradient), direction) for direction in (by_p, by_q)]
         x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
@@ -112,7 +112,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
         dp, dq = limited_step(products, right, MAX_TURN_RAD * square)
         p, q = p + dp, q + dq
     m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
-    brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + LEAST_LIGHT)
+    brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + MIN_LIGHT)
     residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
     dark = model.dark[:, None]
     at_rest = modelled_light(terms, np.array([[0], [0], [1]], np.float32))[0]

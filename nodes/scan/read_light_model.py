@@ -23,7 +23,7 @@ from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import MODEL_NUMBERS, LightModel
 
 TILES_PER_ROW = 3
-LEAST_FLAT = 1 / 255
+MIN_FLAT_LIGHT = 1 / 255
 """Darkest light of a flat frame that is divided by."""
 MAX_MONOMIALS = 15
 
@@ -112,7 +112,7 @@ def _gain(flat: FlatField, size: tuple[int, int], crop: Crop | None) -> F4:
     gains = []
     for k, scale in enumerate(flat.scale):
         y, x = k // across * height, k % across * width
-        tile = np.maximum(light[y : y + height, x : x + width], np.float32(LEAST_FLAT))
+        tile = np.maximum(light[y : y + height, x : x + width], np.float32(MIN_FLAT_LIGHT))
         gains.append(cv2.resize(np.float32(scale) / tile, size, interpolation=cv2.INTER_CUBIC))
     x0, y0, x1, y1 = crop or (0, 0, *size)
     return np.ascontiguousarray(np.stack(gains)[:, y0:y1, x0:x1])

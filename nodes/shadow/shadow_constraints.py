@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 HALF_LIGHT = np.float32(0.5)
 MIN_EXPECTED_LIGHT = np.float32(0.02)
 MAX_SLOPE = np.float32(3)
-FARTHEST_END = np.float32(1.5)
-NEAREST_EDGE = np.float32(1.2)
+MAX_END_PX = np.float32(1.5)
+MIN_EDGE_PX = np.float32(1.2)
 NO_EDGE_PX = np.float32(-1e6)
 SPAN_PX, LANES_SPAN_PX = 16, 64
 """Pixels of a row in which one work-item looks for the ends of shadows."""
@@ -186,13 +186,13 @@ def _march(
         x, y = rays.only(going).at(t)
         inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
         going, x, y, before = going[inside], x[inside], y[inside], before[inside]
-        if t - step < FARTHEST_END:
+        if t - step < MAX_END_PX:
             now = bilinear(share, x, y)
             falls = (now < HALF_LIGHT) & (before >= HALF_LIGHT)
             back = step * (HALF_LIGHT - now) / np.maximum(before - now, np.float32(1e-6))
-            end[going[falls]] = np.clip(t - back, 0, FARTHEST_END)[falls]
+            end[going[falls]] = np.clip(t - back, 0, MAX_END_PX)[falls]
             before = now
-        lit = (t > NEAREST_EDGE) & (bilinear(darkness, x, y) < HALF_LIGHT)
+        lit = (t > MIN_EDGE_PX) & (bilinear(darkness, x, y) < HALF_LIGHT)
         edge[going[lit]] = t
         going, before = going[~lit], before[~lit]
         t += step

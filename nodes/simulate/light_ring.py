@@ -10,14 +10,14 @@ from annotated_types import Gt, Interval
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, LightPositions
 
-MOST_LIGHTS = 8
+MAX_LIGHTS = 8
 """A label is a byte with one bit per LED."""
 
 
 @node
 def light_ring(
     *,
-    count: Annotated[int, Interval(ge=3, le=MOST_LIGHTS)] = 4,
+    count: Annotated[int, Interval(ge=3, le=MAX_LIGHTS)] = 4,
     slant_deg: Annotated[float, Interval(ge=0, lt=90)] = 28.0,
     first_azimuth_deg: float = 45.0,
     distance_mm: Annotated[float, Gt(0)] = 380.0,
@@ -65,9 +65,9 @@ def light_ring(
 
 
 def _checked(positions: list[tuple[float, float, float]]) -> F4:
-    if not 3 <= len(positions) <= MOST_LIGHTS:
+    if not 3 <= len(positions) <= MAX_LIGHTS:
         raise InputError(
-            f"light_ring: positions_mm holds {len(positions)} LEDs; give 3 to {MOST_LIGHTS}"
+            f"light_ring: positions_mm holds {len(positions)} LEDs; give 3 to {MAX_LIGHTS}"
         )
     for k, (_, _, z) in enumerate(positions, start=1):
         if z <= 0:

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 ERROR_LEFT_SHARE = 1e-6
 """Share of an initial error that remains after the sweeps."""
-LONGEST_REACH_PX = 1000.0
+MAX_REACH_PX = 1000.0
 """Beyond this the sweeps take minutes, and no film in the picture returns to rest."""
-SHORTEST_REACH_PX = 0.01
+MIN_REACH_PX = 0.01
 """Below this the neighbour of a touched pixel stays at rest to four digits: nothing to solve."""
 
 
@@ -113,7 +113,7 @@ def _example(rng: np.random.Generator, **_: int) -> dict[str, Any]:
 def _sweeps(reach_px: float) -> _Sweeps:
     """The optimal factors for this stiffness, and the sweeps they need (Young's theory)."""
     _check_reach("reach_mm", reach_px)
-    if reach_px < SHORTEST_REACH_PX:
+    if reach_px < MIN_REACH_PX:
         return _Sweeps(0, np.float32(0), np.float32(0))
     share = 1 / (4 + 1 / reach_px**2)
     relax = 2 / (1 + math.sqrt(1 - (4 * share) ** 2))
@@ -123,9 +123,9 @@ def _sweeps(reach_px: float) -> _Sweeps:
 
 
 def _check_reach(name: str, reach_px: float) -> None:
-    if reach_px > LONGEST_REACH_PX:
+    if reach_px > MAX_REACH_PX:
         raise InputError(
-            f"press: {name} is {reach_px:.3g} px, at most {LONGEST_REACH_PX:g} can be computed; "
+            f"press: {name} is {reach_px:.3g} px, at most {MAX_REACH_PX:g} can be computed; "
             "make it shorter or the pixels larger"
         )
 

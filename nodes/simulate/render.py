@@ -28,7 +28,7 @@ LIFT_PX = 1e-3
 """Height of a ray's start above the surface in pixel sizes, so that it misses its own pixel."""
 
 
-SMALLEST_COSINE = np.float32(1e-3)
+MIN_COAT_COSINE = np.float32(1e-3)
 """Smallest cosine towards LED, camera and half-vector that a coat is computed for."""
 
 
@@ -381,11 +381,11 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     """The replacement of n.L under a rough dielectric coat, seen from the pupil."""
     lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
     vx, vy, vz = _to_camera(spot, np.float32(film.coat.camera_mm))
-    seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, SMALLEST_COSINE)
-    lit = np.maximum(cosine, SMALLEST_COSINE)
+    seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE)
+    lit = np.maximum(cosine, MIN_COAT_COSINE)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
     length = np.sqrt(hx * hx + hy * hy + hz * hz)
-    upright = np.maximum((hz - spot.p * hx - spot.q * hy) / (spot.norm * length), SMALLEST_COSINE)
+    upright = np.maximum((hz - spot.p * hx - spot.q * hy) / (spot.norm * length), MIN_COAT_COSINE)
     between = (vx * hx + vy * hy + vz * hz) / length
     alpha, index = film.coat.coat_alpha, film.coat.refractive_index
     mirrored = beckmann(upright, alpha) * fresnel(between, index)

@@ -11,7 +11,7 @@ from annotated_types import Ge
 from tactograph.graph import InputError, node
 from tactograph.nodes import F8
 from tactograph.nodes.optics.shape import (
-    MOST_PIXELS,
+    MAX_PIXELS,
     PAPER_PIXEL_MM,
     Length,
     Offset,
@@ -89,7 +89,7 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     low, high = points.min(0) - 2 * cell_mm, points.max(0) + 2 * cell_mm
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
-    if columns * rows > MOST_PIXELS:
+    if columns * rows > MAX_PIXELS:
         raise InputError(
             f"shape_text: size_mm={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
             "make the letters smaller or the pixels larger"

@@ -30,7 +30,7 @@ Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
 MIN_MODEL_LIGHT = np.float32(0.1)
 """Light below which the model's error no longer falls with the light."""
-LEAST_ERROR = 0.0015
+MIN_ERROR = 0.0015
 """Standard deviation of the light, relative to film at rest: no model is exact."""
 MIN_FREEDOM = np.float32(0.5)
 """Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
@@ -41,7 +41,7 @@ UNEVEN_SHARE = 0.25
 def light_error(misfit: Misfit | None, uneven: float) -> float:
     """Return the standard deviation of the model's light, relative to film at rest."""
     pressed = 0.0 if misfit is None else float(misfit[2])
-    return float(np.hypot(max(pressed, LEAST_ERROR), UNEVEN_SHARE * uneven))
+    return float(np.hypot(max(pressed, MIN_ERROR), UNEVEN_SHARE * uneven))
 
 
 @node(

@@ -12,7 +12,7 @@ from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
 from tactograph.nodes.trust.light_departure import Departure
 
-LEAST_MAP_ERROR = 0.006
+MIN_MAP_ERROR = 0.006
 """Standard deviation of the light: a map of harmonics is coarser than a film's model."""
 
 
@@ -45,7 +45,7 @@ def map_departure(
     """
     left = light - mapped_light(slope, height, reflectance)
     freedom = np.float32(len(light) - 2)
-    error = max(float(misfit[2]), LEAST_MAP_ERROR)
+    error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
     return np.asarray((left * left).sum(axis=0) * scale, np.float32)
 

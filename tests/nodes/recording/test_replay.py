@@ -230,7 +230,7 @@ def test_a_recording_of_which_nothing_is_left_is_an_error(tmp_path: Path) -> Non
 def test_a_chunk_that_would_fill_the_memory_is_lost_not_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: str
 ) -> None:
-    monkeypatch.setattr(mcap_read, "MOST_BYTES", 100_000)
+    monkeypatch.setattr(mcap_read, "MAX_BYTES", 100_000)
     kind = {"zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4}[compression]
     file = tmp_path / "bomb.mcap"
     with file.open("wb") as stream:
