@@ -225,7 +225,7 @@ def _fits(node: Node, shape: tuple[int, int], setting: dict[str, Any]) -> bool:
 
 
 def _levels(node: Node) -> dict[str, list[tuple[str, Any]]]:
-    """Of each parameter the default, the extremes, every choice and every example, with names."""
+    """The default, the extremes, every choice and every example of each parameter, with names."""
     return {
         name: [("default", _default(p)), *_extremes(p), *_examples(p)]
         for name, p in node.parameters.items()

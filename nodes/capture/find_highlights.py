@@ -63,7 +63,7 @@ def find_highlights(
     if not on_ball.any():
         raise InputError(f"ball_center_px={center_px[0]:g},{center_px[1]:g}: lies beside the image")
     lit = np.stack(planes) - np.min(planes, axis=0)
-    found = []
+    directions = []
     for led, light in zip(files, lit, strict=True):
         weight = _highlight(np.where(on_ball, light, np.float32(0)))
         brightest = float(weight.max())
@@ -76,8 +76,8 @@ def find_highlights(
             )
         u, v = (float(np.average(n, weights=weight)) for n in (nx, ny))
         w = np.sqrt(1 - u * u - v * v)
-        found.append((2 * w * u, 2 * w * v, 2 * w * w - 1))
-    return np.array(found, np.float32)
+        directions.append((2 * w * u, 2 * w * v, 2 * w * w - 1))
+    return np.array(directions, np.float32)
 
 
 def _highlight(light: F4) -> F4:

@@ -59,7 +59,7 @@ class Capture(NamedTuple):
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
     pixel_size: PixelSize | None = None
-    """As the images' own file states it (`scan_pixel_size`)."""
+    """Pixel size in the images' own file (`scan_pixel_size`)."""
 
 
 Length = Annotated[float, Interval(gt=0, le=1e6)]
@@ -276,7 +276,7 @@ def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
 
 
 def _lights(folder: Path, lights: Lights | None) -> Lights:
-    """As given, or as the folder says; the one image of a scan is a colour image."""
+    """Lights as given, or as the folder states; the one image of a scan is a colour image."""
     said = lights or read_capture_file(folder).lights
     if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
         return "rgb"

@@ -16,7 +16,7 @@ FAR_MM = 1e5
 """Distance of a lamp of which only the direction is known."""
 MAX_UNIT_ERROR = 0.02
 """Departure of a direction's length from 1."""
-SEPARATORS = re.compile(r"[\s,;]+")
+WORD_SEPARATORS = re.compile(r"[\s,;]+")
 
 
 @node
@@ -87,15 +87,15 @@ def _read(file: Path) -> tuple[list[str], F8]:
         raise InputError(f"{file}: cannot be read as text: {error}") from None
     names, lamps = [], []
     for number, line in enumerate(lines, start=1):
-        words = [word for word in SEPARATORS.split(line.strip()) if word]
+        words = [word for word in WORD_SEPARATORS.split(line.strip()) if word]
         if not words or line.lstrip().startswith("#"):
             continue
-        found = [_number(word) for word in words[-3:]]
-        if len(found) == 3 and None not in found:
+        place = [_number(word) for word in words[-3:]]
+        if len(place) == 3 and None not in place:
             name = re.split(r"[/\\]", " ".join(words[:-3]))[-1]
             names.append(Path(name).stem.lower())
-            lamps.append(found)
-        elif lamps or (found[-1] is not None and len(words) > 1):
+            lamps.append(place)
+        elif lamps or (place[-1] is not None and len(words) > 1):
             raise InputError(f"{file}:{number}: a lamp's line ends in x, y, z, not: {line.strip()}")
     if not lamps:
         raise InputError(f"{file}: holds no lamp; a line per lamp ends in x, y, z")

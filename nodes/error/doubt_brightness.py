@@ -55,13 +55,13 @@ def doubt_brightness(
         return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
     apart = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(apart, pixel), level=level) / 2
-    found = np.hypot(error, share)
+    combined = np.hypot(error, share)
     warn(
         "no film is taken for film at rest: heights are above a plane, and how bright touched film "
-        f"is makes up {_um(share)} of the {_um(found)} um that are stated (root mean square); a "
+        f"is makes up {_um(share)} of the {_um(combined)} um that are stated (root mean square); a "
         "step of known depth settles it (measure_step known_um=, scale=)"
     )
-    return np.asarray(found, np.float32)
+    return np.asarray(combined, np.float32)
 
 
 def _um(error: HeightError) -> str:

@@ -40,8 +40,8 @@ MIN_DIVISOR = 1e-9
 MAX_SLOPE_ERROR = np.float32(3)
 """Largest error of a slope."""
 NOISE_STEEPENING = np.float32(1.5)
-"""By how much noise makes slopes steeper, over the variances of p and q of a pixel and the slope:
-1.0 to 2.5 by the models of three sensors."""
+"""Steepening of slopes by noise, over the variances of p and q of a pixel and the slope: 1.0 to
+2.5 by the models of three sensors."""
 NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 
@@ -178,7 +178,7 @@ def _waves(number: int, leds: int, where: F4) -> F4:
     Those of an odd number are a quarter of a wave ahead of those before.
     """
     turned, moved, start = np.random.default_rng(number // 2).uniform(0, 2 * np.pi, (3, leds))
-    of = np.stack([np.cos(turned), np.sin(turned), np.cos(moved), np.sin(moved)], 1)
-    phase = np.tensordot(2 * np.pi * of.astype(np.float32), where, 1)
+    wave = np.stack([np.cos(turned), np.sin(turned), np.cos(moved), np.sin(moved)], 1)
+    phase = np.tensordot(2 * np.pi * wave.astype(np.float32), where, 1)
     ahead = (start + number % 2 * np.pi / 2).astype(np.float32)
     return np.asarray(np.sqrt(2) * np.cos(phase + ahead[:, None, None]), np.float32)

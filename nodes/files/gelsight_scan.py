@@ -71,7 +71,7 @@ class LightModelFile(NamedTuple):
     """R x K m: m is 10, or 11 with a scale."""
     leds: int
     black: list[float]
-    """Of each LED, the light in its shadow."""
+    """Light in the shadow of each LED."""
     flat: FlatField | None
 
 

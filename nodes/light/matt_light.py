@@ -138,7 +138,7 @@ def _is_matt(
     film_grain: float,
     bounced: Light | None = None,
 ) -> bool:
-    """Whether the film is matt already."""
+    """Return whether the film is matt already."""
     more = film_wrap, film_camera, film_grain, film_diffuse.any(), film_harmonics.any()
     return film_gain == film_refraction == 1 and not any(more)
 

@@ -17,7 +17,7 @@ from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 HEIGHT_FILE = "height.npy"
-CATEGORIES = 1.41
+CATEGORY_FACTOR = 1.41
 """Distinct categories are this times the parts' deviation over the gauge's (AIAG)."""
 
 
@@ -62,19 +62,21 @@ def gauge_study(
     values = _by_trial(_files(folder), figure, pixel_size_mm, crop, along, edges)
     trial, operator, part = _variances(values)
     gauge = trial + operator
-    found = {
+    figures = {
         "gauge_mean": float(values.mean()),
         "gauge_repeatability": float(np.sqrt(trial)),
         "gauge_rr": float(np.sqrt(gauge)),
     }
     if values.shape[1] > 1:
-        found["gauge_reproducibility"] = float(np.sqrt(operator))
+        figures["gauge_reproducibility"] = float(np.sqrt(operator))
     if len(values) > 1:
-        found["gauge_parts"] = float(np.sqrt(part))
-        found["gauge_total"] = float(np.sqrt(gauge + part))
-        found["gauge_rr_percent"] = float(100 * np.sqrt(gauge / max(gauge + part, 1e-30)))
-        found["gauge_categories"] = float(int(CATEGORIES * np.sqrt(part / max(gauge, 1e-30))))
-    return found
+        figures["gauge_parts"] = float(np.sqrt(part))
+        figures["gauge_total"] = float(np.sqrt(gauge + part))
+        figures["gauge_rr_percent"] = float(100 * np.sqrt(gauge / max(gauge + part, 1e-30)))
+        figures["gauge_categories"] = float(
+            int(CATEGORY_FACTOR * np.sqrt(part / max(gauge, 1e-30)))
+        )
+    return figures
 
 
 def _files(folder: Path) -> list[list[list[Path]]]:

@@ -127,11 +127,11 @@ def measure_step(
 def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:
     """The factor from depths found to the certified one, and its standard uncertainty."""
     certified, uncertainty = known_um
-    found = abs(float(np.median(depths)))
-    if not certified > 0 or not found > 0:
+    depth = abs(float(np.median(depths)))
+    if not certified > 0 or not depth > 0:
         raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
-    spread = float(np.std(depths, ddof=1)) / np.sqrt(len(depths)) / found
-    scale = certified / found
+    spread = float(np.std(depths, ddof=1)) / np.sqrt(len(depths)) / depth
+    scale = certified / depth
     return {
         "step_scale": scale,
         "step_scale_error": scale * float(np.hypot(spread, uncertainty / certified)),

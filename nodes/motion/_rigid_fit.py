@@ -48,7 +48,7 @@ OPEN_SHARE = 0.25
 OPEN_MM = 100.0
 """Standard deviation of an open motion."""
 TURN_COST = 30.0
-"""Of motions that differ by an open one, the one that turns least, this much, is taken."""
+"""Weight of a turn against a shift; among motions that differ by an open one the least is taken."""
 ZERO_MM = 0.01
 """Standard deviation of a height's zero."""
 CAUCHY_SIGMAS = 2.4

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from tactograph.graph import node
 from tactograph.nodes import Uneven
 
-KNOWN, FREE = 0.0005, 0.2
+KNOWN_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
 """Standard deviations of the film's brightness that leave slopes no freedom, and all."""
 
 
@@ -21,4 +21,4 @@ class BrightnessEnds(NamedTuple):
 @node
 def brightness_ends() -> BrightnessEnds:
     """Return how uneven film is whose brightness is known, and whose is any."""
-    return BrightnessEnds(KNOWN, FREE)
+    return BrightnessEnds(KNOWN_UNEVEN, FREE_UNEVEN)

@@ -8,7 +8,7 @@ from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import LightPositions
 
-HEADING = "lamp,x,y,z"
+LAMPS_HEADING = "lamp,x,y,z"
 
 
 @node
@@ -31,9 +31,9 @@ def write_lamps(lamps: LightPositions, *, file: Path) -> None:
         raise InputError(f"{file}: is no table of lamps; name another file that ends in .csv")
     rows = (f"led{k},{x:.6g},{y:.6g},{z:.6g}" for k, (x, y, z) in enumerate(lamps, start=1))
     with atomic_file(file) as target:
-        target.write_text("\n".join([HEADING, *rows]) + "\n")
+        target.write_text("\n".join([LAMPS_HEADING, *rows]) + "\n")
 
 
 def _is_table(file: Path) -> bool:
     with file.open("rb") as opened:
-        return opened.read(len(HEADING)) == HEADING.encode()
+        return opened.read(len(LAMPS_HEADING)) == LAMPS_HEADING.encode()

@@ -32,7 +32,7 @@ REFINE_WIDTH_PX = 320
 MAX_REFINE_PIXELS = 3000
 """Most pixels that are fitted; three numbers need no more."""
 GOODNESS_RADII = (0.97, 1.3, 1.8)
-"""As `SEARCHED`, for the goodness of the final circle; the film folds up to the second radius."""
+"""Radii as in `SEARCH_RADII`, for the goodness of the final circle; film folds up to the second."""
 CONTACT_TRIALS = tuple(np.linspace(0.85, 1.15, 16))
 """Contact radii tried before the last descent, relative to that of the search."""
 FOLD_KNOTS = (1.0, 1.07, 1.15, 1.25, 1.4, 1.6)

@@ -54,9 +54,9 @@ def read_calibration(
             "leave out; calibrate again"
         )
     said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
-    found = record_of(Calibration, {**arrays, **said})
+    record = record_of(Calibration, {**arrays, **said})
     if filled:
-        film = found.film
+        film = record.film
         film = film._replace(gain=1.0, uneven=math.hypot(film.uneven, film.gain - 1))
-        found = found._replace(film=film)
-    return found
+        record = record._replace(film=film)
+    return record

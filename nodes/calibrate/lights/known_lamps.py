@@ -78,7 +78,7 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
 
 
 def _own(logarithm: F8) -> F8:
-    """What is a lamp's own, K x N: without what all share, and without its strength."""
+    """Each lamp's own part, K x N: without the common part, and without its strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - shared.mean(axis=1, keepdims=True))
 

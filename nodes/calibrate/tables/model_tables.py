@@ -10,11 +10,11 @@ from tactograph.nodes.calibrate.tables.carry_tables import TablePixels
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.film import predict
 
-SIDE = 121
+TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
-STEEPEST_SINE = 0.95
+MAX_SINE = 0.95
 """n_x and n_y go up to here: a slope of 3."""
-LEAST_LIGHT = 0.02
+MIN_LIGHT = 0.02
 """Light up to which a lamp does not reach a slope."""
 
 
@@ -34,14 +34,17 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
     TablePixels
         Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
-    ny, nx = (STEEPEST_SINE * np.linspace(-1, 1, SIDE)[index] for index in np.indices((SIDE, SIDE)))
-    inside = np.hypot(nx, ny) < STEEPEST_SINE
+    ny, nx = (
+        MAX_SINE * np.linspace(-1, 1, TABLE_SIDE)[index]
+        for index in np.indices((TABLE_SIDE, TABLE_SIDE))
+    )
+    inside = np.hypot(nx, ny) < MAX_SINE
     normal = np.stack([nx[inside], ny[inside], np.sqrt(1 - nx[inside] ** 2 - ny[inside] ** 2)])
     none = np.zeros_like(normal[0])
     light = predict(film, normal, none, none, none)
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None, None]
     deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
-    lit = (light > LEAST_LIGHT) << np.arange(len(light))[:, None]
+    lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
     light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
     return TablePixels(
         light.astype(np.float32)[:, None],
