@@ -3,7 +3,7 @@
 #define SHADE_COUNT 9
 #define PLACE_TERMS 15
 #define PLACE_DEGREE 4
-#define MIN_MAP_ERROR 0.006f
+#define MIN_MAP_ERROR 0.007f
 
 // A coefficient at the place (u, v): the monomials of degree d are u^d, u^(d-1) v, ..., v^d.
 static float at_place(__global const float *map, const float u, const float v)

@@ -23,6 +23,11 @@ MAX_SHADOW_LIGHT, MIN_SHADOWS = 0.015, 50
 """Light of a matt film in shadow, by the lower quartile of at least so many cells."""
 MIN_TOUCHED_CHANGE = np.float32(0.12)
 """Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
+MAX_DIMMING, DIRTY_CELLS = np.float32(0.3), 5
+"""Share of the light that film may lack under all LEDs, and the cells that lack more from which on
+it is dirt: right touches have none."""
+MIN_SQUARES = np.float32(1e-6)
+"""Sum of squares of light that is divided by."""
 MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
 """Median brightness of touched film over its expected error, and the least of that error: cells
 that curve are darker than a point."""
@@ -67,6 +72,7 @@ def check_light(
     rest, _ = spread_of(touched.departure[tested & ~steep])
     middle, upper = spread_of(touched.departure[tested & steep])
     rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
+    brightness, dirt = _brightness(touched, brightness_error, wider)
     checks = [
         Check(
             max(middle / MAX_MEDIAN, upper / MAX_QUARTILE) / wider,
@@ -80,7 +86,7 @@ def check_light(
             "calibration)",
         ),
         _shadows(touched, count),
-        _brightness(touched, brightness_error, wider),
+        brightness,
     ]
     if cells >= MIN_CELLS:
         share = int(np.count_nonzero(steep & tested)) / cells
@@ -91,7 +97,9 @@ def check_light(
                 "and that no LED is dead)",
             )
         )
-    return max(checks, key=lambda check: check.figure)
+    worst = max(checks, key=lambda check: check.figure)
+    # Light that is wrong everywhere is dark in places, too.
+    return worst if worst.figure > 1 else max(worst, dirt, key=lambda check: check.figure)
 
 
 def _shadows(touched: Touched, count: int) -> Check:
@@ -110,27 +118,37 @@ def _shadows(touched: Touched, count: int) -> Check:
     )
 
 
-def _brightness(touched: Touched, error: float, wider: float) -> Check:
-    """Return whether the touched film is as bright as its slopes say.
+def _brightness(touched: Touched, error: float, wider: float) -> tuple[Check, Check]:
+    """Return whether the touched film is as bright as its slopes say, and whether none is dirty.
 
     The unit normal that light of two surfaces adds up to is too short: film that is dark under all
-    LEDs.  So is that of gamma, of other light, and of images that are alike.
+    LEDs.  So is that of gamma, of other light, and of images that are alike.  Dirt is dark, too.
     """
     light, shown, used = touched.light, touched.shown, touched.used
     if light is None or shown is None or used is None:
-        return Check(0.0)
+        return Check(0.0), Check(0.0)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
-    lit = (used >> bits & 1).astype(bool)
-    tested = (lit.sum(axis=0) >= MIN_LEDS) & (np.abs(light - 1).max(axis=0) > MIN_TOUCHED_CHANGE)
-    if np.count_nonzero(tested) < MIN_CELLS:
-        return Check(0.0)
-    weight = shown[:, tested] * lit[:, tested]
-    brighter = (light[:, tested] * weight).sum(axis=0) / (shown[:, tested] * weight).sum(axis=0) - 1
+    lit = (used >> bits & 1).astype(np.float32)
+    weight = shown * lit
+    seen, due = (np.einsum("khw,khw->hw", each, weight) for each in (light, shown))
+    tested = lit.sum(axis=0) >= MIN_LEDS
+    brighter = seen / np.maximum(due, MIN_SQUARES) - 1
+    dirty = int(np.count_nonzero(tested & (brighter < -MAX_DIMMING)))
+    dirt = Check(
+        dirty / DIRTY_CELLS,
+        "in places the film is darker under all LEDs than any slope makes it (check the film and "
+        "the lens for dirt and hairs)",
+    )
+    touched_film = tested & (np.abs(light - 1).max(axis=0) > MIN_TOUCHED_CHANGE)
+    brighter = brighter[touched_film]
+    if brighter.size < MIN_CELLS:
+        return Check(0.0), dirt
     middle = float(np.median(brighter))
     sense = "brighter" if middle > 0 else "darker"
-    return Check(
+    brightness = Check(
         abs(middle) / (MAX_BRIGHTNESS * float(np.hypot(error, MIN_BRIGHTNESS_ERROR)) * wider),
         f"the touched film is {sense} by {abs(middle):.1%} than its slopes make it (check that the "
         "images show one touch and that nothing moved, that they are neither blurred nor averaged "
         "with others, that gamma and contrast are off, and that other light is kept out)",
     )
+    return brightness, dirt

@@ -22,7 +22,7 @@ MAX_KEPT_LEVEL = 0.04
 """Change of an LED's light where no drift is taken out; heights change by three times as much."""
 MAX_DEPTH, MIN_HEIGHT_MM = 0.6, 0.15
 """Depth below the film at rest, over the greatest height or this height if that is less."""
-MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.9, 0.05
+MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.99, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
 

@@ -29,7 +29,9 @@ from tactograph.nodes.trust._rest_check import check_rest
 from tactograph.nodes.trust.light_departure import Departure, light_error
 
 TRUST_POWER = 4
-"""Power of the worst figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
+"""Power of the joint figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
+JOINT_POWER = 8
+"""Power with which figures add up: checks that are all near their limits say more than one."""
 MAX_CELLS = 2500
 """More cells tell no more of medians; of larger images every n-th is looked at."""
 
@@ -65,8 +67,8 @@ def judge_touch(
 
     Three checks need no truth: the *light* against what the slopes predict, the *curl* of the
     slopes, and the film at *rest* against the flat frame.  The figure f of each is 1 at the limit
-    below which right touches of rendered and real sensors stay.  The trust is 1 / (1 + f^4) of
-    the greatest.
+    below which right touches of rendered and real sensors stay.  The trust is
+    1 / (1 + sqrt(sum of f^8)).
 
     Parameters
     ----------
@@ -122,7 +124,8 @@ def judge_touch(
             touched = touched._replace(shown=expected_light(vectors, touched.slope))
         brightness_error = float(np.hypot(light_error(misfit, 0.0), uneven or 0.0))
         checks["light"] = check_light(touched, len(light), rim_error, brightness_error)
-    trust = 1 / (1 + max(check.figure for check in checks.values()) ** TRUST_POWER)
+    joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
+    trust = 1 / (1 + joint**TRUST_POWER)
     if all(check.figure > 1 for check in checks.values()) and not force:
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
     if trust < least:

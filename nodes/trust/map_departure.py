@@ -12,7 +12,7 @@ from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
 from tactograph.nodes.trust.light_departure import Departure
 
-MIN_MAP_ERROR = 0.006
+MIN_MAP_ERROR = 0.007
 """Standard deviation of the light: a map of harmonics is coarser than a film's model."""
 
 

@@ -25,7 +25,7 @@ LIMITS = {
         _light_check.MAX_REST,
         _light_check.MAX_SHADOW_LIGHT,
     ),
-    "T2": (_curl_check.MAX_MEDIAN, _curl_check.MAX_QUARTILE),
+    "T2": (_curl_check.MAX_MEDIAN, _curl_check.MAX_QUARTILE, _curl_check.MAX_PART_SHARE),
     "T3": (
         _rest_check.MAX_LEVEL,
         _rest_check.MAX_KEPT_LEVEL,
@@ -35,6 +35,7 @@ LIMITS = {
         _rest_check.MAX_DEPTH,
         _rest_check.MAX_TILT,
     ),
+    "T4": (_light_check.DIRTY_CELLS,),
 }
 
 

@@ -10,7 +10,7 @@ from annotated_types import Gt
 from scipy import optimize
 from scipy.ndimage import uniform_filter
 
-from tactograph.graph import SizeLimit, node, warn
+from tactograph.graph import SizeLimit, node
 from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
 from tactograph.nodes.calibrate.lights.light_samples import (
@@ -43,11 +43,12 @@ MAX_PRESSES = 3
 
 
 class WithoutAmbient(NamedTuple):
-    """The film at rest without ambient light, the dark image, and the figure."""
+    """The film at rest without ambient light, the dark image, the figure, and a doubt."""
 
     flat: Light
     dark: Dark
     quality: Metrics
+    doubts: list[str]
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -92,9 +93,10 @@ def find_ambient(
     -------
     WithoutAmbient
         The flat frame minus the ambient light; the dark image, which is that light everywhere;
-        ``ambient_percent`` of full scale.  A warning reports ambient light that was found.
+        ``ambient_percent`` of full scale.  Ambient light that was found is a doubt: it is a guess,
+        and a wrong radius or gamma looks alike.
     """
-    nothing = WithoutAmbient(flat, dark, {})
+    nothing = WithoutAmbient(flat, dark, {}, [])
     if taken is not None or rest_of(flat, pixel) is None:
         return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
@@ -124,13 +126,13 @@ def find_ambient(
         # `fit_film` models.
         return nothing
     percent = 100 * ambient
-    warn(
+    doubt = (
         f"{percent:.1f} % of full scale seems to be light that no LED gives, and is taken off: "
         "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
         "pixel_size_mm and that the camera is linear (gamma 1)"
     )
     ambient_dark = np.full_like(dark, ambient)
-    return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent})
+    return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent}, [doubt])
 
 
 def _darkest(image: F4) -> float:

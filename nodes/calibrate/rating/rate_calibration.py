@@ -31,6 +31,8 @@ MAX_NOISE_RATIO = 1.3
 """Multiple of the camera's noise up to which noise explains a departure."""
 MIN_ANGLE_DEG = 5.0
 """Angle between two LEDs below which they count as the same LED."""
+RING_SLANT_DEG = 15.0
+"""Range of the slants of LEDs that stand in one ring."""
 MAX_LED_WIDTHS = 100.0
 """Widths of the image; no LED of a sensor is farther from its film."""
 MAX_ALBEDO = 0.94
@@ -83,7 +85,7 @@ def rate_calibration(
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
     radius: RadiusCheck | None = None,
-    of_pixels: list[str] | None = None,
+    others: list[str] | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -112,8 +114,8 @@ def rate_calibration(
         mm per px.
     radius
         `judge_radius`: its figures, those of the fit among them, and its doubts.
-    of_pixels
-        The doubts of `judge_oblong`.
+    others
+        The doubts of other nodes.
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
         doubt.
@@ -139,7 +141,7 @@ def rate_calibration(
     lights, mismatch, albedo, refraction = model
     figures, radius_doubts = radius or RadiusCheck({}, [])
     error = figures.get("film_heldout_deg")
-    doubts = (of_pixels or []) + of_heldout_error(error) + radius_doubts
+    doubts = (others or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
@@ -169,7 +171,10 @@ def rate_calibration(
             "above a matt film: check the order of the images, the ball's radius, its contact and "
             "the pixel size; a film that is glossy departs, too"
         )
-    doubts += _of_twins(lights)
+    twins = _of_twins(lights)
+    if not twins:
+        _note_order(lights)
+    doubts += twins
     if pixel is not None and albedo is not None:
         contradiction = _of_scale(lights, pixel * mask.shape[1], albedo)
         if contradiction and not force:
@@ -210,6 +215,25 @@ def _of_twins(lights: LightPositions) -> list[str]:
         f"copy of led{one + 1}, or does the same LED flash twice?"
         for one, other in np.argwhere(alike)[:1]
     ]
+
+
+def _note_order(lights: LightPositions) -> None:
+    """Warn of LEDs of one ring that are not numbered around it: the images may be swapped.
+
+    The light of a calibration cannot tell: what is swapped in balls and flat frame alike is right
+    for touches that are swapped likewise.
+    """
+    slant = np.degrees(np.arctan2(np.hypot(lights[:, 0], lights[:, 1]), lights[:, 2]))
+    if slant.min() < MIN_ANGLE_DEG or np.ptp(slant) > RING_SLANT_DEG:
+        return
+    around = np.argsort(np.arctan2(lights[:, 1], lights[:, 0]))
+    steps = np.diff(around, append=around[:1]) % len(lights)
+    if not ((steps == 1).all() or (steps == len(lights) - 1).all()):
+        found = ", ".join(str(k + 1) for k in np.roll(around, -int(np.argmin(around))))
+        warn(
+            f"the LEDs are found around the film in the order {found}: if they are numbered around "
+            "it, images are swapped"
+        )
 
 
 def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[str]:

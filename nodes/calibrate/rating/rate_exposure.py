@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from tactograph.graph import InputError, node, warn
+from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
@@ -14,7 +16,7 @@ SKIRT_RADII = 1.5
 """Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
 MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
-MAX_DEPARTURE = 0.1
+MAX_DEPARTURE = 0.08
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
@@ -26,6 +28,13 @@ _MODELLED_FLAT = (
 """The other frame of the comparison, and the advice."""
 
 
+class ExposureRating(NamedTuple):
+    """The figure, and what speaks against the presses, a sentence each."""
+
+    quality: Metrics
+    doubts: list[str]
+
+
 @node
 def rate_exposure(
     light: SheetLight,
@@ -34,8 +43,8 @@ def rate_exposure(
     circle: BallCircles,
     of: BallPress,
     names: list[str],
-) -> Metrics:
-    """Return the difference of the presses' untouched film from the flat frame; warn of it.
+) -> ExposureRating:
+    """Return the difference of the presses' untouched film from the flat frame; doubt it.
 
     Heights follow from light relative to the flat frame, so exposure, gain and LED currents have
     to be the same in both.  The median over the film beyond the balls' skirts shows whether they
@@ -57,8 +66,9 @@ def rate_exposure(
 
     Returns
     -------
-    dict
-        ``rest_departure_percent``, the largest of all presses and LEDs, with its sign.
+    ExposureRating
+        ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for
+        each press that differs by more than pressed film and flickering LEDs explain.
 
     Raises
     ------
@@ -67,16 +77,23 @@ def rate_exposure(
     """
     presses = cut(light, flat.shape[1])
     compared, cure = _TAKEN_FLAT if not is_uniform(taken) else _MODELLED_FLAT
-    departures = [
-        _departure(press, circle[of == number], names[number], compared, cure)
-        for number, press in enumerate(presses)
-    ]
-    worst = max(departures, key=abs, default=0.0)
-    return {"rest_departure_percent": 100 * worst}
+    worst, doubts = 0.0, []
+    for number, press in enumerate(presses):
+        # A single press has no name.
+        where = f"{names[number]}: " if names[number] else ""
+        led, level = _departure(press, circle[of == number], where)
+        worst = max(worst, level, key=abs)
+        if abs(level) > MAX_DEPARTURE:
+            more = f"{abs(level):.0%} {'brighter' if level > 0 else 'darker'}"
+            doubts.append(
+                f"{where}under LED {led + 1} the film beside the ball is {more} than {compared}: "
+                f"{cure}"
+            )
+    return ExposureRating({"rest_departure_percent": 100 * worst}, doubts)
 
 
-def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> float:
-    """Light of the film at rest less 1, of the LED that departs most."""
+def _departure(press: F4, circles: F4, where: str) -> tuple[int, float]:
+    """Return the LED that departs most, and its light of the film at rest less 1."""
     rows, columns = press.shape[1:]
     y, x = np.mgrid[:rows, :columns]
     free = np.ones((rows, columns), bool)
@@ -85,19 +102,10 @@ def _departure(press: F4, circles: F4, name: str, compared: str, cure: str) -> f
     if free.mean() < MIN_FREE_SHARE:
         free[:] = True
     levels = np.median(press[:, free], axis=1) - 1
-    # A single press has no name.
-    where = f"{name}: " if name else ""
     if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(
             f"{where}there is no film beside the ball, but darkness: press the ball into the film, "
             "whose light at rest is what slopes and heights are measured by"
         )
     led = int(np.argmax(np.abs(levels)))
-    level = float(levels[led])
-    if abs(level) > MAX_DEPARTURE:
-        more = "brighter" if level > 0 else "darker"
-        warn(
-            f"{where}under LED {led + 1} the film beside the ball is {abs(level):.0%} {more} than "
-            f"{compared}: {cure}"
-        )
-    return level
+    return led, float(levels[led])

@@ -110,6 +110,16 @@ def test_two_leds_tell_no_brightness() -> None:
     assert "darker" not in told(darker(0.5, used=0b0101)).cause
 
 
+@pytest.mark.parametrize(("cells", "is_dirt"), [(3, False), (8, True)])
+def test_film_that_all_leds_leave_dark_is_dirt(cells: int, is_dirt: bool) -> None:
+    what = darker(0.0)
+    assert what.light is not None
+    what.light[:, 12, 12 : 12 + cells] *= np.float32(0.5)
+    check = told(what)
+    assert "dirt and hairs" in check.cause
+    assert (check.figure > 1) == is_dirt
+
+
 def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
     what = darker(0.0)
     alike = np.where(what.slope[0] > 0, np.float32(0.7), np.float32(1))

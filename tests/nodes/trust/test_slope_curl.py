@@ -73,6 +73,15 @@ def test_slopes_of_wrong_images_curl(wrong: object, what: str) -> None:
     assert np.median(where_tested(slope_curl(wrong(right), EXACT))) > 4, what  # type: ignore[operator]
 
 
+def test_a_frame_whose_end_is_of_other_images_is_told() -> None:
+    torn = cap()
+    torn[:, 48:] = np.stack([torn[1, 48:], -torn[0, 48:]])
+    whole, part = (check_curl(slope_curl(slope, EXACT, factor=2)) for slope in (cap(), torn))
+    assert whole.figure < 0.25
+    assert part.figure > 1
+    assert "in a part of the image" in part.cause
+
+
 def test_turned_images_curl_no_more_and_need_another_check() -> None:
     turned = cap()[:, ::-1, ::-1]
     assert where_tested(slope_curl(turned, EXACT)).max() < 0.5

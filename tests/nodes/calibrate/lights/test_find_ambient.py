@@ -1,4 +1,4 @@
-"""Light that no LED gives is found on the calibration ball, and told."""
+"""Light that no LED gives is found on the calibration ball, and doubted."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.lights.find_ambient import WithoutAmbient, find_ambient
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -20,16 +19,15 @@ BLACK = np.zeros(BLANK.shape[1:], np.float32)
 
 def found_with(ambient: float, taken: Path | None = None) -> tuple[WithoutAmbient, F4, list[str]]:
     ball, flat = (plane + np.float32(ambient) for plane in seen(LIGHTS))
-    shape, notes = known(), []
-    with collect_warnings(notes):
-        known_there = shape.slope, shape.mask, shape.height
-        found = find_ambient(ball, flat, BLACK, *known_there, PIXEL, taken=taken)
-    return found, ball, notes
+    shape = known()
+    known_there = shape.slope, shape.mask, shape.height
+    found = find_ambient(ball, flat, BLACK, *known_there, PIXEL, taken=taken)
+    return found, ball, found.doubts
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("ambient", [0.03, 0.12])
-def test_ambient_light_is_found_told_and_taken_off(ambient: float) -> None:
+def test_ambient_light_is_found_doubted_and_taken_off(ambient: float) -> None:
     found, ball, notes = found_with(ambient)
     assert np.abs(found.dark - ambient).max() < 0.006
     assert found.quality["ambient_percent"] == pytest.approx(100 * ambient, abs=0.6)

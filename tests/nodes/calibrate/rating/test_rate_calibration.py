@@ -10,6 +10,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rating.join_doubts import join_doubts
 from tactograph.nodes.calibrate.rating.rate_calibration import LedFit, RadiusCheck, rate_calibration
 from tactograph.nodes.simulate.light_ring import light_ring
 
@@ -27,6 +28,7 @@ def told(
     flat: F4 = FLAT,
     pixel: float | None = None,
     radius: RadiusCheck | None = None,
+    others: list[str] | None = None,
     force: bool = False,
     **film: Any,
 ) -> list[str]:
@@ -35,7 +37,7 @@ def told(
     with collect_warnings(notes):
         rated = rate_calibration(
             left, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, left, **film), None, flat,
-            variance, pixel, radius, force=force,
+            variance, pixel, radius, others, force=force,
         )  # fmt: skip
     assert set(rated.doubts) <= set(notes)
     assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
@@ -62,6 +64,24 @@ def test_two_leds_in_one_place_are_named() -> None:
     lights[3] = lights[1]
     (note,) = told(GOOD, lights)
     assert "LEDs 2 and 4" in note
+
+
+@pytest.mark.parametrize("turn", [[1, 2, 3, 0], [3, 2, 1, 0]], ids=["turned", "clockwise"])
+def test_leds_that_are_numbered_around_the_film_raise_no_warning(turn: list[int]) -> None:
+    assert not told(GOOD, LIGHTS[turn])
+
+
+def test_leds_of_a_ring_in_another_order_are_told_without_a_doubt() -> None:
+    (note,) = told(GOOD, LIGHTS[[0, 2, 1, 3]])
+    assert "around the film in the order 1, 3, 2, 4" in note
+    two_rings = LIGHTS[[0, 2, 1, 3]].copy()
+    two_rings[:2, :2] *= 3
+    assert not told(GOOD, two_rings)
+
+
+def test_doubts_of_other_nodes_are_repeated() -> None:
+    others = join_doubts(["the balls are oval"], [], ["the film is brighter"])
+    assert told(GOOD, others=others) == others
 
 
 def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:

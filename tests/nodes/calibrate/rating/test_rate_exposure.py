@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.rate_exposure import rate_exposure
 
@@ -25,10 +24,8 @@ def press(level: float, dark: float = 1.0) -> F4:
 def rated(
     light: F4, circle: F4 = CIRCLE, names: tuple[str, ...] = ("ball",), taken: F4 = TAKEN
 ) -> tuple[float, str]:
-    notes: list[str] = []
-    with collect_warnings(notes):
-        found = rate_exposure(light, FLAT, taken, circle, OF, [*names])
-    return found["rest_departure_percent"], "; ".join(notes)
+    found = rate_exposure(light, FLAT, taken, circle, OF, [*names])
+    return found.quality["rest_departure_percent"], "; ".join(found.doubts)
 
 
 def test_the_ball_and_its_skirt_do_not_count() -> None:

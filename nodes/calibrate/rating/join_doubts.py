@@ -1,0 +1,17 @@
+"""All that speaks against a calibration, in one list."""
+
+from __future__ import annotations
+
+from tactograph.graph import node
+
+
+@node
+def join_doubts(*doubts: list[str]) -> list[str]:
+    """Return the sentences of several lists together, in the order of the inputs.
+
+    Parameters
+    ----------
+    *doubts
+        Sentences.
+    """
+    return [sentence for each in doubts for sentence in each]
