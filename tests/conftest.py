@@ -70,6 +70,8 @@ def real_data(name: str) -> Path:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", help="A part of the name of the OpenCL device to test on.")
+    small = "Compare kernels on small images only, for a slow device."
+    parser.addoption("--small-images", action="store_true", help=small)
 
 
 @pytest.fixture(scope="session")

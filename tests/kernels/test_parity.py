@@ -48,14 +48,22 @@ def one_lane(request: pytest.FixtureRequest) -> OpenCL | None:
     return OpenCL(found, lanes=1)
 
 
-def pairs_and_large_images(node: Node) -> list[Case]:
-    """Cases of `make test`: any two choices meet on small images; large ones hold random values."""
-    large = [
-        c for c in cases(node, CASE_SHAPES[3:]) if (c.fill, c.setting) == ("random", "default")
-    ]
-    return large + (
-        cases(node, CASE_SHAPES[1:3]) if node.name in COSTLY else pairwise(node, CASE_SHAPES[:3])
-    )
+@pytest.fixture(scope="module")
+def only_small(request: pytest.FixtureRequest) -> bool:
+    """Whether kernels are compared on small images only."""
+    return bool(request.config.getoption("--small-images"))
+
+
+def pairs(node: Node) -> list[Case]:
+    """Cases in which any two choices meet on small images."""
+    costly = node.name in COSTLY
+    return cases(node, CASE_SHAPES[1:3]) if costly else pairwise(node, CASE_SHAPES[:3])
+
+
+def large_images(node: Node) -> list[Case]:
+    """Cases of large images that hold random values."""
+    every = cases(node, CASE_SHAPES[3:])
+    return [case for case in every if (case.fill, case.setting) == ("random", "default")]
 
 
 @pytest.mark.parametrize(
@@ -95,8 +103,10 @@ def as_written(request: pytest.FixtureRequest) -> OpenCL:
 
 
 @pytest.mark.parametrize("name", [name for name in KERNEL_NODES if name not in VKFFT])
-def test_both_back_ends_agree(as_written: OpenCL, name: str) -> None:
-    assert differences([as_written], name, pairs_and_large_images(find_node(name))) == {}
+def test_both_back_ends_agree(as_written: OpenCL, name: str, only_small: bool) -> None:
+    node = find_node(name)
+    chosen = pairs(node) if only_small else large_images(node) + pairs(node)
+    assert differences([as_written], name, chosen) == {}
 
 
 @pytest.mark.slow
