@@ -1,4 +1,4 @@
-"""The threshold at which the paper's shadow test tells lit from shadowed on the calibration press."""
+"""The threshold of the paper's shadow test that is best on the calibration's own press."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def best_threshold(
     dark, bright = int(shadowed.sum()), int((~shadowed).sum())
     if not dark or not bright:
         raise InputError(
-            f"of the calibration's {len(light)} pixels {dark} are in shadow, so no threshold is best; "
-            "take the paper's, or calibrate with a press that is deep enough for shadows"
+            f"of the calibration's {len(light)} pixels {dark} are in shadow, so no threshold is "
+            "best; take the paper's, or calibrate with a press that is deep enough for shadows"
         )
     departure = np.abs(light.astype(np.float64) @ null)
     order = np.argsort(departure)
