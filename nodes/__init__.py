@@ -207,6 +207,12 @@ class Film(NamedTuple):
     camera: Annotated[
         Vergence, Stored(0, 10, older=0.0), "1/mm, one over the pupil's height; 0: far"
     ]
+    emission: Annotated[
+        float,
+        Port(unit="1", low=0, high=2),
+        Stored(-1, 10, older=0.0),
+        "m: the LEDs face the middle of the film and emit as cos^m of the angle from there",
+    ]
     grain: Annotated[
         Grain,
         Stored(0, 1, older=0.0),

@@ -29,7 +29,8 @@ LANED __kernel void matt_light(
     __global const float *let_in_curve,
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
-    const float film_refraction, const float film_camera, const float film_grain,
+    const float film_refraction, const float film_camera, const float film_emission,
+    const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
     __global float *restrict light_,
@@ -44,7 +45,7 @@ LANED __kernel void matt_light(
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
-                       film_roughness, film_refraction,  film_camera,    K, harmonic};
+                       film_roughness, film_refraction, film_camera, film_emission, K, harmonic};
     const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
@@ -55,25 +56,25 @@ LANED __kernel void matt_light(
     for (int x = first; x < past; x += LANES) {
         const int at = row * W + x, count = min(LANES, past - x);
         const floats seen = load_floats(height + at, count);
-        const floats per_touch = 1.0f / touch_gain(&film, seen);
+        const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
+        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+        const Places here = {u * nearer, v * nearer, z, u, v};
+        const floats lifted = touch_gain(&film, seen), per_touch = 1.0f / lifted;
         floats shown[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
             shown[k] = load_floats(light + i, count);
             if (bounced) shown[k] -= load_floats(bounced + i, count);
-            scale[k] = per_touch * (1.0f / direct_share(&film, k));
+            scale[k] = per_touch * (1.0f / (direct_share(&film, k) * emitted(&film, k, &here)));
             const floats noise = load_floats(sigma + i, count), grain = film_grain * shown[k];
             spread[k] = sqrt(noise * noise + grain * grain) * scale[k];
             if (affine) {
-                const float share = film_diffuse[k] / direct_share(&film, k);
-                put(shown[k] * scale[k] - share, spread[k], film_wrap, light_, sigma_, i, count);
+                const floats direct = shown[k] - lifted * film_diffuse[k];
+                put(direct * scale[k], spread[k], film_wrap, light_, sigma_, i, count);
             }
         }
         if (affine) continue;
 
-        const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
-        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
-        const Places here = {u * nearer, v * nearer, z, u, v};
         const Vector eye = to_pupil(&film, here.x, here.y, z);
         const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
         const floats p = load_floats(slope + at, count);

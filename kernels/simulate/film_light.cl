@@ -17,7 +17,7 @@ LANED __kernel void film_light(
     __global const float *let_in_curve,
     const float film_flattest, const float film_reach, const float film_gain,
     const float film_contact, const float film_base, const float film_roughness,
-    const float film_refraction, const float film_camera,
+    const float film_refraction, const float film_camera, const float film_emission,
     const float pixel,
     __global const uchar *restrict shadow,
     __global const float *restrict bounced,
@@ -31,7 +31,7 @@ LANED __kernel void film_light(
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
     const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
                        film_reach,    film_gain,    film_contact,   film_base,
-                       film_roughness, film_refraction,  film_camera,    K, harmonic};
+                       film_roughness, film_refraction, film_camera, film_emission, K, harmonic};
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats one = 1.0f;
     RowShades shades[MAX_LEDS];

@@ -14,6 +14,7 @@ from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import (
     LIGHT_FIELDS,
     direct_share,
+    emitted,
     is_affine,
     predict,
     rest_below,
@@ -57,7 +58,7 @@ def matt_light(
     """Return the light that a matt film of the same shape would have.
 
     With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
-    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b)) + max(n.v, 0)`` (F4).
+    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b) a) + max(n.v, 0)`` (F4).
     Unless the light depends on
     the normal as a matt film's does, this needs a normal.  Gauss-Newton steps find it, from
     the expected slope, with the LEDs that light the pixel.  An error of that normal matters
@@ -97,9 +98,10 @@ def matt_light(
 
     def convert(part: slice) -> None:
         m, spread, expected, z = (a[..., part] for a in flat)
-        scale = _scale(film, z)
+        scale = _scale(film, x[part], y[part], z)
         if is_affine(film):
-            made[0][:, part] = m * scale - (film.diffuse / direct_share(film))[:, None]
+            diffused = touch_gain(film, z) * film.diffuse[:, None]
+            made[0][:, part] = (m - diffused) * scale
         else:
             made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, turns)
         grain = np.float32(film.grain) * m
@@ -161,9 +163,15 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     }
 
 
-def _scale(film: Film, z: F4) -> F4:
-    """1 / (s (1 - b)) of equation F1: K x N."""
-    return np.asarray(1 / (touch_gain(film, z) * direct_share(film)[:, None]), np.float32)
+def _scale(film: Film, u: F4, v: F4, seen: F4) -> F4:
+    """1 / (s (1 - b) a) of equation F1, by places as the camera sees them: K x N."""
+    z = seen / (1 + np.float32(film.camera) * seen)
+    nearer = 1 - np.float32(film.camera) * z
+    scale = np.empty((len(film.lights), u.size), np.float32)
+    for k, direct in enumerate(direct_share(film)):
+        shine = emitted(film, k, (u * nearer, v * nearer, z))
+        scale[k] = 1 / (touch_gain(film, seen) * direct * shine)
+    return scale
 
 
 def _by_normal(

@@ -4,11 +4,13 @@ A matt film under point lights has the light n.v relative to the film at rest (`
 N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
 pupil at (0, 0, D), with unit normal n and LED k at L::
 
-    m_k = s(z) (b_k + (1 - b_k) [e_k(n, P) / e_k(z, P_0)]_w)
+    m_k = s(z) (b_k + (1 - b_k) a_k [e_k(n, P) / e_k(z, P_0)]_w)
           + fade(n) sum_b c_kb(x, y) B_b(n)                                             (F1)
 
 b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
-[.]_w is `wrapped`: scattered light reaches a little behind the terminator.
+[.]_w is `wrapped`: scattered light reaches a little behind the terminator.  a_k is how an LED
+that faces the middle of the film and emits as cos^m, such as a disk (m = 1), shines on P relative
+to P_0: the ratio of the cosines to the m, of which a series of second order is taken.
 s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
 irradiance times the reflectance of a rough dielectric coat over a matt base (`coat`)::
 
@@ -47,7 +49,7 @@ FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """Parts that equation F1 adds to a matt film; a model may do without each."""
 LIGHT_FIELDS = (
     "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
-    "roughness", "refraction", "camera",
+    "roughness", "refraction", "camera", "emission",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
 HARMONIC_COUNT, PLACE_TERMS = 8, 6
@@ -113,7 +115,8 @@ def _light(film: Film, n: Array, place: Place, rest: Array, reflected: Iterable[
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
     for k, direct in enumerate(reflected):
         b = film.diffuse[k]
-        made[k] = touched * (b + (1 - b) * wrapped(direct / rest[k], film.wrap))
+        shine = emitted(film, k, place)
+        made[k] = touched * (b + (1 - b) * shine * wrapped(direct / rest[k], film.wrap))
     if film.harmonics.any():
         shade = shades(n) * _fade(film, n)
         for k, strength in enumerate(_strengths(film, x, y, z)):
@@ -143,6 +146,21 @@ def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
 def touch_gain(film: Film, z: Array) -> Array:
     """Return s of equation F1."""
     return np.asarray(1 + np.float32(film.gain - 1) * np.clip(z / np.float32(film.contact), 0, 1))
+
+
+def emitted(film: Film, led: int, place: Place) -> Array:
+    """Return a of equation F1 for one LED."""
+    if not film.emission:
+        return np.ones((), np.asarray(place[2]).dtype)
+    x, y, z = place
+    x0, y0 = _below(film, x, y, z)
+    lx, ly, lz = light = film.lights[led]
+    far, m = (light * light).sum(), film.emission
+    *_, square, _ = _way(light, x, y, z)
+    *_, square0, _ = _way(light, x0, y0, np.zeros_like(z))
+    cosines = (far - lx * x - ly * y - lz * z) / (far - lx * x0 - ly * y0)
+    more = cosines * np.sqrt(square0 / square) - 1
+    return np.asarray(1 + m * more * (1 + (m - 1) / 2 * more))
 
 
 def direct_share(film: Film) -> Array:
@@ -233,7 +251,8 @@ def _changes(
         turns = (_unit(n + TRIAL_TURN_RAD * along) for along in tangents)
         after = (np.stack(list(_reflected(film, turn, *place))) for turn in turns)
         differences = [(light - reflected) / TRIAL_TURN_RAD for light in after]
-    scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) / rest
+    shine = np.stack([emitted(film, k, place) + 0 * plane for k, plane in enumerate(rest)])
+    scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) * shine / rest
     s, t = (scale * change for change in differences)
     if film.harmonics.any():
         by_s, by_t = (_shades_change(film, n, along) for along in tangents)

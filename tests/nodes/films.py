@@ -25,6 +25,7 @@ FILMS: dict[str, Film] = {
     "soft": MATT._replace(diffuse=np.full(4, 0.4, np.float32), wrap=0.2),
     "lobe": MATT._replace(base=0.6, roughness=0.3, refraction=1.4),
     "camera": MATT._replace(camera=1 / 65),
+    "disks": MATT._replace(emission=1.0),
     "harmonics": MATT._replace(harmonics=harmonics(), flattest=0.5, reach=10.0),
 }
 FILMS["all"] = FILMS["diffuse"]._replace(
@@ -33,6 +34,7 @@ FILMS["all"] = FILMS["diffuse"]._replace(
     roughness=0.3,
     refraction=1.4,
     camera=1 / 65,
+    emission=1.0,
     harmonics=harmonics(),
     flattest=0.5,
     reach=10.0,

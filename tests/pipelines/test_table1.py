@@ -25,3 +25,10 @@ def test_shadow_handling_gains_what_the_paper_says() -> None:
     assert found["normal_error_deg"] < 0.5 * without["normal_error_deg"]
     assert found["shadow_precision"] > 0.5
     assert without["shadow_recall"] == 0
+
+
+def test_the_best_threshold_names_lit_pixels_right_and_recalls_no_more() -> None:
+    found, best = figures("table1"), figures("table1_best_threshold")
+    assert best["shadow_precision"] > 0.98 > 0.7 > found["shadow_precision"]
+    assert best["shadow_recall"] == pytest.approx(found["shadow_recall"], abs=0.02)
+    assert best["rmse_px"] == pytest.approx(found["rmse_px"], rel=0.01)

@@ -118,7 +118,8 @@ class Fitted(NamedTuple):
         """Return a copy with other LEDs."""
         ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
         lights = ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM)
-        return self._replace(leds=leds, film=self.film._replace(lights=cast(F4, lights)))
+        film = self.film._replace(lights=cast(F4, lights), emission=float(leds[:, 4].mean()))
+        return self._replace(leds=leds, film=film)
 
 
 def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | None = None) -> F8:

@@ -56,6 +56,9 @@ On coarser cells its albedo would absorb residuals of other parts of the model."
 
 MIN_WRAP = 0.05
 """Fall of the light behind the terminator that noise may feign: with less, it ends there."""
+MIN_EMISSION = 0.1
+"""Exponent of an LED's emission that the fall-off on the flat frame may feign: with less, it is a
+point."""
 UNEVEN_OF_ONE = 0.03
 """Least unevenness after one ball, which does not tell how the gain of touched film varies."""
 
@@ -183,8 +186,11 @@ def fit_film(
     film = best.fitted.film
     if film.wrap < MIN_WRAP:
         film = film._replace(wrap=0.0)
-    if not best.parts and best.degree is None and camera_mm is None:
-        # A plain matt film keeps the LED positions that were fitted to all pixels.
+    if abs(film.emission) < MIN_EMISSION:
+        film = film._replace(emission=0.0)
+    plain = not best.parts and best.degree is None and camera_mm is None
+    if plain and not film.emission:
+        # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
         fit_of = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width

@@ -37,7 +37,7 @@ def test_the_film_at_rest_has_the_flat_frames_light(name: str) -> None:
 
 @pytest.mark.parametrize("name", FILMS)
 def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
-    assert is_affine(FILMS[name]) == (name in {"diffuse", "soft"})
+    assert is_affine(FILMS[name]) == (name in {"diffuse", "soft", "disks"})
 
 
 def test_a_coat_that_does_not_refract_is_none() -> None:
@@ -80,6 +80,22 @@ def test_film_is_brighter_where_it_is_touched() -> None:
     assert predict(film, REST, X, Y, low) == pytest.approx(1, abs=1e-3)
     tall = predict(film._replace(gain=1.0), REST, X, Y, high)
     assert predict(film, REST, X, Y, high) == pytest.approx(1.05 * tall)
+
+
+def test_a_disk_that_faces_the_middle_of_the_film_shines_by_the_cosine() -> None:
+    film = MATT._replace(emission=1.0)
+    places = np.stack([X, Y, Z]) - LEDS[:, :, None]
+    below = np.stack([X, Y, NONE]) - LEDS[:, :, None]
+
+    def cosine(ray: np.ndarray) -> np.ndarray:
+        axis = -LEDS / np.linalg.norm(LEDS, axis=1, keepdims=True)
+        return np.einsum("kc,kcn->kn", axis, ray) / np.linalg.norm(ray, axis=1)
+
+    by_disks = predict(MATT, N, X, Y, Z) * cosine(places) / cosine(below)
+    assert predict(film, N, X, Y, Z) == pytest.approx(by_disks, abs=1e-6)
+    for m in (0.3, 2.0, 3.0):
+        shine = predict(film._replace(emission=m), N, X, Y, Z) / predict(MATT, N, X, Y, Z)
+        assert shine == pytest.approx((cosine(places) / cosine(below)) ** m, abs=2e-3)
 
 
 def test_harmonics_end_at_the_slopes_that_were_pressed() -> None:
