@@ -11,7 +11,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F8, Height
 from tactograph.nodes.files.image_files import read_image
 
-MAX_FITTED = 200_000
+MAX_FITTED = 50_000
 """Pixels that the plane is fitted to; more add nothing."""
 FIT_ROUNDS = 30
 ROBUST_WIDTH = 2.0
@@ -41,25 +41,28 @@ def level_plane(height: Height, *, level: str = "plane") -> Height:
         If the image cannot be read, has another size, or shows fewer than three pixels.
     """
     rows, columns = height.shape
-    every = slice(None, None, max(1, int(np.sqrt(height.size / MAX_FITTED))))
     marked = level_part(level, (rows, columns))
-    counts = np.isfinite(height) if marked is None else np.isfinite(height) & marked
-    if counts[every, every].sum() < 3:
-        every = slice(None)
-    terms = plane_terms(rows, columns)
-    counts, z = counts[every, every], height[every, every].astype(float)
-    if counts.sum() < 3:
+    step = max(1, int(np.sqrt(height.size / MAX_FITTED)))
+    for every in (slice(None, None, step), slice(None)):
+        counts = np.isfinite(height[every, every])
+        if marked is not None:
+            counts &= marked[every, every]
+        if counts.sum() >= 3:
+            break
+    else:
         if marked is not None:
             raise InputError(f"{level}: marks fewer than three pixels of known height as level")
         warn("fewer than three pixels are known: the height stays as it is")
         return height
-    one, across, down = terms[0], terms[1][:, every], terms[2][every]
-    sampled = np.stack([np.broadcast_to(t, z.shape)[counts] for t in (one, across, down)], 1)
-    weights = plane_weights(sampled, z[counts]) if marked is None else np.ones(len(sampled))
-    plane = weighted_plane(sampled, z[counts], weights)
-    for number, term in zip(plane, terms, strict=True):
-        height = height - (number * term).astype(np.float32)
-    return height
+    one, across, down = plane_terms(rows, columns)
+    there = one, across[:, every], down[every]
+    sampled = np.stack([np.broadcast_to(term, counts.shape)[counts] for term in there], 1)
+    z = height[every, every][counts].astype(float)
+    weights = plane_weights(sampled, z) if marked is None else np.ones_like(z)
+    zero, right, below = weighted_plane(sampled, z, weights)
+    found = height - (zero + right * across).astype(np.float32)
+    found -= (below * down).astype(np.float32)
+    return found
 
 
 def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.bool_] | None:
@@ -106,5 +109,5 @@ def plane_weights(terms: F8, z: F8) -> F8:
 
 def weighted_plane(terms: F8, z: F8, weights: F8) -> F8:
     """The plane of weighted least squares."""
-    root = np.sqrt(weights)
-    return np.asarray(np.linalg.lstsq(terms * root[:, None], z * root, rcond=None)[0], np.float64)
+    weighted = terms * weights[:, None]
+    return np.asarray(np.linalg.pinv(weighted.T @ terms) @ (weighted.T @ z), np.float64)

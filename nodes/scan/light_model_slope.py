@@ -51,7 +51,7 @@ class ModelSlope(NamedTuple):
     ),
 )
 def light_model_slope(
-    light: Light, model: LightModel, *, steps: Annotated[int, Interval(ge=0, le=20)] = 6
+    light: Light, model: LightModel, *, steps: Annotated[int, Interval(ge=0, le=20)] = 4
 ) -> ModelSlope:
     """Find slope (p, q) and brightness g with I_k = g m_k(n), by least squares over the LEDs.
 
@@ -68,7 +68,8 @@ def light_model_slope(
     model
         As `read_light_model` gives it.
     steps
-        Gauss-Newton steps.
+        Gauss-Newton steps; after four, slopes of two real scans are within 6e-5 of the end at
+        99.9 % of the pixels.
 
     Returns
     -------
