@@ -12,7 +12,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -44,6 +44,7 @@ from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result_origin import find_origin
 from tests.graph.conftest import Command, Write
 
+Batch = Callable[..., tuple[int, str]]
 LIT = """
 format: 1
 title: Which pixels are lit
@@ -101,9 +102,22 @@ def opened(place: Path | str) -> Store:
     return store
 
 
-def batch(tactograph: Command, graph: str, over: str, out: Path, *more: object) -> tuple[int, str]:
-    outcome = tactograph("batch", graph, "--over", over, "--out", out, "--chunk", 3, *more)
-    return outcome.code, outcome.err
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    return tmp_path / "out.zarr"
+
+
+@pytest.fixture
+def batch(tactograph: Command, graph: str, over: str, captures: list[Path], place: Path) -> Batch:
+    """Run the graph over the captures, or what else is said; return exit code and what is told."""
+
+    def run(
+        *more: object, graph: str = graph, over: str = over, out: Path = place
+    ) -> tuple[int, str]:
+        outcome = tactograph("batch", graph, "--over", over, "--out", out, "--chunk", 3, *more)
+        return outcome.code, outcome.err
+
+    return run
 
 
 def begin(
@@ -116,10 +130,10 @@ def begin(
 
 
 def test_every_capture_is_in_the_store_as_if_it_were_alone(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path]
 ) -> None:
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr") == (0, "")
-    store = opened(tmp_path / "out.zarr")
+    assert batch() == (0, "")
+    store = opened(place)
     assert store.captures == list(map(str, captures))
     assert list(store.statuses) == [DONE] * 7
     for number, capture in enumerate(captures):
@@ -140,15 +154,9 @@ outputs: {lit_cells: lit_cells, pixel: pixel}
 
 @pytest.mark.slow
 def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
-    tactograph: Command,
-    graph: str,
-    write: Write,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
+    batch: Batch, place: Path, write: Write, captures: list[Path]
 ) -> None:
-    place = tmp_path / "out.zarr"
-    assert batch(tactograph, write(SIZED, "sized.yaml"), over, place) == (0, "")
+    assert batch(graph=write(SIZED, "sized.yaml")) == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
     found = xarray.open_zarr(place, consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
@@ -167,41 +175,34 @@ def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
 
 @pytest.mark.slow
 def test_a_store_with_places_takes_more_captures(
-    tactograph: Command, graph: str, write: Write, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, write: Write, captures: list[Path]
 ) -> None:
-    place, sized = tmp_path / "out.zarr", write(SIZED, "sized.yaml")
-    assert batch(tactograph, sized, over, place) == (0, "")
+    sized = write(SIZED, "sized.yaml")
+    assert batch(graph=sized) == (0, "")
     make_capture(captures[0].with_name("capture_07"), 7)
-    assert batch(tactograph, sized, over, place) == (0, "")
+    assert batch(graph=sized) == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
     found = xarray.open_zarr(place, consolidated=False)
     assert dict(found.sizes) == {"capture": 8, "y": 6, "x": 7, "lit_cells_y": 3, "lit_cells_x": 4}
 
 
 @pytest.mark.slow
-def test_without_a_pixel_size_an_image_has_names_but_no_places(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr") == (0, "")
+def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch, place: Path) -> None:
+    assert batch() == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
-    found = xarray.open_zarr(tmp_path / "out.zarr", consolidated=False)
+    found = xarray.open_zarr(place, consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
     assert {*found.coords} == {"capture"}
 
 
 def test_what_runs_elsewhere_than_wanted_is_told_once(
-    tactograph: Command,
-    write: Write,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, "none")
     )
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch(graph=graph)
     assert code == 0
     assert err == "fallback: lit runs on numpy: opencl is preferred, but none\n"
 
@@ -231,11 +232,9 @@ def test_warnings_are_counted_told_and_in_the_table(
         assert [row["warnings"] for row in csv.DictReader(table)] == ["a warning"] * 7
 
 
-def test_the_store_reads_without_this_package(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    batch(tactograph, graph, over, tmp_path / "out.zarr")
-    group = zarr.open_group(str(tmp_path / "out.zarr"), mode="r")
+def test_the_store_reads_without_this_package(batch: Batch, place: Path) -> None:
+    batch()
+    group = zarr.open_group(str(place), mode="r")
     array = group["lit"]
     assert isinstance(array, zarr.Array)
     assert array.shape == (7, 6, 7)
@@ -244,14 +243,9 @@ def test_the_store_reads_without_this_package(
 
 
 def test_what_is_finished_is_not_done_again(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    batch()
     make_capture(tmp_path / "day" / "capture_99", 99)
     ran: list[str] = []
     attempt = worker._attempt
@@ -260,38 +254,31 @@ def test_what_is_finished_is_not_done_again(
         "_attempt",
         lambda p, ready, *more: (ran.append(ready.place), attempt(p, ready, *more))[1],
     )
-    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    batch()
     assert [Path(place).name for place in ran] == ["capture_99"]
-    np.testing.assert_array_equal(
-        lit(opened(tmp_path / "out.zarr"), 7), expected(tmp_path / "day" / "capture_99")
-    )
+    np.testing.assert_array_equal(lit(opened(place), 7), expected(tmp_path / "day" / "capture_99"))
 
 
 def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     idle = MagicMock(spec=ProcessPoolExecutor)
     idle.__enter__.return_value = idle
     monkeypatch.setattr("tactograph.graph.batch.fork_server.start_processes", lambda _: idle)
-    batch(tactograph, graph, over, tmp_path / "out.zarr", "--workers", 1)
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--workers", 2) == (0, "")
+    batch("--workers", 1)
+    assert batch("--workers", 2) == (0, "")
     assert not idle.submit.called
 
 
 def test_a_capture_that_fails_is_told_and_stops_no_other(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
 ) -> None:
     (captures[2] / "led2.png").write_bytes(b"no image")
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch()
     assert code == 1
     assert "capture_02/led2.png: not an image" in err
     assert err.count(str(captures[2])) == 1, "its place is told once"
-    store = opened(tmp_path / "out.zarr")
+    store = opened(place)
     assert list(store.statuses) == [DONE, DONE, FAILED, DONE, DONE, DONE, DONE]
     with (tmp_path / "out.csv").open() as table:
         rows = list(csv.DictReader(table))
@@ -300,12 +287,7 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(
 
 
 def test_the_next_capture_is_read_while_one_is_computed(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, place: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each capture waits, before it is computed, until the one behind it has been read.
 
@@ -327,16 +309,11 @@ def test_the_next_capture_is_read_while_one_is_computed(
 
     monkeypatch.setattr(worker, "_read", note)
     monkeypatch.setattr(worker, "_attempt", wait)
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--chunk", "3")[0] == 0
+    assert batch("--chunk", "3")[0] == 0
 
 
 def test_a_chunk_is_written_while_the_next_is_computed(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, place: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each chunk but the last waits, before it is written, for a capture of the next."""
     begun = {place.name: threading.Event() for place in captures}
@@ -353,20 +330,20 @@ def test_a_chunk_is_written_while_the_next_is_computed(
 
     monkeypatch.setattr(worker, "_attempt", note)
     monkeypatch.setattr(Store, "write", wait)
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--chunk", "3")[0] == 0
-    assert opened(tmp_path / "out.zarr").statuses.tolist() == [DONE] * len(captures)
+    assert batch("--chunk", "3")[0] == 0
+    assert opened(place).statuses.tolist() == [DONE] * len(captures)
 
 
 def test_failed_captures_are_done_again_only_when_asked(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path]
 ) -> None:
     whole = (captures[2] / "led2.png").read_bytes()
     (captures[2] / "led2.png").write_bytes(b"no image")
-    batch(tactograph, graph, over, tmp_path / "out.zarr")
+    batch()
     (captures[2] / "led2.png").write_bytes(whole)
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr")[0] == 1
-    assert batch(tactograph, graph, over, tmp_path / "out.zarr", "--retry-failed")[0] == 0
-    np.testing.assert_array_equal(lit(opened(tmp_path / "out.zarr"), 2), expected(captures[2]))
+    assert batch()[0] == 1
+    assert batch("--retry-failed")[0] == 0
+    np.testing.assert_array_equal(lit(opened(place), 2), expected(captures[2]))
 
 
 def test_what_failed_before_is_not_told_as_finished(
@@ -382,36 +359,34 @@ def test_what_failed_before_is_not_told_as_finished(
 
 
 def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, tmp_path: Path
 ) -> None:
     make_capture(tmp_path / "day" / "capture_99", 99, size=(5, 5))
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch()
     assert code == 1
     assert "5 x 5, but the store holds 6 x 7" in err
 
 
-def test_a_folder_of_captures_is_no_capture(
-    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path
-) -> None:
-    code, err = batch(tactograph, graph, str(tmp_path / "da*"), tmp_path / "out.zarr")
+def test_a_folder_of_captures_is_no_capture(batch: Batch, tmp_path: Path) -> None:
+    code, err = batch(over=str(tmp_path / "da*"))
     assert code == 2
     assert "holds several captures; let --over match each of them" in err
 
 
 def test_nothing_is_written_of_a_folder_that_holds_several_captures(
-    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+    batch: Batch, toys: list[str], write: Write, tmp_path: Path
 ) -> None:
     graph = write(LIT.replace("outputs:", SAVING), "lit.yaml")
-    code, err = batch(tactograph, graph, str(tmp_path / "da*"), tmp_path / "folders")
+    code, err = batch(graph=graph, over=str(tmp_path / "da*"), out=tmp_path / "folders")
     assert (code, "failed: " in err) == (1, True)
     assert not [*tmp_path.glob("folders/**/image.npy")]
 
 
 def test_a_folder_of_captures_stands_for_those(
-    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
 ) -> None:
-    assert batch(tactograph, graph, str(tmp_path / "day"), tmp_path / "out.zarr") == (0, "")
-    assert opened(tmp_path / "out.zarr").captures == list(map(str, captures))
+    assert batch(over=str(tmp_path / "day")) == (0, "")
+    assert opened(place).captures == list(map(str, captures))
 
 
 def test_a_folder_with_a_file_is_a_capture(captures: list[Path]) -> None:
@@ -419,15 +394,15 @@ def test_a_folder_with_a_file_is_a_capture(captures: list[Path]) -> None:
 
 
 def test_files_beside_captures_are_passed_over_and_named(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
 ) -> None:
     (tmp_path / "day" / "grid.png").write_bytes(b"")
     (tmp_path / "day" / "linked").symlink_to(captures[0])
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch()
     assert code == 0
     assert err == f"passed over, as it is no folder: {tmp_path / 'day' / 'grid.png'}\n"
     linked = str(tmp_path / "day" / "linked")
-    assert opened(tmp_path / "out.zarr").captures == [*map(str, captures), linked]
+    assert opened(place).captures == [*map(str, captures), linked]
 
 
 def test_files_alone_are_captures(tmp_path: Path) -> None:
@@ -466,26 +441,19 @@ def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], 
     ],
 )
 def test_a_store_takes_no_captures_of_another_kind(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    more: list[str],
-    what: str,
+    batch: Batch, more: list[str], what: str
 ) -> None:
-    batch(tactograph, graph, over, tmp_path / "out.zarr")
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", *more)
+    batch()
+    code, err = batch(*more)
     assert code == 2
     assert re.search(what, err)
 
 
 def test_a_store_keeps_how_its_captures_are_cut_up(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, tactograph: Command, graph: str, over: str, tmp_path: Path
 ) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
-    code, err = batch(tactograph, graph, over, place, "--chunk", 4)
+    batch()
+    code, err = batch("--chunk", 4)
     assert (code, "was made with --chunk 3; leave --chunk out" in err) == (2, True)
     make_capture(tmp_path / "day" / "capture_99", 99)
     outcome = tactograph("batch", graph, "--over", over, "--out", place)
@@ -502,14 +470,11 @@ def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
     assert begin(graph, over, out).chunk == 4
 
 
-def test_a_store_of_another_format_is_refused(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+def test_a_store_of_another_format_is_refused(batch: Batch, place: Path) -> None:
+    batch()
     about = place / "zarr.json"
     about.write_text(about.read_text().replace('"format": 3', '"format": 1'))
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch()
     assert (code, "format 1; this reads 3; give another --out" in err) == (2, True)
 
 
@@ -550,15 +515,10 @@ def test_a_chunk_that_was_half_written_is_done_again(
 
 
 def test_results_may_go_into_folders(
-    toys: list[str],
-    tactograph: Command,
-    write: Write,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
+    batch: Batch, toys: list[str], write: Write, captures: list[Path], tmp_path: Path
 ) -> None:
     graph = write(LIT.replace("outputs:", SAVING), "lit.yaml")
-    assert batch(tactograph, graph, over, tmp_path / "folders") == (0, "")
+    assert batch(graph=graph, out=tmp_path / "folders") == (0, "")
     for capture in captures:
         folder = tmp_path / "folders" / capture.name
         np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
@@ -566,36 +526,41 @@ def test_results_may_go_into_folders(
 
 
 def test_folders_of_results_lie_where_the_first_batch_put_them(
-    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+    batch: Batch, toys: list[str], write: Write, captures: list[Path], tmp_path: Path
 ) -> None:
     graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
-    assert batch(tactograph, graph, str(tmp_path / "**" / "capture_00"), out) == (0, "")
-    assert batch(tactograph, graph, str(tmp_path / "day" / "*"), out) == (0, "")
+    assert batch(graph=graph, over=str(tmp_path / "**" / "capture_00"), out=out) == (0, "")
+    assert batch(graph=graph, over=str(tmp_path / "day" / "*"), out=out) == (0, "")
     assert {f.parent.name for f in (out / "day").glob("*/image.npy")} == {c.name for c in captures}
     elsewhere = make_capture(tmp_path.parent / f"{tmp_path.name}_other" / "capture_00", 1)
-    code, err = batch(tactograph, graph, str(elsewhere), out)
+    code, err = batch(graph=graph, over=str(elsewhere), out=out)
     assert (code, f"lie below {tmp_path}" in err) == (2, True)
     assert len(opened(out / "batch.zarr")) == 7
 
 
 @pytest.mark.parametrize("over", ["memory://lab_2/*", "day/../day/*", "day/"])
 def test_folders_of_results_are_called_as_the_captures_however_these_are_reached(
-    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch, over: str,
-) -> None:  # fmt: skip
+    batch: Batch,
+    toys: list[str],
+    write: Write,
+    captures: list[Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    over: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     for capture in captures:
         fsspec.filesystem("memory").put(str(capture), f"/lab_2/{capture.name}", recursive=True)
     graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
-    assert batch(tactograph, graph, over, out) == (0, "")
+    assert batch(graph=graph, over=over, out=out) == (0, "")
     assert {f.parent for f in out.glob("**/image.npy")} == {out / c.name for c in captures}
 
 
 def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(
-    toys: list[str], tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+    batch: Batch, toys: list[str], write: Write, captures: list[Path], tmp_path: Path
 ) -> None:
     graph, out = write(LIT.replace("outputs:", SAVING), "lit.yaml"), tmp_path / "folders"
-    assert batch(tactograph, graph, str(captures[0]), out) == (0, "")
+    assert batch(graph=graph, over=str(captures[0]), out=out) == (0, "")
     about = out / "batch.zarr" / "zarr.json"
     document = json.loads(about.read_text())
     del document["attributes"]["tactograph"]["job"]["below"]
@@ -604,15 +569,13 @@ def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(
     whole = out / str(captures[0]).lstrip("/")
     whole.parent.mkdir(parents=True)
     (out / captures[0].name).rename(whole)
-    assert batch(tactograph, graph, str(tmp_path / "day" / "*"), out) == (0, "")
+    assert batch(graph=graph, over=str(tmp_path / "day" / "*"), out=out) == (0, "")
     assert {f.parent.name for f in whole.parent.glob("*/image.npy")} == {c.name for c in captures}
 
 
-def test_folders_need_a_graph_that_writes(
-    tactograph: Command, write: Write, over: str, captures: list[Path], tmp_path: Path
-) -> None:
+def test_folders_need_a_graph_that_writes(batch: Batch, write: Write, tmp_path: Path) -> None:
     graph = write(LIT.replace("  out:     {kind: path, default: out}\n", ""), "lit.yaml")
-    code, err = batch(tactograph, graph, over, tmp_path / "folders")
+    code, err = batch(graph=graph, out=tmp_path / "folders")
     assert code == 2
     assert "else give a store, NAME.zarr" in err
 
@@ -633,54 +596,46 @@ def test_a_pattern_that_matches_nothing_is_refused(tmp_path: Path) -> None:
         find_captures([str(tmp_path / "none*")])
 
 
-def test_an_output_that_is_not_there_is_refused(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", "--maps", "lid")
+def test_an_output_that_is_not_there_is_refused(batch: Batch) -> None:
+    code, err = batch("--maps", "lid")
     assert code == 2
     assert "did you mean 'lit'" in err
 
 
-def test_what_is_no_store_is_not_written_into(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
+def test_what_is_no_store_is_not_written_into(batch: Batch, tmp_path: Path) -> None:
     zarr.create_group(str(tmp_path / "other.zarr"))
-    code, err = batch(tactograph, graph, over, tmp_path / "other.zarr")
+    code, err = batch(out=tmp_path / "other.zarr")
     assert code == 2
     assert "no store of a batch" in err
 
 
-def test_two_batches_do_not_work_in_one_store_at_once(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    out = tmp_path / "out.zarr"
-    with alone_in(str(out)):
-        code, err = batch(tactograph, graph, over, out)
+def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch, place: Path) -> None:
+    with alone_in(str(place)):
+        code, err = batch()
         assert code == 2
         assert "another batch is at work in it" in err
-    assert not out.exists(), "nothing came into it"
-    assert batch(tactograph, graph, over, out) == (0, "")
+    assert not place.exists(), "nothing came into it"
+    assert batch() == (0, "")
 
 
 def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path]
 ) -> None:
-    out = tmp_path / "out.zarr"
-    code, err = batch(tactograph, graph, str(captures[0] / "led1.png"), out)
+    code, err = batch(over=str(captures[0] / "led1.png"))
     assert code == 2
     assert "none of the first" in err
-    assert batch(tactograph, graph, over, out, "level=0.25") == (0, "")
-    assert opened(out).captures == list(map(str, captures))
+    assert batch("level=0.25") == (0, "")
+    assert opened(place).captures == list(map(str, captures))
 
 
 def test_a_batch_does_not_take_its_own_store_for_a_capture(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, captures: list[Path], tmp_path: Path
 ) -> None:
     out = tmp_path / "day" / "out.zarr"
     for _ in range(2):
-        assert batch(tactograph, graph, over, out) == (0, "")
+        assert batch(out=out) == (0, "")
     assert opened(out).captures == list(map(str, captures))
-    code, err = batch(tactograph, graph, f"{out}*", out)
+    code, err = batch(over=f"{out}*", out=out)
     assert code == 2
     assert "nothing is there but what lies in --out" in err
 
@@ -699,13 +654,12 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(
     ],
 )
 def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path,
-    words: list[str], told: str,
-) -> None:  # fmt: skip
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr", *words)
+    batch: Batch, place: Path, words: list[str], told: str
+) -> None:
+    code, err = batch(*words)
     assert code == 2
     assert told in err
-    assert not (tmp_path / "out.zarr").exists()
+    assert not place.exists()
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}'])
@@ -842,52 +796,39 @@ def lose_array(store: Path, name: str) -> None:
     ("damage", "again"), [(spoil_chunk, "finished capture"), (lose_chunk, "3"), (lose_array, "7")]
 )
 def test_what_is_called_done_but_is_damaged_is_done_again(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path, damage, again
+    batch: Batch, place: Path, captures: list[Path], damage, again
 ) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+    batch()
     damage(place, "lit")
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch()
     assert code == 0
     assert f"{again}" in err
     assert "damaged: done again" in err
     for number, capture in enumerate(captures):
         np.testing.assert_array_equal(lit(opened(place), number), expected(capture))
-    assert batch(tactograph, graph, over, place) == (0, "")
+    assert batch() == (0, "")
 
 
-def test_a_store_whose_list_of_captures_is_gone_is_refused(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+def test_a_store_whose_list_of_captures_is_gone_is_refused(batch: Batch, place: Path) -> None:
+    batch()
     shutil.rmtree(place / "capture")
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch()
     assert code == 2
     assert "'capture' is missing; remove it, or give another --out" in err
 
 
-def test_a_store_that_lacks_names_of_captures_is_refused(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+def test_a_store_that_lacks_names_of_captures_is_refused(batch: Batch, place: Path) -> None:
+    batch()
     (place / "capture" / "c" / "0").unlink()
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch()
     assert code == 2
     assert "'capture' lacks 3 of 7 names; remove it, or give another --out" in err
 
 
 def test_captures_that_were_half_added_are_added_again(
-    tactograph: Command,
-    graph: str,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, place: Path, captures: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+    batch()
     make_capture(tmp_path / "day" / "capture_99", 99)
     resize = zarr.Array.resize
 
@@ -898,24 +839,24 @@ def test_captures_that_were_half_added_are_added_again(
 
     with monkeypatch.context() as patch:
         patch.setattr(zarr.Array, "resize", stop)
-        assert batch(tactograph, graph, over, place)[0] == 130
+        assert batch()[0] == 130
     assert opened(place).captures == list(map(str, captures))
     assert len(opened(place).read_all()) == 7
-    assert batch(tactograph, graph, over, place) == (0, "")
+    assert batch() == (0, "")
     assert opened(place).captures[7].endswith("capture_99")
     np.testing.assert_array_equal(lit(opened(place), 7), expected(tmp_path / "day" / "capture_99"))
 
 
 def test_a_name_that_is_not_text_is_refused_before_there_is_a_store(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
 ) -> None:
     captures[2].rename(captures[2].with_name(os.fsdecode(b"bad\xff")))
-    code, err = batch(tactograph, graph, over, tmp_path / "out.zarr")
+    code, err = batch()
     assert code == 2
     assert r"day/bad\udcff': the name is not UTF-8; rename it" in err
-    assert not (tmp_path / "out.zarr").exists()
+    assert not place.exists()
     out = tmp_path / os.fsdecode(b"out\xff.zarr")
-    code, err = batch(tactograph, graph, str(captures[0]), out)
+    code, err = batch(over=str(captures[0]), out=out)
     assert (code, "the name is not UTF-8; rename it" in err) == (2, True)
 
 
@@ -933,44 +874,32 @@ def test_a_file_system_that_needs_more_than_a_url_is_refused(
 
 
 def test_a_store_that_speaks_of_endless_captures_is_refused_unread(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+    batch: Batch, place: Path
 ) -> None:
-    place = tmp_path / "out.zarr"
-    batch(tactograph, graph, over, place)
+    batch()
     for about in place.glob("*/zarr.json"):
         about.write_text(
             re.sub(r'("shape":\s*\[\s*)7', r"\g<1>1000000000000", about.read_text(), count=1)
         )
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch()
     assert code == 2
     assert "is damaged" in err
 
 
 def test_results_that_were_removed_are_made_again(
-    tactograph: Command,
-    toys: list[str],
-    write: Write,
-    over: str,
-    captures: list[Path],
-    tmp_path: Path,
+    batch: Batch, toys: list[str], write: Write, captures: list[Path], tmp_path: Path
 ) -> None:
     graph, place = write(LIT.replace("outputs:", SAVING), "saving.yaml"), tmp_path / "out"
-    batch(tactograph, graph, over, place)
+    batch(graph=graph, out=place)
     removed = place / captures[2].name
     shutil.rmtree(removed)
-    code, err = batch(tactograph, graph, over, place)
+    code, err = batch(graph=graph, out=place)
     assert (code, "1 finished capture damaged" in err) == (0, True)
     assert (removed / "image.npy").is_file()
 
 
 def test_a_device_that_fails_late_costs_one_capture_and_is_opened_again(
-    toys: list[str],
-    write: Write,
-    captures: list[Path],
-    over: str,
-    tmp_path: Path,
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    batch: Batch, place: Path, toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = LIT.replace("prefer: [numpy]", "prefer: [opencl]")
     finish, opened_pipelines = OpenCL.finish, []
@@ -982,9 +911,9 @@ def test_a_device_that_fails_late_costs_one_capture_and_is_opened_again(
         finish(self)
 
     monkeypatch.setattr(OpenCL, "finish", fail_at_the_third)
-    code, err = batch(tactograph, write(text, "lit.yaml"), over, tmp_path / "out.zarr")
+    code, err = batch(graph=write(text, "lit.yaml"))
     assert code == 1
     assert "OUT_OF_RESOURCES" in err
-    store = opened(tmp_path / "out.zarr")
+    store = opened(place)
     assert sorted(store.statuses) == [DONE] * 6 + [FAILED]
     assert len({id(each) for each in opened_pipelines}) == 2
