@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from tactograph.nodes import F4, U1
 from tactograph.nodes.height.integrate_dct import integrate_dct
@@ -46,6 +47,20 @@ def ball(x: F8, y: F8) -> F8:
 def cylinder(x: F8, y: F8) -> F8:
     """Along x, beyond the frame."""
     return 0.9 - 4 + np.sqrt(np.maximum(16 - y * y, 0.01))
+
+
+def moved(x: float, y: float, z: float, *turn_deg: float) -> F8:
+    """The 4 x 4 matrix of a shift in mm and a turn in degrees."""
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_rotvec(turn_deg, degrees=True).as_matrix()
+    motion[:3, 3] = x, y, z
+    return motion
+
+
+def shift_and_turn(motion: F8) -> F8:
+    """The six numbers of `moved`."""
+    turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec(degrees=True)
+    return np.concatenate([motion[:3, 3], turn])
 
 
 def pressed(shape: Shape, motion: F8) -> F8:

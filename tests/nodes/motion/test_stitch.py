@@ -13,10 +13,18 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.motion._surface import F8, IN_DEGREES, six_numbers, small_motion
 from tactograph.nodes.motion.read_touches import read_touches
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
-from tests.nodes.motion.moved_objects import PIXEL, height_at, plate, pressed, seen
+from tests.nodes.motion.moved_objects import (
+    F8,
+    PIXEL,
+    height_at,
+    moved,
+    plate,
+    pressed,
+    seen,
+    shift_and_turn,
+)
 
 COUNT = 9
 NAMES = [str(number) for number in range(COUNT)]
@@ -29,8 +37,7 @@ def motions() -> list[F8]:
     for row in (-1, 0, 1):
         for column in (-1, 0, 1):
             shift = np.array([8.0 * column, 6.0 * row, 0.0]) + rng.normal(0, 0.3, 3) * [1, 1, 0.1]
-            turn = rng.normal(0, 1, 3) * np.radians([0.3, 0.3, 3])
-            found.append(small_motion(np.concatenate([shift, turn])))
+            found.append(moved(*shift, *(rng.normal(0, 1, 3) * [0.3, 0.3, 3])))
     return found
 
 
@@ -86,8 +93,8 @@ def test_the_error_holds(whole: StitchedSurface) -> None:
 def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
     root = motions()[root_of(whole)]
     for name, motion in zip(NAMES, motions(), strict=True):
-        pose = np.array([whole.figures[f"stitched_{axis}/{name}"] for axis in AXES]) / IN_DEGREES
-        apart = six_numbers(small_motion(pose) @ motion @ np.linalg.inv(root)) * IN_DEGREES
+        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in AXES))
+        apart = shift_and_turn(pose @ motion @ np.linalg.inv(root))
         assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
 
 

@@ -12,7 +12,6 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.motion._surface import six_numbers, small_motion
 from tactograph.nodes.motion.track_pose import TrackedPose, track_pose
 from tests.conftest import Calibration, Raytraced
 from tests.nodes.motion.moved_objects import (
@@ -24,14 +23,16 @@ from tests.nodes.motion.moved_objects import (
     ball,
     coin,
     cylinder,
+    moved,
     plate,
     pressed,
     seen,
+    shift_and_turn,
 )
 
 STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
-STEP = np.array([0.12, -0.08, 0.02, 0.003, -0.005, 0.02])
-"""mm and rad a frame."""
+STEP = np.array([0.12, -0.08, 0.02, 0.2, -0.3, 1.1])
+"""mm and degrees a frame."""
 GOAL = np.array([0.05, 0.05, 0.05, 0.3, 0.3, 0.3])
 """mm and degrees."""
 
@@ -48,14 +49,13 @@ def way(shape: Shape, step: F8, count: int) -> tuple[list[F8], list[F8]]:
     """Motions, and the surfaces that they give."""
     motions = [np.eye(4)]
     for _ in range(count):
-        motions.append(motions[-1] @ small_motion(step))
+        motions.append(motions[-1] @ moved(*step))
     return motions, [pressed(shape, motion) for motion in motions]
 
 
 def astray(found: TrackedPose, motion: F8) -> F8:
     """Pose less truth, in mm and degrees."""
-    pose = small_motion(np.array([*found.pose[:3], *np.radians(found.pose[3:])]))
-    return six_numbers(pose @ np.linalg.inv(motion)) * [1, 1, 1, *[np.degrees(1)] * 3]
+    return shift_and_turn(moved(*found.pose) @ np.linalg.inv(motion))
 
 
 def test_steps_of_a_textured_object() -> None:
@@ -66,7 +66,7 @@ def test_steps_of_a_textured_object() -> None:
 
 
 def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
-    motions, surfaces = way(plate, np.array([0.6, 0.3, 0, 0, 0, 0.01]), 24)
+    motions, surfaces = way(plate, np.array([0.6, 0.3, 0, 0, 0, 0.6]), 24)
     *_, last = track(surfaces)
     length = float(np.hypot(*motions[-1][:2, 3]))
     assert last.figures["pose_keys"] > 2
@@ -97,7 +97,7 @@ def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
     ids=["ball", "cylinder", "plate"],
 )
 def test_a_motion_that_leaves_no_trace_is_told(shape: Shape, still: set[str]) -> None:
-    _, surfaces = way(shape, np.array([0.1, 0.1, 0.02, 0, 0, 0.02]), 1)
+    _, surfaces = way(shape, np.array([0.1, 0.1, 0.02, 0, 0, 1.1]), 1)
     told: list[str] = []
     with collect_warnings(told):
         _, found = track(surfaces)
@@ -124,7 +124,7 @@ def test_a_touch_that_ends_begins_anew() -> None:
 
 
 def test_a_jump_begins_anew() -> None:
-    surfaces = [pressed(coin, small_motion(np.array([x, 0, 0, 0, 0, 0]))) for x in (-3.5, 3.5)]
+    surfaces = [pressed(coin, moved(x, 0, 0, 0, 0, 0)) for x in (-3.5, 3.5)]
     _, second = track(surfaces)
     assert second.figures["pose_frames"] == 1
     assert not second.pose.any()
