@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import compare
-from tactograph.graph.backends.parity_cases import Case
 from tactograph.nodes.filter.gaussian_blur import gaussian_blur
 
 
@@ -34,13 +31,3 @@ def test_reflection_about_the_border_keeps_the_sum_of_the_light() -> None:
     light = np.random.default_rng(1).random((1, 30, 20), np.float32)
     blurred = gaussian_blur(light, sigma=3.0, border="reflect")
     assert blurred.sum() == pytest.approx(light.sum(), rel=1e-4)
-
-
-@pytest.mark.parametrize("border", ["replicate", "reflect", "reflect_101"])
-@pytest.mark.parametrize("shape", [(1, 4), (2, 3), (5, 1)])
-def test_a_frame_smaller_than_the_filter_is_reflected_again_and_again(
-    device: OpenCL, border: str, shape: tuple[int, int]
-) -> None:
-    sizes = {"K": 2, "H": shape[0], "W": shape[1]}
-    case = Case(sizes, "random", border, {"sigma": 6.0, "border": border})
-    assert compare(gaussian_blur, device, case) is None
