@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 
 from tactograph.graph.compare import compare
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import Command, Write
+from tests.graph.conftest import Command, Outcome, Write
 
+Compared = Callable[..., Outcome]
 GRAPH = """
 format: 1
 params:
@@ -48,19 +50,36 @@ def graphs(toys: list[str], write: Write) -> list[str]:
     ]  # fmt: skip
 
 
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "report"
+
+
+@pytest.fixture
+def compared(tactograph: Command, graphs: list[str], captures: list[Path], out: Path) -> Compared:
+    """Compare the first graph, or others, on the first capture, or on others."""
+
+    def run(
+        *more: object,
+        graphs: Sequence[str] = graphs[:1],
+        over: Sequence[object] = captures[:1],
+        out: Path = out,
+    ) -> Outcome:
+        folders = [word for folder in over for word in ("--over", folder)]
+        return tactograph("compare", *graphs, *folders, "--out", out, *more)
+
+    return run
+
+
 def table(folder: Path) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = json.loads((folder / "table.json").read_text())
     return rows
 
 
 def test_every_variant_runs_on_every_capture_on_every_back_end(
-    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+    compared: Compared, out: Path, graphs: list[str], captures: list[Path]
 ) -> None:
-    out = tmp_path / "report"
-    done = tactograph(
-        "compare", *graphs[:2], "--over", captures[0], "--over", captures[1],
-        "--backends", "numpy,opencl", "--out", out,
-    )  # fmt: skip
+    done = compared("--backends", "numpy,opencl", graphs=graphs[:2], over=captures)
     assert done.code == 0, done.err
     rows = table(out)
     assert len(rows) == 8
@@ -76,58 +95,42 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(
 
 
 def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(
-    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+    compared: Compared, out: Path, captures: list[Path]
 ) -> None:
     (captures[0].parent / "c").mkdir()
-    done = tactograph(
-        "compare", graphs[0], "--over", captures[0].parent, "--out", tmp_path / "report"
-    )
+    done = compared(over=[captures[0].parent])
     assert done.code == 0, done.err
-    assert [row["capture"] for row in table(tmp_path / "report")] == ["a", "b", "c"]
+    assert [row["capture"] for row in table(out)] == ["a", "b", "c"]
     assert "mean of 3 captures" in done.out
 
 
 def test_a_terminal_gets_no_escape_codes_as_text(
-    graphs: list[str],
-    captures: list[Path],
-    tmp_path: Path,
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    compared: Compared, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # With this, rich takes any output for a terminal.
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
-    done = tactograph("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
+    done = compared()
     assert "variant" in done.out
     assert "\\x1b" not in done.out
 
 
-def test_what_was_finished_is_not_run_again(
-    graphs: list[str], captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command
-) -> None:
-    words = ("compare", graphs[0], "--over", captures[0], "--out", tmp_path / "report")
-    assert tactograph(*words).code == 0
-    first = table(tmp_path / "report")
+def test_what_was_finished_is_not_run_again(compared: Compared, out: Path, toys: list[str]) -> None:
+    assert compared().code == 0
+    first = table(out)
     toys.clear()
-    assert tactograph(*words).code == 0
+    assert compared().code == 0
     assert toys == []
-    assert table(tmp_path / "report") == first
+    assert table(out) == first
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
 def test_what_has_changed_is_run_again(
-    graphs: list[str],
-    captures: list[Path],
-    tmp_path: Path,
-    toys: list[str],
-    write: Write,
-    tactograph: Command,
-    what: str,
+    compared: Compared, out: Path, toys: list[str], write: Write, what: str
 ) -> None:
-    out = tmp_path / "report"
-    words: list[object] = ["compare", graphs[0], "--over", captures[0], "--out", out]
-    assert tactograph(*words).code == 0
+    words: list[str] = []
+    assert compared().code == 0
     toys.clear()
     if what == "value":
         words.append("level=2")
@@ -140,18 +143,13 @@ def test_what_has_changed_is_run_again(
     else:
         (row,) = out.rglob("row.json")
         row.write_text('{"half')
-    assert tactograph(*words).code == 0
+    assert compared(*words).code == 0
     assert "touch 1" in toys
 
 
 @pytest.mark.parametrize("failure", ["a node", "the engine"])
 def test_a_run_that_fails_does_not_end_the_rest(
-    graphs: list[str],
-    captures: list[Path],
-    tmp_path: Path,
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    failure: str,
+    compared: Compared, out: Path, graphs: list[str], monkeypatch: pytest.MonkeyPatch, failure: str
 ) -> None:
     if failure == "the engine":
         ordinary = open_pipeline
@@ -162,8 +160,7 @@ def test_a_run_that_fails_does_not_end_the_rest(
             return ordinary(graph, *args, **keywords)
 
         monkeypatch.setattr(compare, "open_pipeline", broken)
-    out = tmp_path / "report"
-    done = tactograph("compare", graphs[2], graphs[0], "--over", captures[0], "--out", out)
+    done = compared(graphs=[graphs[2], graphs[0]])
     assert done.code == 0, done.err
     assert "failed: third on a: " in done.out
     assert "a careless node" in done.out
@@ -172,24 +169,18 @@ def test_a_run_that_fails_does_not_end_the_rest(
     assert not (out / "third" / "preferred" / "a" / "row.json").exists()
 
 
-def test_if_every_run_fails_the_command_fails(
-    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
-) -> None:
-    done = tactograph("compare", graphs[2], "--over", captures[0], "--out", tmp_path / "report")
+def test_if_every_run_fails_the_command_fails(compared: Compared, graphs: list[str]) -> None:
+    done = compared(graphs=graphs[2:])
     assert done.code == 2
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
 def test_a_fallback_for_one_reason_is_told_once(
-    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write,
-    no_device: None,
-) -> None:  # fmt: skip
+    compared: Compared, out: Path, captures: list[Path], write: Write, no_device: None
+) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "")
     graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
-    out = tmp_path / "report"
-    done = tactograph(
-        "compare", *graphs, "--over", captures[0], "--over", captures[1], "--out", out
-    )
+    done = compared(graphs=graphs, over=captures)
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert done.out.count("fallback: ") == 1
     assert f"fallback: first, second: {line}" in done.out
@@ -198,12 +189,11 @@ def test_a_fallback_for_one_reason_is_told_once(
 
 
 def test_warnings_are_counted_told_and_marked(
-    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write
+    compared: Compared, out: Path, tmp_path: Path, write: Write
 ) -> None:
     text = GRAPH.replace("op: doubled", 'op: noticed, with: {text: "<LEDs> swapped"}')
     graphs = [write(GRAPH, "first.yaml"), write(text, "second.yaml")]
-    out = tmp_path / "report"
-    done = tactograph("compare", *graphs, "--over", tmp_path / "captures", "--out", out)
+    done = compared(graphs=graphs, over=[tmp_path / "captures"])
     assert "\n2 of 4 with warnings\n" in done.out
     assert done.out.count("warning: ") == 1
     assert "\nwarning: second on a and 1 more: <LEDs> swapped\n" in done.out
@@ -215,29 +205,24 @@ def test_warnings_are_counted_told_and_marked(
     assert page.count('title="&lt;LEDs&gt; swapped"') == 3, "two captures and their mean"
 
 
-def test_a_warning_of_an_early_item_is_kept(
-    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write
-) -> None:
+def test_a_warning_of_an_early_item_is_kept(compared: Compared, out: Path, write: Write) -> None:
     text = GRAPH.replace("count: 1", "count: 3").replace(
         "op: doubled, in: {image: light}", "op: warns_once, in: {image: frames.image}"
     )
-    out = tmp_path / "report"
-    tactograph("compare", write(text, "first.yaml"), "--over", captures[0], "--out", out)
+    compared(graphs=[write(text, "first.yaml")])
     assert table(out)[0]["warnings"] == ["two"]
 
 
 def test_a_comparison_names_few_of_many_nodes_that_fell_back(
-    captures: list[Path], tmp_path: Path, toys: list[str], tactograph: Command, write: Write,
-    no_device: None,
-) -> None:  # fmt: skip
+    compared: Compared, out: Path, write: Write, no_device: None
+) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "").replace("in: {image: more", "in: {image: l8")
     lights = "".join(
         f"  l{at}: {{op: flat_field, in: {{image: {before}, flat: cal.flat, dark: cal.dark}}}}\n"
         for at, before in enumerate(["more", *(f"l{at}" for at in range(8))])
     )
     graph = write(text.replace("  score:", f"{lights}  score:"), "many.yaml")
-    out = tmp_path / "report"
-    done = tactograph("compare", graph, "--over", captures[0], "--out", out)
+    done = compared(graphs=[graph])
     reason = "numpy: opencl is preferred, but no OpenCL device works"
     assert f"fallback: many: every node runs on {reason}" in done.out
     named = ", ".join(["light", *(f"l{at}" for at in range(9))])
@@ -245,36 +230,28 @@ def test_a_comparison_names_few_of_many_nodes_that_fell_back(
 
 
 def test_two_captures_of_one_name_are_refused(
-    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
+    compared: Compared, captures: list[Path], tmp_path: Path
 ) -> None:
     more = tmp_path / "more" / "a"
     more.mkdir(parents=True)
-    done = tactograph(
-        "compare", graphs[0], "--over", captures[0], "--over", more, "--out", tmp_path / "report"
-    )
+    done = compared(over=[captures[0], more])
     assert done.code == 2
     assert "two of the runs are called first/preferred/a" in done.err
 
 
 def test_a_capture_is_named_by_its_folder_however_it_is_reached(
-    graphs: list[str],
-    captures: list[Path],
-    tmp_path: Path,
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
+    compared: Compared, out: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(captures[0])
-    done = tactograph("compare", graphs[0], "--over", ".", "--out", tmp_path / "report")
+    done = compared(over=["."])
     assert done.code == 0, done.err
-    assert (tmp_path / "report" / "first" / "preferred" / "a" / "row.json").is_file()
+    assert (out / "first" / "preferred" / "a" / "row.json").is_file()
 
 
-def test_a_name_in_brackets_is_printed_as_it_is(
-    graphs: list[str], tmp_path: Path, tactograph: Command
-) -> None:
+def test_a_name_in_brackets_is_printed_as_it_is(compared: Compared, tmp_path: Path) -> None:
     folder = tmp_path / "[red] [bold]"
     folder.mkdir()
-    done = tactograph("compare", graphs[0], "--over", folder, "--out", tmp_path / "report")
+    done = compared(over=[folder])
     assert done.code == 0, done.err
     assert "[red] [bold]" in done.out
 
@@ -288,26 +265,18 @@ def test_a_name_in_brackets_is_printed_as_it_is(
     ],
 )
 def test_what_is_wrong_is_said_before_anything_runs(
-    graphs: list[str],
-    toys: list[str],
-    tactograph: Command,
-    tmp_path: Path,
-    words: tuple[str, ...],
-    message: str,
+    compared: Compared, out: Path, toys: list[str], words: tuple[str, ...], message: str
 ) -> None:
-    done = tactograph("compare", graphs[0], *words, "--out", tmp_path / "report")
+    done = compared(*words, over=[])
     assert done.code == 2
     assert message in done.err
     assert toys == []
-    assert not (tmp_path / "report").exists()
+    assert not out.exists()
 
 
-def test_a_report_that_cannot_be_written_is_one_line(
-    graphs: list[str], captures: list[Path], tmp_path: Path, tactograph: Command
-) -> None:
+def test_a_report_that_cannot_be_written_is_one_line(compared: Compared, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("a file is in the way")
-    out = tmp_path / "file" / "report"
-    done = tactograph("compare", graphs[0], "--over", captures[0], "--out", out)
+    done = compared(out=tmp_path / "file" / "report")
     assert done.code == 2
     assert "cannot be written" in done.err
     assert "Traceback" not in done.err
