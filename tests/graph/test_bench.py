@@ -11,15 +11,15 @@ import pytest
 from tactograph.graph.commands import bench
 from tests.graph.conftest import STREAM, Command, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 
 @pytest.fixture
 def graph(write: Write) -> str:
     return write(STREAM)
 
 
-def test_every_step_of_an_item_is_timed_on_every_device(
-    tactograph: Command, toys: list[str], graph: str
-) -> None:
+def test_every_step_of_an_item_is_timed_on_every_device(tactograph: Command, graph: str) -> None:
     done = tactograph("bench", graph, "count=2", "--repeats", "2")
     assert done.code == 0
     tables = done.out.split("items per second")[:-1]
@@ -39,17 +39,13 @@ def test_an_item_is_timed_without_its_first_run(
     assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
 
 
-def test_the_back_end_of_the_options_alone_is_measured(
-    tactograph: Command, toys: list[str], graph: str
-) -> None:
+def test_the_back_end_of_the_options_alone_is_measured(tactograph: Command, graph: str) -> None:
     done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2")
     assert done.out.count("items per second") == 1
     assert "opencl" not in done.out
 
 
-def test_the_figures_can_be_had_as_a_file(
-    tactograph: Command, toys: list[str], graph: str, tmp_path: Path
-) -> None:
+def test_the_figures_can_be_had_as_a_file(tactograph: Command, graph: str, tmp_path: Path) -> None:
     file = tmp_path / "bench.json"
     done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2", "--out", file)
     (row,) = json.loads(file.read_text())
@@ -58,14 +54,14 @@ def test_the_figures_can_be_had_as_a_file(
     assert row["ready_s"] > 0
 
 
-def test_a_wrong_value_is_one_line(tactograph: Command, toys: list[str], graph: str) -> None:
+def test_a_wrong_value_is_one_line(tactograph: Command, graph: str) -> None:
     done = tactograph("bench", graph, "cuont=2")
     assert done.code == 2
     assert "count" in done.err
     assert done.err.count("\n") == 1
 
 
-def test_a_stream_of_nothing_is_refused(tactograph: Command, toys: list[str], graph: str) -> None:
+def test_a_stream_of_nothing_is_refused(tactograph: Command, graph: str) -> None:
     done = tactograph("bench", graph, "count=0", "--backend", "numpy")
     assert done.code == 2
     assert "yielded nothing" in done.err

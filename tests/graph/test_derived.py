@@ -16,6 +16,8 @@ from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
 from tests.graph.conftest import STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
@@ -33,14 +35,14 @@ def first(file: str, backend: str) -> Result:
 @BOTH
 @pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
 def test_a_size_is_another_divided_by_a_parameter_rounded_up(
-    toys: list[str], write: Write, backend: str, rows: int, left: int
+    write: Write, backend: str, rows: int, left: int
 ) -> None:
     text = added(f"  thin: {{op: strips, in: {{image: light}}, with: {{rows: {rows}}}}}", "t: thin")
     assert first(write(text), backend)["t"].shape == (3, left, 5)
 
 
 @BOTH
-def test_what_follows_has_the_derived_size(toys: list[str], write: Write, backend: str) -> None:
+def test_what_follows_has_the_derived_size(write: Write, backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   more: {op: summed, in: {image: thin}}
   thinner: {op: strips, in: {image: more}}"""
@@ -49,9 +51,7 @@ def test_what_follows_has_the_derived_size(toys: list[str], write: Write, backen
 
 
 @BOTH
-def test_a_derived_size_that_clashes_names_the_rule(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_derived_size_that_clashes_names_the_rule(write: Write, backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   off: {op: flat_field, in: {image: thin, flat: cal.flat, dark: cal.dark}}"""
     with pytest.raises(InputError, match=r"size h is 2 in thin \(H / rows\) but 4 in cal.flat"):
@@ -59,9 +59,7 @@ def test_a_derived_size_that_clashes_names_the_rule(
 
 
 @BOTH
-def test_other_settings_between_two_items_count_at_the_next(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_other_settings_between_two_items_count_at_the_next(write: Write, backend: str) -> None:
     text = added(
         """  dim: {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark},
          with: {floor: $floor}}
@@ -83,7 +81,7 @@ AIMED = (
 )
 
 
-def test_settings_that_were_changed_before_stay(toys: list[str], write: Write) -> None:
+def test_settings_that_were_changed_before_stay(write: Write) -> None:
     pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
     pipeline.aim(count=1)
     pipeline.aim(rows=4)
@@ -91,7 +89,7 @@ def test_settings_that_were_changed_before_stay(toys: list[str], write: Write) -
 
 
 def test_a_node_whose_settings_stay_is_not_prepared_again(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     prepared: list[str] = []
     prepare = OpenCL.prepare
@@ -108,7 +106,7 @@ def test_a_node_whose_settings_stay_is_not_prepared_again(
     assert prepared == ["flat_field"]
 
 
-def test_a_change_of_settings_that_is_refused_changes_none(toys: list[str], write: Write) -> None:
+def test_a_change_of_settings_that_is_refused_changes_none(write: Write) -> None:
     pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
     with pytest.raises(InputError, match="'cal' runs once and takes \\$level"):
         pipeline.aim(count=1, level=2)
@@ -136,9 +134,7 @@ def test_an_output_that_nobody_reads_is_not_made(
 
 
 @BOTH
-def test_an_output_that_only_the_next_item_reads_is_made(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_an_output_that_only_the_next_item_reads_is_made(write: Write, backend: str) -> None:
     nodes = """  half: {op: halves, in: {image: light}}
   sum: {op: summed, in: {image: light, before: previous.half.low}}"""
     results = open_pipeline(

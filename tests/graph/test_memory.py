@@ -16,6 +16,8 @@ from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import fold
 from tests.graph.conftest import STREAM, Command, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 SUMMED = STREAM.replace(
     "  score:",
     "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:",
@@ -28,17 +30,13 @@ def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeli
 
 
 @BOTH
-def test_a_previous_value_is_that_of_the_item_before(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_previous_value_is_that_of_the_item_before(write: Write, backend: str) -> None:
     results = list(opened(write(SUMMED), backend).items())
     assert [float(result["sum"].mean()) for result in results] == [1, 3, 6]
 
 
 @pytest.mark.parametrize(("light", "total"), [("numpy", "opencl"), ("opencl", "numpy")])
-def test_a_previous_value_crosses_between_back_ends(
-    toys: list[str], write: Write, light: str, total: str
-) -> None:
+def test_a_previous_value_crosses_between_back_ends(write: Write, light: str, total: str) -> None:
     text = SUMMED.replace("dark: cal.dark}", "dark: cal.dark}, backend: " + light).replace(
         "before: previous.sum}", "before: previous.light}, backend: " + total
     )
@@ -47,15 +45,13 @@ def test_a_previous_value_crosses_between_back_ends(
 
 
 @BOTH
-def test_a_stream_begins_without_memory(toys: list[str], write: Write, backend: str) -> None:
+def test_a_stream_begins_without_memory(write: Write, backend: str) -> None:
     pipeline = opened(write(SUMMED), backend)
     first = [float(result["sum"].mean()) for result in pipeline.items()]
     assert [float(result["sum"].mean()) for result in pipeline.items()] == first
 
 
-def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(
-    toys: list[str], write: Write
-) -> None:
+def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(write: Write) -> None:
     text = SUMMED.replace(", default: 3}", "}")
     stack = np.ones((3, 4, 5), np.float32)
     with load(write(text), backend="numpy") as pipeline:
@@ -66,9 +62,7 @@ def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(
 
 
 @BOTH
-def test_images_of_another_size_start_afresh_and_say_so(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_images_of_another_size_start_afresh_and_say_so(write: Write, backend: str) -> None:
     text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches").replace(
         "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
         "op: doubled, in: {image: frames.image}",
@@ -94,20 +88,20 @@ def test_images_of_another_size_start_afresh_and_say_so(
     ],
 )
 def test_a_previous_value_that_cannot_be_is_refused(
-    toys: list[str], write: Write, old: str, new: str, message: str
+    write: Write, old: str, new: str, message: str
 ) -> None:
     with pytest.raises(GraphError, match=message):
         opened(write(SUMMED.replace(old, new)))
 
 
-def test_a_node_that_only_its_successor_recalls_is_run(toys: list[str], write: Write) -> None:
+def test_a_node_that_only_its_successor_recalls_is_run(write: Write) -> None:
     text = STREAM.replace("op: watched,", "op: counted,").replace(
         "in: {image: light, truth: frames.truth}", "in: {image: light, before: previous.score}"
     )
     assert [result["score"] for result in opened(write(text)).items()] == [1, 2, 3]
 
 
-def test_a_memory_is_drawn_as_a_dashed_edge(toys: list[str], write: Write) -> None:
+def test_a_memory_is_drawn_as_a_dashed_edge(write: Write) -> None:
     sketch = fold(sketch_of(opened(write(SUMMED)).plan))
     assert '"sum" -> "sum" [label="previous summed", style=dashed' in to_dot(sketch)
     assert "-.->|previous summed|" in to_mermaid(sketch)
@@ -135,7 +129,7 @@ def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
     assert session.keep(list) is not first
 
 
-def test_a_warning_belongs_to_its_item(toys: list[str], write: Write) -> None:
+def test_a_warning_belongs_to_its_item(write: Write) -> None:
     text = STREAM.replace("  score:", "  told: {op: warns_once, in: {image: light}}\n  score:")
     text = text.replace("score: score}", "score: score, told: told}")
     assert [result.warnings for result in opened(write(text)).items()] == [[], ["two"], []]
@@ -150,9 +144,7 @@ def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
     assert toys[-2:] == ["camera closed", "diary closed"]
 
 
-def test_an_inserted_node_is_read_by_those_who_name_the_output_too(
-    toys: list[str], write: Write
-) -> None:
+def test_an_inserted_node_is_read_by_those_who_name_the_output_too(write: Write) -> None:
     base = STREAM.replace("image: light, truth", "image: light.flat_field, truth")
     write(base, "base.yaml")
     patch = """
@@ -165,7 +157,7 @@ patch:
     assert [result["score"]["mean"] for result in results] == [2, 4, 6]
 
 
-def test_an_unknown_input_is_answered_with_those_there_are(toys: list[str], write: Write) -> None:
+def test_an_unknown_input_is_answered_with_those_there_are(write: Write) -> None:
     with pytest.raises(GraphError, match=r"it takes: image, truth"):
         opened(write(STREAM.replace("truth: frames.truth", "elevation: frames.truth")))
 
@@ -183,15 +175,13 @@ def test_a_sink_may_end_the_stream_and_all_sinks_take_its_last_item(
     assert sum(call.startswith("noted") for call in toys) == 2
 
 
-def test_a_stream_that_a_sink_ended_can_run_again(toys: list[str], write: Write) -> None:
+def test_a_stream_that_a_sink_ended_can_run_again(write: Write) -> None:
     text = STREAM.replace("  save:", "  enough: {op: enough, in: {image: frames.image}}\n  save:")
     pipeline = opened(write(text))
     assert [len(list(pipeline.items())) for _ in range(2)] == [2, 2]
 
 
-def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(
-    toys: list[str], write: Write
-) -> None:
+def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(write: Write) -> None:
     write(SUMMED.replace("before: previous.sum", "before: previous.light"), "base.yaml")
     patch = """
 format: 1

@@ -20,7 +20,7 @@ from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare
-from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases
+from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases, pairwise
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
@@ -97,9 +97,8 @@ def differences(node: Node) -> Iterator[str | None]:
     assert found is not None
     device = OpenCL(found)
     device.options.append("-cl-opt-disable")
-    for case in sorted(
-        cases(node), key=lambda case: abs(case.sizes.get("H", 0) - CASE_SHAPES[2][0])
-    ):
+    every = cases(node) + pairwise(node, CASE_SHAPES[:3])
+    for case in sorted(every, key=lambda case: abs(case.sizes.get("H", 0) - CASE_SHAPES[2][0])):
         yield compare(node, device, case)
 
 

@@ -10,6 +10,8 @@ from tactograph.graph.plan.draft import Value
 from tests.graph.conftest import STREAM, Write
 from tests.graph.plan.plans import planned
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 
 @pytest.mark.parametrize("name", shipped_names())
 def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> None:
@@ -20,7 +22,7 @@ def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> Non
 
 
 def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
-    toys: list[str], write: Write, device: OpenCL
+    write: Write, device: OpenCL
 ) -> None:
     source = "  cal:    {op: at_rest}\n"
     last = STREAM.replace(source, "").replace("outputs:", f"{source}outputs:")
@@ -31,7 +33,7 @@ def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
 
 
 def test_the_device_is_given_work_before_the_host_starts_on_its_own(
-    toys: list[str], write: Write, device: OpenCL
+    write: Write, device: OpenCL
 ) -> None:
     """And before all what the host waits for."""
     text = STREAM.replace(
@@ -47,20 +49,18 @@ def test_the_device_is_given_work_before_the_host_starts_on_its_own(
     assert places == sorted(places)
 
 
-def test_what_runs_once_comes_first(toys: list[str], write: Write, device: OpenCL) -> None:
+def test_what_runs_once_comes_first(write: Write, device: OpenCL) -> None:
     stream = [step.stream for step in planned(write(STREAM), device).steps]
     assert stream == sorted(stream)
 
 
 def test_writers_come_last_so_that_nothing_is_written_if_a_computation_fails(
-    toys: list[str], write: Write, device: OpenCL
+    write: Write, device: OpenCL
 ) -> None:
     assert [step.name for step in planned(write(STREAM), device).steps][-1] == "save"
 
 
-def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(
-    toys: list[str], write: Write
-) -> None:
+def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Write) -> None:
     text = "format: 1\nnodes:\n  frames: {op: touches}\n" + "".join(
         f"  n{number}: {{op: doubled, in: {{image: frames.image}}}}\n" for number in (9, 3, 7)
     )
@@ -69,7 +69,7 @@ def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(
 
 
 def test_a_value_on_the_device_is_let_go_after_its_last_reader(
-    toys: list[str], write: Write, device: OpenCL
+    write: Write, device: OpenCL
 ) -> None:
     released = {
         value: step.name for step in planned(write(STREAM), device).steps for value in step.release
@@ -103,7 +103,7 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     assert not recalled & set(released)
 
 
-def test_what_is_made_once_is_never_let_go(toys: list[str], write: Write, device: OpenCL) -> None:
+def test_what_is_made_once_is_never_let_go(write: Write, device: OpenCL) -> None:
     released = {v for step in planned(write(STREAM), device).steps for v in step.release}
     assert not [value for value in released if value.node == "cal"]
 

@@ -11,6 +11,8 @@ from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sizes import Bound, Symbol
 from tests.graph.conftest import SLOPES, STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 
 def planned(file: str) -> Plan:
     graph = read_graph(file)
@@ -24,7 +26,7 @@ def test_the_two_ends_of_an_edge_have_the_same_sizes(write: Write) -> None:
     assert plan.sizes.root["height", "W"] not in roots
 
 
-def test_fixed_sizes_that_differ_clash_before_anything_runs(toys: list[str], write: Write) -> None:
+def test_fixed_sizes_that_differ_clash_before_anything_runs(write: Write) -> None:
     text = SLOPES.replace(
         "outputs: {",
         "  more: {op: three_planes, in: {planes: slope.slope}}\noutputs: {more: more, ",
@@ -36,7 +38,7 @@ def test_fixed_sizes_that_differ_clash_before_anything_runs(toys: list[str], wri
     assert "nodes.more.in.planes: sizes clash: more.planes has 3, slope.slope has 2" in said
 
 
-def test_fixed_sizes_clash_through_nodes_that_take_any_size(toys: list[str], write: Write) -> None:
+def test_fixed_sizes_clash_through_nodes_that_take_any_size(write: Write) -> None:
     text = """
 format: 1
 nodes:
@@ -52,7 +54,7 @@ outputs: {three: three}
 
 
 def test_a_fixed_size_that_a_node_does_not_take_is_refused_before_anything_runs(
-    toys: list[str], write: Write
+    write: Write,
 ) -> None:
     text = SLOPES.replace(
         "outputs: {", "  more: {op: many_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
@@ -61,7 +63,7 @@ def test_a_fixed_size_that_a_node_does_not_take_is_refused_before_anything_runs(
         planned(write(text))
 
 
-def test_a_size_that_clashes_in_the_data_names_both_ports(toys: list[str], write: Write) -> None:
+def test_a_size_that_clashes_in_the_data_names_both_ports(write: Write) -> None:
     plan = planned(write(STREAM))
     known: dict[Symbol, Bound] = {}
     plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
@@ -76,7 +78,7 @@ def test_a_size_that_clashes_in_the_data_names_both_ports(toys: list[str], write
     [((6, 4, 5), "6 and 3 lights"), ((3, 7, 5), "7 and 4 rows"), ((3, 4, 9), "9 and 5 columns")],
 )
 def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
-    toys: list[str], write: Write, shape: tuple[int, int, int], words: str
+    write: Write, shape: tuple[int, int, int], words: str
 ) -> None:
     plan = planned(write(STREAM))
     known: dict[Symbol, Bound] = {}

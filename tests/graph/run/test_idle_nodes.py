@@ -14,6 +14,8 @@ from tactograph.nodes import Light
 from tests.conftest import Calibration, Raytraced
 from tests.graph.conftest import Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 GRAPH = """
 format: 1
 title: Images through a lens
@@ -57,7 +59,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.mark.parametrize("graph", [GRAPH, AND_THE_IMAGE, READ_AS_FRACTIONS])
 @pytest.mark.parametrize("bend", [0.0, 0.04])
 def test_light_is_the_same_with_and_without_a_device(
-    toys: list[str], write: Write, graph: str, kind: str, bend: float
+    write: Write, graph: str, kind: str, bend: float
 ) -> None:
     found = [load(write(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
     for name in found[0]:
@@ -66,31 +68,31 @@ def test_light_is_the_same_with_and_without_a_device(
 
 
 def test_without_a_lens_a_device_reads_the_cameras_bytes_themselves(
-    toys: list[str], write: Write, launched: list[str]
+    write: Write, launched: list[str]
 ) -> None:
     load(write(GRAPH), backend="opencl")(frames=IMAGES["u8"])
     assert launched == ["flat_field uint8"]
 
 
-def test_a_lens_has_to_be_undone(toys: list[str], write: Write, launched: list[str]) -> None:
+def test_a_lens_has_to_be_undone(write: Write, launched: list[str]) -> None:
     load(write(GRAPH), backend="opencl", bend=0.04)(frames=IMAGES["u8"])
     assert launched == ["undistort uint8", "flat_field float32"]
 
 
 def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(
-    toys: list[str], write: Write, launched: list[str]
+    write: Write, launched: list[str]
 ) -> None:
     load(write(AND_THE_IMAGE), backend="opencl")(frames=IMAGES["u8"])
     assert launched == ["undistort uint8", "flat_field float32"]
 
 
-def test_an_idle_node_takes_no_time(toys: list[str], write: Write) -> None:
+def test_an_idle_node_takes_no_time(write: Write) -> None:
     result = load(write(GRAPH), backend="opencl")(frames=IMAGES["f4"])
     assert result.times["image"] == 0
     assert result.times["light"] > 0
 
 
-def test_a_lens_that_changes_is_noticed(toys: list[str], write: Write) -> None:
+def test_a_lens_that_changes_is_noticed(write: Write) -> None:
     """A buffer that was handed on is not written to by the next image."""
     straight = load(write(GRAPH), backend="opencl")
     first = straight(frames=IMAGES["f4"])["light"].copy()
@@ -98,9 +100,7 @@ def test_a_lens_that_changes_is_noticed(toys: list[str], write: Write) -> None:
     np.testing.assert_array_equal(again, first[:, ::-1])
 
 
-def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same(
-    toys: list[str], write: Write
-) -> None:
+def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same(write: Write) -> None:
     """The first image has no glare that would be added."""
     graph = write(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"

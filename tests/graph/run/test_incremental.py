@@ -14,6 +14,8 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.conftest import Calibration, Raytraced
 from tests.graph.conftest import STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 CHAIN = """
 format: 1
@@ -67,9 +69,7 @@ def test_a_change_computes_what_depends_on_it_and_nothing_else(
 
 
 @BACKENDS
-def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(write: Write, backend: str) -> None:
     text = CHAIN.replace("op: doubled", "op: passed_on")
     pipeline = load(write(text), backend=backend, cache=Cache())
     stack = STACK.copy()
@@ -81,7 +81,7 @@ def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(
 
 @BACKENDS
 def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     def sums(cache: Cache | None) -> list[float]:
         graph = read_graph(write(CHAIN))
@@ -97,9 +97,7 @@ def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
 
 
 @BACKENDS
-def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(write: Write, backend: str) -> None:
     pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     results = list(pipeline.items())
     assert pipeline.inspect("sum").max() == pipeline.again()["sum"].max() == 12
@@ -110,9 +108,7 @@ def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(
 
 
 @BACKENDS
-def test_a_stream_that_was_left_can_be_looked_at(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_stream_that_was_left_can_be_looked_at(write: Write, backend: str) -> None:
     pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     stream = pipeline.items()
     results = [next(stream), next(stream)]
@@ -121,9 +117,7 @@ def test_a_stream_that_was_left_can_be_looked_at(
 
 
 @pytest.mark.parametrize("how", ["set", "aim"])
-def test_an_item_of_a_source_with_other_settings_is_not_there(
-    toys: list[str], write: Write, how: str
-) -> None:
+def test_an_item_of_a_source_with_other_settings_is_not_there(write: Write, how: str) -> None:
     pipeline = load(write(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
     list(pipeline.items())
     if how == "set":
@@ -138,9 +132,7 @@ def test_an_item_of_a_source_with_other_settings_is_not_there(
 
 
 @BACKENDS
-def test_a_cache_too_small_for_anything_changes_no_result(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_cache_too_small_for_anything_changes_no_result(write: Write, backend: str) -> None:
     small = Cache(megabytes=1e-4)
     pipeline = load(write(CHAIN), backend=backend, cache=small)
     fresh = load(write(CHAIN), backend=backend)
@@ -154,7 +146,7 @@ def test_a_cache_too_small_for_anything_changes_no_result(
 
 @BACKENDS
 def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
     text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
@@ -173,14 +165,14 @@ def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Wr
     assert toys.count("doubled") == 1
 
 
-def test_device_and_host_do_not_stand_in_for_each_other(toys: list[str], write: Write) -> None:
+def test_device_and_host_do_not_stand_in_for_each_other(write: Write) -> None:
     cache = Cache()
     for backend in ("numpy", "opencl"):
         result = load(write(CHAIN), backend=backend, cache=cache)(frames=STACK)
         assert "light" not in result.kept
 
 
-def test_a_run_that_failed_leaves_nothing_behind(toys: list[str], write: Write) -> None:
+def test_a_run_that_failed_leaves_nothing_behind(write: Write) -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: twice}}")
     pipeline = load(write(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
     with pytest.raises(NodeError):
@@ -237,16 +229,14 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], write: Write, bac
         ("light.height", r"'light' makes light\.flat_field"),
     ],
 )
-def test_a_value_that_is_not_there_is_told(
-    toys: list[str], write: Write, reference: str, message: str
-) -> None:
+def test_a_value_that_is_not_there_is_told(write: Write, reference: str, message: str) -> None:
     pipeline = load(write(CHAIN), backend="numpy", cache=Cache())
     pipeline(frames=STACK)
     with pytest.raises(InputError, match=message):
         pipeline.inspect(reference)
 
 
-def test_inspect_and_again_need_an_item(toys: list[str], write: Write) -> None:
+def test_inspect_and_again_need_an_item(write: Write) -> None:
     pipeline = load(write(CHAIN), backend="numpy")
     pipeline(frames=STACK)
     with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
@@ -255,7 +245,7 @@ def test_inspect_and_again_need_an_item(toys: list[str], write: Write) -> None:
     np.testing.assert_array_equal(pipeline.inspect("light"), STACK)
 
 
-def test_a_wrong_setting_changes_nothing(toys: list[str], write: Write) -> None:
+def test_a_wrong_setting_changes_nothing(write: Write) -> None:
     pipeline = load(write(CHAIN), backend="numpy")
     before = pipeline.plan.graph.hash
     for node, settings, message in (
@@ -292,7 +282,7 @@ def test_of_a_change_only_what_is_asked_for_is_made(
     np.testing.assert_array_equal(found["light"], 2 * STACK)
 
 
-def test_a_group_is_set_in_one_use_or_in_all(toys: list[str], write: Write) -> None:
+def test_a_group_is_set_in_one_use_or_in_all(write: Write) -> None:
     cuts = """
 groups:
   cut:
@@ -341,7 +331,7 @@ def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     assert found["metrics"] == expected["metrics"]
 
 
-def test_three_hundred_changes_take_no_more_memory_than_ten(toys: list[str], write: Write) -> None:
+def test_three_hundred_changes_take_no_more_memory_than_ten(write: Write) -> None:
     cache = Cache(megabytes=0.01)
     pipeline = load(write(CHAIN), backend="opencl", cache=cache)
     pipeline(frames=STACK)
@@ -369,7 +359,7 @@ def test_a_source_of_files_is_read_for_every_item(toys: list[str], write: Write)
 @pytest.mark.parametrize("cached", [False, True], ids=["every step", "only what changed"])
 @BACKENDS
 def test_an_item_that_failed_is_not_the_item_before(
-    toys: list[str], write: Write, backend: str, cached: bool
+    write: Write, backend: str, cached: bool
 ) -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: sum}}")
     text = text.replace("{op: summed, in: {image: seen,", "{op: summed, in: {image: light,")

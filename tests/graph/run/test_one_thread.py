@@ -14,6 +14,8 @@ from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, Write
 from tests.graph.toys import Gate
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 WAITING = STREAM.replace(", default: 3}", "}")
 STACK = np.ones((3, 4, 5), np.float32)
 
@@ -22,9 +24,7 @@ def opened(graph: str) -> Pipeline:
     return open_pipeline(read_graph(graph), {}, backend="numpy")
 
 
-def test_a_second_thread_is_refused_while_the_first_is_at_work(
-    toys: list[str], write: Write
-) -> None:
+def test_a_second_thread_is_refused_while_the_first_is_at_work(write: Write) -> None:
     text = WAITING.replace(
         "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
         "op: gated, in: {image: frames.image}",
@@ -47,9 +47,7 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work(
 
 
 @pytest.mark.parametrize("use", ["call", "items", "aim", "forget"])
-def test_a_pipeline_that_was_closed_is_of_no_more_use(
-    toys: list[str], write: Write, use: str
-) -> None:
+def test_a_pipeline_that_was_closed_is_of_no_more_use(write: Write, use: str) -> None:
     pipeline = opened(write(STREAM)) if use == "items" else load(write(WAITING), backend="numpy")
     pipeline.close()
     pipeline.close()
@@ -63,7 +61,7 @@ def test_a_pipeline_that_was_closed_is_of_no_more_use(
         uses[use]()
 
 
-def test_a_pipeline_goes_through_one_stream_at_a_time(toys: list[str], write: Write) -> None:
+def test_a_pipeline_goes_through_one_stream_at_a_time(write: Write) -> None:
     pipeline = opened(write(STREAM))
     first = pipeline.items()
     next(first)
@@ -73,7 +71,7 @@ def test_a_pipeline_goes_through_one_stream_at_a_time(toys: list[str], write: Wr
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_an_item_that_fails_leaves_the_pipeline_free(toys: list[str], write: Write) -> None:
+def test_an_item_that_fails_leaves_the_pipeline_free(write: Write) -> None:
     pipeline = load(write(WAITING), backend="numpy")
     with pytest.raises(InputError):
         pipeline(frames=np.ones((3, 9, 9), np.float32))

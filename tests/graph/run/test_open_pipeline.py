@@ -17,6 +17,8 @@ from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 WAITING = STREAM.replace(", default: 3}", "}")
 
 
@@ -33,7 +35,7 @@ def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
         load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
 
 
-def test_a_fallback_is_in_the_plan(toys: list[str], write: Write, no_device: None) -> None:
+def test_a_fallback_is_in_the_plan(write: Write, no_device: None) -> None:
     pipeline = open_pipeline(read_graph(write(STREAM)), {})
     assert pipeline.plan.fallbacks == [
         "light runs on numpy: opencl is preferred, but no OpenCL device works"
@@ -41,9 +43,7 @@ def test_a_fallback_is_in_the_plan(toys: list[str], write: Write, no_device: Non
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_a_loaded_pipeline_warns_of_a_fallback(
-    toys: list[str], write: Write, no_device: None
-) -> None:
+def test_a_loaded_pipeline_warns_of_a_fallback(write: Write, no_device: None) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
         load(write(WAITING))
 
@@ -69,41 +69,39 @@ def test_outputs_are_a_list_of_names(outputs: Any) -> None:
         load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
 
 
-def test_strict_refuses_a_fallback(toys: list[str], write: Write, no_device: None) -> None:
+def test_strict_refuses_a_fallback(write: Write, no_device: None) -> None:
     with pytest.raises(InputError, match="--strict: light runs on numpy: opencl is preferred"):
         load(write(WAITING), strict=True)
 
 
-def test_strict_is_content_where_nothing_falls_back(toys: list[str], write: Write) -> None:
+def test_strict_is_content_where_nothing_falls_back(write: Write) -> None:
     load(write(WAITING), strict=True)
     load(write(WAITING), strict=True, backend="numpy")
 
 
 def test_opencl_that_was_demanded_and_is_not_there_is_an_error(
-    toys: list[str], write: Write, no_device: None
+    write: Write, no_device: None
 ) -> None:
     with pytest.raises(InputError, match="--backend opencl: no OpenCL device works"):
         load(write(WAITING), backend="opencl")
 
 
-def test_a_back_end_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
+def test_a_back_end_that_does_not_exist_is_refused(write: Write) -> None:
     with pytest.raises(InputError, match="there is no back end 'cuda'"):
         load(write(WAITING), backend="cuda")
 
 
-def test_a_device_that_does_not_exist_is_refused(toys: list[str], write: Write) -> None:
+def test_a_device_that_does_not_exist_is_refused(write: Write) -> None:
     with pytest.raises(InputError, match="no OpenCL device's name contains 'abacus'"):
         load(write(WAITING), device="abacus")
 
 
-def test_numpy_looks_for_no_device(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_numpy_looks_for_no_device(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tactograph.graph.backends.opencl.choose_device", None)
     assert load(write(WAITING), backend="numpy").plan.device is None
 
 
-def test_changes_change_parameters_of_nodes(toys: list[str], write: Write) -> None:
+def test_changes_change_parameters_of_nodes(write: Write) -> None:
     pipeline = load(write(WAITING), backend="numpy", changes={"cal.level": 0.5})
     assert float(pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max()) == 2
 
@@ -116,9 +114,7 @@ def test_changes_change_parameters_of_nodes(toys: list[str], write: Write) -> No
         ("cal.", "--set cal.: write it as node.param=value"),
     ],
 )
-def test_a_change_of_what_is_not_there_is_refused(
-    toys: list[str], write: Write, target: str, message: str
-) -> None:
+def test_a_change_of_what_is_not_there_is_refused(write: Write, target: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         with_changes(read_graph(write(STREAM)), {target: 1})
     assert str(caught.value) == message
@@ -132,7 +128,7 @@ def test_a_change_of_what_is_not_there_is_refused(
     ],
 )
 def test_a_change_that_is_wrong_is_blamed_on_the_change(
-    toys: list[str], write: Write, change: dict[str, Any], message: str
+    write: Write, change: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(GraphError) as caught:
         load(write(WAITING), backend="numpy", changes=change)
@@ -153,12 +149,12 @@ outputs: {one: one, two: two}
 """
 
 
-def test_a_graph_may_be_named_by_a_path(toys: list[str], write: Write) -> None:
+def test_a_graph_may_be_named_by_a_path(write: Write) -> None:
     pipeline = load(Path(write(WAITING)), backend="numpy")
     assert pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max() == 1
 
 
-def test_params_of_any_name_can_be_given(toys: list[str], write: Write) -> None:
+def test_params_of_any_name_can_be_given(write: Write) -> None:
     pipeline = load(write(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
     with pipeline:
         (result,) = pipeline.items()
@@ -168,7 +164,7 @@ def test_params_of_any_name_can_be_given(toys: list[str], write: Write) -> None:
 
 
 @pytest.mark.parametrize("make", [np.float32, np.float64, np.int64, np.array])
-def test_numbers_of_numpy_are_numbers(toys: list[str], write: Write, make: Any) -> None:
+def test_numbers_of_numpy_are_numbers(write: Write, make: Any) -> None:
     pipeline = load(write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)})
     (result,) = pipeline.items()
     assert (result["one"].max(), result["two"].max()) == (2, 4)

@@ -14,6 +14,8 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 WAITING = STREAM.replace(", default: 3}", "}")
 SUMMED = WAITING.replace(
@@ -31,9 +33,7 @@ def level(value: float) -> NDArray[np.float32]:
 
 @BOTH
 @pytest.mark.parametrize("output", ["light", "sum", "flat"])
-def test_the_arrays_of_a_result_are_read_only(
-    toys: list[str], write: Write, backend: str, output: str
-) -> None:
+def test_the_arrays_of_a_result_are_read_only(write: Write, backend: str, output: str) -> None:
     result = load(write(SUMMED), backend=backend)(frames=level(1))
     with pytest.raises(ValueError, match="read-only"):
         result[output][...] = 100
@@ -57,7 +57,7 @@ outputs: {shadow: shadow}
 
 @BOTH
 def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     text = WAITING.replace(
         "  score:",
@@ -76,9 +76,7 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
 
 
 @pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
-def test_whatever_the_caller_hands_in_is_not_what_comes_out(
-    toys: list[str], write: Write, make: Any
-) -> None:
+def test_whatever_the_caller_hands_in_is_not_what_comes_out(write: Write, make: Any) -> None:
     text = WAITING.replace(
         "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
         "op: passed_on, in: {image: frames.image}",
@@ -89,7 +87,7 @@ def test_whatever_the_caller_hands_in_is_not_what_comes_out(
     assert result["light"].max() == 1
 
 
-def test_a_node_that_writes_into_its_input_is_named(toys: list[str], write: Write) -> None:
+def test_a_node_that_writes_into_its_input_is_named(write: Write) -> None:
     text = (
         WAITING.replace("op: noted", "op: scribbling")
         .replace("score: score}", "score: score, save: save}")
@@ -101,9 +99,7 @@ def test_a_node_that_writes_into_its_input_is_named(toys: list[str], write: Writ
     assert stack.max() == 1
 
 
-def test_figures_that_one_reader_changes_are_whole_for_the_others(
-    toys: list[str], write: Write
-) -> None:
+def test_figures_that_one_reader_changes_are_whole_for_the_others(write: Write) -> None:
     text = STREAM.replace(
         "  save:",
         "  changed: {op: scribbled, in: {figures: score}}\n"
@@ -116,7 +112,7 @@ def test_figures_that_one_reader_changes_are_whole_for_the_others(
     assert found == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
 
 
-def test_a_source_may_refill_its_own_buffer(toys: list[str], write: Write) -> None:
+def test_a_source_may_refill_its_own_buffer(write: Write) -> None:
     text = (
         STREAM.replace("op: touches", "op: refilled_touches")
         .replace(

@@ -20,6 +20,8 @@ from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.source_stream import SourceStream
 from tests.graph.conftest import SLOPES, STREAM, Write
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 WAITING = STREAM.replace(", default: 3}", "}")
 
@@ -29,7 +31,7 @@ def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeli
 
 
 @BACKENDS
-def test_a_source_may_yield_many_touches(toys: list[str], write: Write, backend: str) -> None:
+def test_a_source_may_yield_many_touches(write: Write, backend: str) -> None:
     results = list(opened(write(STREAM), backend).items())
     assert [result["score"]["mean"] for result in results] == [1, 2, 3]
     assert [float(result["light"].mean()) for result in results] == [1, 2, 3]
@@ -48,7 +50,7 @@ def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
 
 
 def test_nothing_is_being_done_while_a_source_waits(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
     pipeline = opened(write(text), "opencl")
@@ -60,14 +62,14 @@ def test_nothing_is_being_done_while_a_source_waits(
 
 @BACKENDS
 def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     results = opened(write(STREAM), backend).items()
     assert [result["score"]["truth"] for result in results] == [1, -1, 3]
 
 
 def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next(
-    toys: list[str], write: Write
+    write: Write,
 ) -> None:
     nodes = """  glare: {op: glared, in: {image: light}}
   whole: {op: failing, in: {image: light}, with: {at: 3}}
@@ -118,7 +120,7 @@ def test_a_graph_without_a_stream_has_one_item(
     np.testing.assert_allclose(found, truth - truth.mean(), atol=0.02)
 
 
-def test_every_step_of_the_plan_has_its_time(toys: list[str], write: Write) -> None:
+def test_every_step_of_the_plan_has_its_time(write: Write) -> None:
     pipeline = opened(write(STREAM), "opencl")
     for result in pipeline.items():
         computed = {step.name for step in pipeline.plan.steps}
@@ -126,7 +128,7 @@ def test_every_step_of_the_plan_has_its_time(toys: list[str], write: Write) -> N
         assert all(ms >= 0 for ms in result.times.values())
 
 
-def test_a_result_is_a_mapping_of_its_outputs(toys: list[str], write: Write) -> None:
+def test_a_result_is_a_mapping_of_its_outputs(write: Write) -> None:
     (result, *_) = opened(write(STREAM)).items()
     assert set(result) == {"light", "score"}
     assert "height" not in result
@@ -143,7 +145,7 @@ def test_an_array_stands_in_for_a_source(toys: list[str], write: Write, backend:
     assert toys == ["at_rest"]
 
 
-def test_a_result_is_not_overwritten_by_the_next_one(toys: list[str], write: Write) -> None:
+def test_a_result_is_not_overwritten_by_the_next_one(write: Write) -> None:
     for backend in ("numpy", "opencl"):
         pipeline = load(write(WAITING), backend=backend)
         first = pipeline(frames=np.full((3, 4, 5), 0.5, np.float32))
@@ -152,14 +154,12 @@ def test_a_result_is_not_overwritten_by_the_next_one(toys: list[str], write: Wri
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_unsigned_integers_count_as_fractions_of_full_scale(
-    toys: list[str], write: Write, dtype: type
-) -> None:
+def test_unsigned_integers_count_as_fractions_of_full_scale(write: Write, dtype: type) -> None:
     stack = np.full((3, 4, 5), np.iinfo(dtype).max, dtype)
     assert float(load(write(WAITING), backend="numpy")(frames=stack)["light"].min()) == 1
 
 
-def test_a_stack_may_be_a_view_in_any_order(toys: list[str], write: Write) -> None:
+def test_a_stack_may_be_a_view_in_any_order(write: Write) -> None:
     stack = np.random.default_rng(1).random((5, 4, 3)).astype(np.float32).T
     found = load(write(WAITING), backend="opencl")(frames=stack)["light"]
     np.testing.assert_array_equal(found, stack)
@@ -193,9 +193,7 @@ class OnAnotherDevice:
         (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
     ],
 )
-def test_a_stack_that_does_not_fit_is_refused(
-    toys: list[str], write: Write, stack: Any, message: str
-) -> None:
+def test_a_stack_that_does_not_fit_is_refused(write: Write, stack: Any, message: str) -> None:
     pipeline = load(write(WAITING), backend="numpy")
     with pytest.raises(InputError, match=message):
         pipeline(frames=stack)
@@ -205,33 +203,33 @@ def test_a_stack_that_does_not_fit_is_refused(
 
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
 def test_exactly_the_sources_that_wait_are_stood_in_for(
-    toys: list[str], write: Write, names: tuple[str, ...]
+    write: Write, names: tuple[str, ...]
 ) -> None:
     pipeline = load(write(WAITING), backend="numpy")
     with pytest.raises(InputError, match=r"arrays are needed for \['frames'\]"):
         pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
 
 
-def test_a_pipeline_that_waits_for_arrays_has_no_items(toys: list[str], write: Write) -> None:
+def test_a_pipeline_that_waits_for_arrays_has_no_items(write: Write) -> None:
     with pytest.raises(InputError, match="call the pipeline with arrays for frames"):
         next(load(write(WAITING), backend="numpy").items())
 
 
-def test_a_pipeline_with_a_stream_of_its_own_is_not_called(toys: list[str], write: Write) -> None:
+def test_a_pipeline_with_a_stream_of_its_own_is_not_called(write: Write) -> None:
     pipeline = load(write(WAITING), backend="numpy", count=2)
     with pytest.raises(InputError, match=r"'frames' yields a stream of its own; go through items"):
         pipeline()
     assert len(list(pipeline.items())) == 2
 
 
-def test_an_optional_input_of_a_stand_in_is_absent(toys: list[str], write: Write) -> None:
+def test_an_optional_input_of_a_stand_in_is_absent(write: Write) -> None:
     found = load(write(WAITING), backend="opencl")(frames=np.ones((3, 4, 5), np.float32))
     assert found["score"]["truth"] == -1
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     text = """
 format: 1
@@ -271,7 +269,7 @@ def test_a_steady_stream_allocates_nothing_after_its_first_item(
     assert memory[-1] - memory[20] < 5 * image, "180 items leave less than five images behind"
 
 
-def test_calls_with_arrays_allocate_nothing_after_the_first(toys: list[str], write: Write) -> None:
+def test_calls_with_arrays_allocate_nothing_after_the_first(write: Write) -> None:
     pipeline = load(write(WAITING), backend="opencl")
     stack = np.ones((3, 4, 5), np.float32)
     pool = pipeline._device.pool  # type: ignore[union-attr]
@@ -298,7 +296,7 @@ outputs: {lit: lit}
 
 @BACKENDS
 def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
-    toys: list[str], write: Write, backend: str
+    write: Write, backend: str
 ) -> None:
     pipeline = load(write(WAITING), backend=backend)
     good = np.ones((3, 4, 5), np.float32)
@@ -309,9 +307,7 @@ def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
 
 
 @BACKENDS
-def test_nodes_of_one_kernel_keep_to_their_own_settings(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_nodes_of_one_kernel_keep_to_their_own_settings(write: Write, backend: str) -> None:
     more = "\n".join(
         f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
@@ -373,16 +369,14 @@ def test_a_node_that_fails_is_named(
 
 
 @BACKENDS
-def test_only_the_caller_may_hand_in_a_cameras_integers(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_only_the_caller_may_hand_in_a_cameras_integers(write: Write, backend: str) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
     with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but made uint8"):
         list(opened(write(text), backend).items())
 
 
 def test_a_failure_is_not_tried_again_elsewhere(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*args: object) -> None:
         raise RuntimeError("the device is gone")
@@ -393,15 +387,13 @@ def test_a_failure_is_not_tried_again_elsewhere(
         next(pipeline.items())
 
 
-def test_a_warning_is_in_the_result_and_said_once(toys: list[str], write: Write) -> None:
+def test_a_warning_is_in_the_result_and_said_once(write: Write) -> None:
     text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
     results = list(opened(write(text)).items())
     assert [result.warnings for result in results] == [["a warning"]] * 3
 
 
-def test_pipelines_of_several_threads_do_not_disturb_one_another(
-    toys: list[str], write: Write
-) -> None:
+def test_pipelines_of_several_threads_do_not_disturb_one_another(write: Write) -> None:
     file = write(WAITING)
 
     def work(level: float) -> bool:
@@ -415,7 +407,7 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another(
 
 
 def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
-    toys: list[str], write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[np.dtype[Any]] = []
     upload = OpenCL.start_upload
@@ -434,7 +426,7 @@ def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("op", ["flat_field", "doubled"])
 def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
-    toys: list[str], write: Write, dtype: type, op: str
+    write: Write, dtype: type, op: str
 ) -> None:
     text = WAITING.replace(
         "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
@@ -449,9 +441,7 @@ def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
 
 
 @BACKENDS
-def test_images_of_another_type_are_taken_from_call_to_call(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_images_of_another_type_are_taken_from_call_to_call(write: Write, backend: str) -> None:
     text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
     pipeline = load(write(text.replace(", score: score", "")), backend=backend)
     expected = np.linspace(0, 1, 60, dtype=np.float32).round().reshape(3, 4, 5)
@@ -462,9 +452,7 @@ def test_images_of_another_type_are_taken_from_call_to_call(
 
 
 @BACKENDS
-def test_labels_of_three_axes_are_no_fractions_of_full_scale(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_labels_of_three_axes_are_no_fractions_of_full_scale(write: Write, backend: str) -> None:
     text = WAITING.replace(
         "  score:",
         "  labels: {op: labelled, in: {image: frames.image}}\n"
@@ -475,9 +463,7 @@ def test_labels_of_three_axes_are_no_fractions_of_full_scale(
     np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack > 0.5)
 
 
-def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(
-    toys: list[str], write: Write
-) -> None:
+def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(write: Write) -> None:
     text = WAITING.replace("  save:", "  hit: {op: struck, in: {image: light}}\n  save:")
     pipeline = load(write(text.replace("{light: light", "{light: hit")), backend="opencl")
     one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
@@ -487,7 +473,7 @@ def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(
 
 
 def test_a_device_without_memory_is_named_with_the_transfer(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pipeline = load(write(WAITING), backend="opencl")
 
@@ -500,9 +486,7 @@ def test_a_device_without_memory_is_named_with_the_transfer(
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
-def test_an_absent_input_with_a_size_of_its_own_is_nothing(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_an_absent_input_with_a_size_of_its_own_is_nothing(write: Write, backend: str) -> None:
     text = WAITING.replace("  save:", "  more: {op: leaned, in: {image: light}}\n  save:")
     pipeline = load(write(text.replace("{light: light", "{light: more")), backend=backend)
     stack = np.ones((3, 4, 5), np.float32)
@@ -511,7 +495,7 @@ def test_an_absent_input_with_a_size_of_its_own_is_nothing(
 
 @pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
 def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
-    toys: list[str], write: Write, maker: str, reader: str
+    write: Write, maker: str, reader: str
 ) -> None:
     names = {"n": "numpy", "d": "opencl"}
     nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
@@ -530,7 +514,7 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
     ("node", "error"), [("failing, with: {at: 2.0}", NodeError), ("refusing", InputError)]
 )
 def test_an_error_names_the_item_at_which_it_was_raised(
-    toys: list[str], write: Write, node: str, error: type[InputError | NodeError]
+    write: Write, node: str, error: type[InputError | NodeError]
 ) -> None:
     text = STREAM.replace("op: flat_field,", f"op: {node},").replace(
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}", "in: {image: frames.image}"

@@ -16,6 +16,8 @@ from tactograph.graph.run.host_values import HostValues
 from tests.graph.conftest import Write
 from tests.graph.toys import WHOLE
 
+pytestmark = pytest.mark.usefixtures("toys")
+
 GRAPH = """
 format: 1
 title: A camera's integers
@@ -52,9 +54,7 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 @pytest.mark.parametrize("graph", [GRAPH, READ_BY_THE_HOST, AN_OUTPUT])
-def test_integers_count_as_fractions_of_full_scale(
-    toys: list[str], write: Write, graph: str, backend: str
-) -> None:
+def test_integers_count_as_fractions_of_full_scale(write: Write, graph: str, backend: str) -> None:
     (result,) = load(write(graph), backend=backend).items()
     expected = WHOLE / np.float32(255)
     np.testing.assert_allclose(result["light"], expected, atol=1e-6)
@@ -68,7 +68,7 @@ def test_integers_count_as_fractions_of_full_scale(
     ("graph", "kind"), [(GRAPH, "uint8"), (READ_BY_THE_HOST, "float32"), (AN_OUTPUT, "float32")]
 )
 def test_a_source_is_told_who_reads_its_images(
-    toys: list[str], write: Write, sent: list[str], graph: str, kind: str
+    write: Write, sent: list[str], graph: str, kind: str
 ) -> None:
     list(load(write(graph), backend="opencl").items())
     assert sent == [kind]
@@ -76,14 +76,14 @@ def test_a_source_is_told_who_reads_its_images(
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch, backend: str
+    write: Write, monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:
     monkeypatch.setattr(HostValues, "told_of_images", lambda *_: {"whole": True})
     (result,) = load(write(READ_BY_THE_HOST), backend=backend).items()
     np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
 
 
-def test_whoever_looks_into_the_graph_sees_fractions(toys: list[str], write: Write) -> None:
+def test_whoever_looks_into_the_graph_sees_fractions(write: Write) -> None:
     pipeline = load(write(GRAPH), backend="opencl", cache=Cache())
     result = next(iter(pipeline.items()))
     (drawn,) = [view.array for view in views_of(result) if view.name == "image"]
