@@ -117,7 +117,8 @@ def _find(graph: Graph, node_id: str) -> Node:
 
 
 def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
-    sources = [n for n, node in names.nodes.items() if node.source]
+    # Nothing flows into them, though it might.
+    sources = [n for n in names.nodes if not names.graph.nodes[n].inputs]
     for name in stand_ins:
         if name not in sources:
             raise InputError(

@@ -428,14 +428,6 @@ def doubtful(image: Light) -> Light:
     return image.astype(np.float64)
 
 
-@node(neutral="slope")
-def two_planes(
-    slope: Annotated[F4, Port("2 H W", "mm/mm")], *, by: Annotated[float, Interval(ge=0, le=1)] = 0
-) -> Annotated[F4, Port("2 H W", "mm/mm")]:
-    """Two planes in, two out."""
-    return slope
-
-
 @node
 def three_planes(
     planes: Annotated[F4, Port("3 H W", "mm/mm")],
@@ -479,7 +471,7 @@ def choosy(
 
 TOYS = (
     "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
-    "forgetful", "listing", "doubtful", "two_planes", "three_planes", "many_planes", "in_metres",
+    "forgetful", "listing", "doubtful", "three_planes", "many_planes", "in_metres",
     "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
     "cut_touches", "stored",
     "filed", "strips", "halves", "bright", "enough", "crowded",

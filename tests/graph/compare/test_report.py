@@ -304,7 +304,7 @@ def test_differences_are_told_node_by_node() -> None:
     assert Difference("light", "input flat", "cal.flat", "smooth") in without
 
 
-def test_a_map_of_which_nothing_is_known_does_not_end_the_report(tmp_path: Path) -> None:
+def test_a_map_of_which_nothing_is_known_does_not_end_the_report() -> None:
     unknown = np.full((4, 5), np.nan, np.float32)
     some = np.where(np.arange(20).reshape(4, 5) > 9, np.float32(1), np.nan).astype(np.float32)
     runs = {"one": {"height": View("height", "map", "mm", unknown)}}

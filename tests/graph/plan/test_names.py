@@ -222,7 +222,7 @@ outputs: {{a: a}}
     assert message in said
 
 
-def test_a_record_is_read_whole(write: Write) -> None:
+def test_a_record_is_read_whole() -> None:
     draft = bound("paper", sinks=False)
     reads = draft.tasks["coarse"].reads
     assert reads["index.axes"] == Value("index", "axes")
@@ -233,15 +233,13 @@ def test_a_record_is_read_from_a_node_that_gives_one(write: Write) -> None:
         "format: 1\nextends: paper\npatch:\n"
         "  - {replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}"
     )
-    assert "'index' takes a node that gives all of a LutIndex" in refusal(file)
-
     said = refusal(file)
     assert said.startswith(f"{file}:4:")
     assert "'index' takes a node that gives all of a LutIndex (entries, " in said
     assert "'cal' is not one" in said
 
 
-def test_a_node_that_gives_more_than_a_record_feeds_it(write: Write) -> None:
+def test_a_node_that_gives_more_than_a_record_feeds_it() -> None:
     """A calibration holds a film among other things."""
     draft = bound("reconstruct", sinks=False)
     reads = draft.tasks["matt"].reads

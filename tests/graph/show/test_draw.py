@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -122,7 +121,7 @@ def test_the_name_of_the_file_breaks_no_quotes(write: Write, name: str) -> None:
 
 
 @pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not here")
-def test_graphviz_takes_the_dot_file(write: Write, device: OpenCL, tmp_path: Path) -> None:
+def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
     dot = to_dot(folded(planned("paper", device)))
     done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
     assert "<svg" in done.stdout
