@@ -64,7 +64,7 @@ def _read(name: str, text: str, param: Param) -> Any:
     if not param.required and text and _scalar(name, text) is None:
         return None
     if param.kind == "numbers":
-        return [_number(name, part) for part in text.split(",")]
+        return [_number(f"{name}={text}", part) for part in text.split(",")]
     value = _scalar(name, text)
     types, wanted = _PARAM_TYPES[param.kind]
     if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
@@ -82,5 +82,5 @@ def _scalar(name: str, text: str) -> Any:
 def _number(name: str, text: str) -> float:
     value = _scalar(name, text.strip())
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{name}: '{text}' is not a number; write numbers as 160,120")
+        raise InputError(f"{name}: a number is needed, not '{text}'; write several as 160,120")
     return value

@@ -128,7 +128,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2(
         (("run", "calibrate", "pixel_size_mm=big"), "pixel_size_mm=big: a number is needed"),
         (("run", "calibrate", "pixel_size_mm=true"), "a number is needed"),
         (("run", "calibrate", "ball_radius_mm=1__0"), "'1__0' is not a number"),
-        (("run", "calibrate", "ball_center_px=1,x"), "'x' is not a number"),
+        (("run", "calibrate", "ball_center_px=1,x"), "a number is needed, not 'x'"),
         (("run", "simulate", "seed=1.5"), "seed=1.5: a whole number is needed"),
         (("run", "simulate", f"seed={'9' * 5000}"), "is not a number"),
         (("run", "paper", "--set", "shadow"), "--set shadow: write it as node.param=value"),
