@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
+FRAME_MS = 1000 / 30
+"""Time of a camera's frame; an item that took longer names its slowest node."""
+
 
 @graph_command("run", short_help="Run a graph.")
 @run_options
@@ -310,14 +313,20 @@ def _summary(number: int, result: Result) -> str:
 
 
 def _times(result: Result) -> str:
-    """Milliseconds on each back end, sources and sinks left out."""
-    steps = [step for step in result.plan.steps if step.name in result.times]
+    """Milliseconds on each back end, and the slowest node of a long item; neither source nor sink."""
+    times, tasks = result.times, result.plan.tasks
+    ends = {name for name, task in tasks.items() if task.node.sink or task.node.source}
+    steps = [s for s in result.plan.steps if s.name in times]
+    steps = [s for s in [s for s in steps if s.stream] or steps if s.name not in ends]
     by_backend: dict[str, float] = {}
-    for step in [step for step in steps if step.stream] or steps:
-        task = result.plan.tasks.get(step.name)
-        if task is None or not (task.node.sink or task.node.source):
-            by_backend[step.backend] = by_backend.get(step.backend, 0) + result.times[step.name]
-    return ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
+    for step in steps:
+        by_backend[step.backend] = by_backend.get(step.backend, 0) + times[step.name]
+    told = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
+    nodes = [step.name for step in steps if step.name in tasks]
+    if not nodes or sum(by_backend.values()) < FRAME_MS:
+        return told
+    slowest = max(nodes, key=lambda name: times[name])
+    return f"{told}; slowest: {slowest} ({tasks[slowest].node.name}) {times[slowest]:.1f} ms"
 
 
 def _name_of(result: Result) -> str:

@@ -19,7 +19,7 @@ from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.backends.devices import how_to_get_one
-from tactograph.graph.commands.run import _in_rows
+from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -192,6 +192,18 @@ def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure
         "error": "0.25     matt 1.5",
         "cut": "c1 yes     c2 no",
     }
+
+
+def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
+    write: Write, height_file: str
+) -> None:
+    given = {"file": height_file}
+    (result,) = open_pipeline(read_graph(write(SLOPES)), given, backend="numpy").items()
+    for name in result.times:
+        result.times[name] = {"slope": 20.0, "again": 15.0}.get(name, 0.0)
+    assert _times(result) == "35.0 ms on numpy; slowest: slope (height_slopes) 20.0 ms"
+    result.times["again"] = 10.0
+    assert _times(result) == "30.0 ms on numpy"
 
 
 def test_what_has_nothing_to_time_is_done(
