@@ -313,7 +313,7 @@ def _summary(number: int, result: Result) -> str:
 
 
 def _times(result: Result) -> str:
-    """Milliseconds on each back end, and the slowest node of a long item, sources and sinks apart."""
+    """Milliseconds on each back end, and a long item's slowest node; without sources and sinks."""
     times, tasks = result.times, result.plan.tasks
     ends = {name for name, task in tasks.items() if task.node.sink or task.node.source}
     steps = [s for s in result.plan.steps if s.name in times]
