@@ -2,12 +2,15 @@
 
     python benchmarks/bench.py --out bench
     python benchmarks/bench.py --graphs paper,reconstruct --sizes 640x480 --tables 117000
+    python benchmarks/bench.py --films all --graphs paper,reconstruct --sizes 640x480 --tables 0
 
 Times are from host images in memory to host height in memory.  Captures are simulated; tables
-are drawn from the calibration's own entries, or extended by jittered copies.  Each case runs in
-its own process, in which the literal flow and the graph alternate, so that ratios hold on a busy
-machine.  A case that takes longer than --seconds is aborted.  Cases measured earlier with the
-same --out stay in the table unless they are measured again, so the whole can be done in parts.
+are drawn from the calibration's own entries, or extended by jittered copies (0: as they are).
+Time hangs on film, noise and table, and on how many pixels need LEDs left out: there are several
+films, and each row has the share of pixels in shadow.  Each case runs in its own process, in
+which the literal flow and the graph alternate, so that ratios hold on a busy machine.  A case
+that takes longer than --seconds is aborted.  Cases measured earlier with the same --out stay in
+the table unless they are measured again, so the whole can be done in parts.
 """
 
 from __future__ import annotations
@@ -18,10 +21,11 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from itertools import product
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import cv2
@@ -31,6 +35,7 @@ from literal import Literal
 
 from tactograph.graph import load
 from tactograph.graph.backends.devices import find_devices
+from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 
@@ -40,12 +45,56 @@ VGA = 640 * 480
 """Larger images are not given to the literal flow, and are measured in fewer rounds."""
 MOST_RENDERED = 1640 * 1232
 WIDTH_MM = 640 / 28
+EVEN_NOISE = {"camera.shot_noise": False}
+
+
+class Film(NamedTuple):
+    """How a capture and its calibration are made.
+
+    Attributes
+    ----------
+    graph
+        What simulates it.
+    changes
+        Settings of that graph's nodes.
+    has_flat
+        Whether it is calibrated with a flat frame.
+    capture, press
+        What is simulated: values of `graph`, for the capture and for the calibration's press.
+    sensor
+        More values of `calibrate`.
+    """
+
+    graph: str = "simulate"
+    changes: Mapping[str, Any] = {}
+    has_flat: bool = True
+    capture: Mapping[str, float] = {"radius_mm": 5.0}
+    press: Mapping[str, float] = {"radius_mm": 7.0}
+    sensor: Mapping[str, float] = {}
+
+
+HAND = {"rise_mm": 2.0, "lens_at_corner": 0.0}
+FILMS = {
+    "noisy": Film(),
+    "quiet": Film(changes=EVEN_NOISE),
+    "no_flat": Film(changes={**EVEN_NOISE, "camera.read_noise": 41.0}, has_flat=False),
+    "soft": Film("simulate_press"),
+    "hand": Film(
+        "simulate_hand",
+        capture={"radius_mm": 5.0, **HAND},
+        press={"radius_mm": 6.0, **HAND},
+        sensor={"camera_mm": 65.0},
+    ),
+}
+"""Half balls that stand uncovered: with a camera's noise, a sixth of a grey level, and 0.7 without
+a flat frame; a ball pressed into soft film; one pressed into a coated film that lights itself."""
 
 
 @click.command()
 @click.option("--graphs", default=None, help="Comma-separated; else all that take a capture.")
 @click.option("--sizes", default=SIZES)
 @click.option("--tables", default=TABLES)
+@click.option("--films", default="noisy", help=f"all, or some of {', '.join(FILMS)}.")
 @click.option("--rounds", default=5, help="At 640 x 480; fewer on larger images, at least 1.")
 @click.option("--seconds", default=300.0, help="Longest a case may take.")
 @click.option("--devices", default=None, help="numpy, parts of devices' names; else all.")
@@ -55,6 +104,7 @@ def main(
     graphs: str | None,
     sizes: str,
     tables: str,
+    films: str,
     rounds: int,
     seconds: float,
     devices: str | None,
@@ -66,19 +116,18 @@ def main(
         return
     names = graphs.split(",") if graphs else takers()
     rows = former(out / "bench.json")
-    for size in sizes.split(","):
-        stack = capture(out, size)
+    for film, size in product(FILMS if films == "all" else films.split(","), sizes.split(",")):
+        stack = capture(out, film, size)
         for table in map(int, tables.split(",")):
-            file = calibration(out, size, table)
-            for name in names:
-                for place in places(devices):
-                    case = {"graph": name, "device": place, "stack": stack, "file": file}
-                    row = in_own_process({**case, "rounds": rounds}, seconds)
-                    row = {"size": size, "table": table, **case, **row}
-                    rows[size, table, name, place] = row
-                    print(as_line(row), flush=True)
-                    (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
-    plot(list(rows.values()), out / "bench.png")
+            file = calibration(out, film, size, table)
+            for name, place in product(names, places(devices)):
+                case = {"graph": name, "device": place, "stack": stack, "file": file}
+                row = in_own_process({**case, "rounds": rounds}, seconds)
+                row = {"film": film, "size": size, "table": table, **case, **row}
+                rows[film, size, table, name, place] = row
+                print(as_line(row), flush=True)
+                (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
+    plot([row for row in rows.values() if row["film"] == "noisy"], out / "bench.png")
 
 
 def places(devices: str | None) -> list[str]:
@@ -88,10 +137,10 @@ def places(devices: str | None) -> list[str]:
     return [name for name in every if any(part in name for part in wanted)]
 
 
-def former(file: Path) -> dict[tuple[str, int, str, str], dict[str, Any]]:
+def former(file: Path) -> dict[tuple[str, str, int, str, str], dict[str, Any]]:
     """The rows of an earlier run, by case."""
     rows = json.loads(file.read_text()) if file.is_file() else []
-    return {(r["size"], r["table"], r["graph"], r["device"]): r for r in rows}
+    return {(r["film"], r["size"], r["table"], r["graph"], r["device"]): r for r in rows}
 
 
 def takers() -> list[str]:
@@ -101,28 +150,33 @@ def takers() -> list[str]:
     return [n for n, p in params.items() if {k for k, v in p.items() if v.required} == needed]
 
 
-def simulated(out: Path, graph: str, size: str, **given: Any) -> Path:
-    """A capture of WIDTH_MM, rendered once."""
-    folder = out / f"{graph}_{size}_{given['seed']}"
+def simulated(
+    out: Path, film: str, size: str, seed: int, given: Mapping[str, float] | None
+) -> Path:
+    """A capture of WIDTH_MM, rendered once; of the film at rest if nothing is `given`."""
+    made, folder = FILMS[film], out / f"{film}_{size}_{seed}"
     if not folder.is_dir():
         width, height = map(int, size.split("x"))
-        given |= {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
-        for _ in open_pipeline(read_graph(graph), {"out": str(folder), **given}).items():
+        place = {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
+        base = "simulate_hand" if made.graph == "simulate_hand" else "simulate"
+        read = read_graph(made.graph if given else f"{base}_flat")
+        words = {"out": str(folder), "seed": seed, **place, **(given or {})}
+        for _ in open_pipeline(with_changes(read, made.changes), words).items():
             pass
     return folder
 
 
-def capture(out: Path, size: str) -> str:
-    """A ball of 5 mm pressed in half, as an array file; large ones enlarged, noise drawn anew."""
+def capture(out: Path, film: str, size: str) -> str:
+    """A capture of a film, as an array file; large ones enlarged, noise drawn anew."""
     width, height = map(int, size.split("x"))
     rendered = size if width * height <= MOST_RENDERED else "640x480"
-    folder = simulated(out, "simulate", rendered, radius_mm=5.0, seed=3)
+    folder = simulated(out, film, rendered, 3, FILMS[film].capture)
     images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in sorted(folder.glob("led*.png"))]
     if rendered != size:
         rng = np.random.default_rng(5)
         images = [enlarged(image, (width, height), rng) for image in images]
-    np.save(out / f"{size}.npy", np.stack(images))
-    return str(out / f"{size}.npy")
+    np.save(out / f"{film}_{size}.npy", np.stack(images))
+    return str(out / f"{film}_{size}.npy")
 
 
 def enlarged(image: Any, size: tuple[int, int], rng: np.random.Generator) -> Any:
@@ -133,23 +187,26 @@ def enlarged(image: Any, size: tuple[int, int], rng: np.random.Generator) -> Any
     return np.clip(np.round(noisy), 0, np.iinfo(image.dtype).max).astype(image.dtype)
 
 
-def calibration(out: Path, size: str, entries: int) -> str:
+def calibration(out: Path, film: str, size: str, entries: int) -> str:
     """The calibration of 640 x 480 with another table, its flat image brought to `size`."""
-    first = out / "cal.npz"
+    first, made = out / f"cal_{film}.npz", FILMS[film]
     if not first.is_file():
-        given = {
-            "capture": str(simulated(out, "simulate", "640x480", radius_mm=7.0, seed=1)),
-            "flat": str(simulated(out, "simulate_flat", "640x480", seed=2)),
-            "ball_radius_mm": 7.0,
+        given: dict[str, Any] = {
+            "capture": str(simulated(out, film, "640x480", 1, made.press)),
+            "ball_radius_mm": made.press["radius_mm"],
             "pixel_size_mm": WIDTH_MM / 640,
             "out": str(first),
+            **made.sensor,
         }
+        if made.has_flat:
+            given["flat"] = str(simulated(out, film, "640x480", 2, None))
         for _ in open_pipeline(read_graph("calibrate"), given).items():
             pass
     with np.load(first, allow_pickle=False) as found:
         cal = dict(found)
     rng = np.random.default_rng(0)
     have = len(cal["lut_light"])
+    entries = entries or have
     chosen = np.concatenate([rng.permutation(have), rng.integers(0, have, max(0, entries - have))])
     for name in ("lut_light", "lut_slope", "lut_lit"):
         cal[name] = cal[name][chosen[:entries]]
@@ -159,7 +216,7 @@ def calibration(out: Path, size: str, entries: int) -> str:
     cal["flat"] = np.stack([cv2.resize(plane, (width, height)) for plane in cal["flat"]])
     cal["area"] = np.ones((height, width), np.uint8)
     cal["dark"] = cv2.resize(cal["dark"], (width, height))
-    file = out / f"cal_{size}_{entries}.npz"
+    file = out / f"cal_{film}_{size}_{entries}.npz"
     np.savez(file, **cal)
     return str(file)
 
@@ -208,6 +265,9 @@ def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict
         "nodes": {name: median(times[name] for times in nodes) for name in result.times},
         "once": [step.name for step in pipeline.plan.steps if not step.stream],
     }
+    if "shadow" in read_graph(graph).outputs:
+        labels = load(graph, calibration=file, outputs=["shadow"], **where)(frames=images)["shadow"]
+        row["shadow_percent"] = 100 * float((labels > 0).mean())
     if theirs:
         row["literal_ms"] = median(wall for wall, _ in theirs)
         row["literal_cpu_ms"] = median(cpu for _, cpu in theirs)
@@ -232,12 +292,14 @@ def timed(call: Callable[[], object]) -> tuple[float, float]:
 
 
 def as_line(row: dict[str, Any]) -> str:
-    head = f"{row['size']:>10} {row['table']:>7} {row['graph']:<22} {row['device']:.24}"
+    case = f"{row['film']:>8} {row['size']:>9} {row['table']:>7}"
+    head = f"{case} {row['graph']:<22} {row['device']:.24}"
     if "error" in row:
         return f"{head}: {row['error']}"
     ratio = f", {row['ratio']:.1f} x ({row['cpu_ratio']:.1f} x by CPU)" if "ratio" in row else ""
     return (
         f"{head}: {row['ms']:.1f} ms ({row['cpu_ms']:.1f} by CPU){ratio}, "
+        f"{row.get('shadow_percent', 0):.0f} % in shadow, "
         f"first {row['first_ms']:.0f} ms, {row['peak_mib']:.0f} MiB"
     )
 
@@ -251,7 +313,9 @@ def plot(rows: list[dict[str, Any]], file: Path) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", sharey=True)
     largest = max((row["table"] for row in done), default=0)
     by_pixels = lines([row for row in done if row["table"] == largest], pixels)
-    by_table = lines([row for row in done if row["size"] == "640x480"], lambda row: row["table"])
+    by_table = lines(
+        [row for row in done if row["size"] == "640x480" and row["table"]], lambda row: row["table"]
+    )
     for axes, found in ((left, by_pixels), (right, by_table)):
         for label, points in found.items():
             axes.loglog(*zip(*points, strict=True), "o-", label=label)
