@@ -60,7 +60,11 @@ class Film(NamedTuple):
     has_flat
         Whether it is calibrated with a flat frame.
     capture, press
-        What is simulated: values of `graph`, for the capture and for the calibration's press.
+        What is simulated: values of `graph`, for the capture and for the calibration's presses.
+    places
+        Where these are, in mm from the middle.
+    pressed
+        Settings of nodes for these alone.
     sensor
         More values of `calibrate`.
     """
@@ -70,6 +74,8 @@ class Film(NamedTuple):
     has_flat: bool = True
     capture: Mapping[str, float] = {"radius_mm": 5.0}
     press: Mapping[str, float] = {"radius_mm": 7.0}
+    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    pressed: Mapping[str, Any] = {}
     sensor: Mapping[str, float] = {}
 
 
@@ -83,6 +89,8 @@ FILMS = {
         "simulate_hand",
         capture={"radius_mm": 5.0, **HAND},
         press={"radius_mm": 6.0, **HAND},
+        places=((0.0, 0.0), (-2.5, 1.0)),
+        pressed={"film.reach_mm": 0.0, "film.skin_mm": 0.0},
         sensor={"camera_mm": 65.0},
     ),
 }
@@ -127,7 +135,8 @@ def main(
                 rows[film, size, table, name, place] = row
                 print(as_line(row), flush=True)
                 (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
-    plot([row for row in rows.values() if row["film"] == "noisy"], out / "bench.png")
+    if drawn := [row for row in rows.values() if row["film"] == "noisy" and row["table"]]:
+        plot(drawn, out / "bench.png")
 
 
 def places(devices: str | None) -> list[str]:
@@ -151,18 +160,23 @@ def takers() -> list[str]:
 
 
 def simulated(
-    out: Path, film: str, size: str, seed: int, given: Mapping[str, float] | None
+    folder: Path,
+    film: str,
+    size: str,
+    seed: int,
+    given: Mapping[str, float] | None = None,
+    changes: Mapping[str, Any] = {},
 ) -> Path:
     """A capture of WIDTH_MM, rendered once; of the film at rest if nothing is `given`."""
-    made, folder = FILMS[film], out / f"{film}_{size}_{seed}"
-    if not folder.is_dir():
-        width, height = map(int, size.split("x"))
-        place = {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
-        base = "simulate_hand" if made.graph == "simulate_hand" else "simulate"
-        read = read_graph(made.graph if given else f"{base}_flat")
-        words = {"out": str(folder), "seed": seed, **place, **(given or {})}
-        for _ in open_pipeline(with_changes(read, made.changes), words).items():
-            pass
+    if folder.is_dir():
+        return folder
+    width, height = map(int, size.split("x"))
+    side = {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
+    base = FILMS[film].graph if given else FILMS[film].graph.removesuffix("_press") + "_flat"
+    graph = with_changes(read_graph(base), {**FILMS[film].changes, **changes})
+    words = {"out": str(folder), "seed": seed, **side, **(given or {})}
+    for _ in open_pipeline(graph, words).items():
+        pass
     return folder
 
 
@@ -170,7 +184,7 @@ def capture(out: Path, film: str, size: str) -> str:
     """A capture of a film, as an array file; large ones enlarged, noise drawn anew."""
     width, height = map(int, size.split("x"))
     rendered = size if width * height <= MOST_RENDERED else "640x480"
-    folder = simulated(out, film, rendered, 3, FILMS[film].capture)
+    folder = simulated(out / f"{film}_{rendered}", film, rendered, 3, FILMS[film].capture)
     images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in sorted(folder.glob("led*.png"))]
     if rendered != size:
         rng = np.random.default_rng(5)
@@ -191,15 +205,19 @@ def calibration(out: Path, film: str, size: str, entries: int) -> str:
     """The calibration of 640 x 480 with another table, its flat image brought to `size`."""
     first, made = out / f"cal_{film}.npz", FILMS[film]
     if not first.is_file():
+        presses = out / f"{film}_presses"
+        for number, place in enumerate(made.places, start=1):
+            changes = {"shape.offset_mm": list(place), **made.pressed}
+            simulated(presses / str(number), film, "640x480", 10 * number, made.press, changes)
         given: dict[str, Any] = {
-            "capture": str(simulated(out, film, "640x480", 1, made.press)),
+            "capture": str(presses),
             "ball_radius_mm": made.press["radius_mm"],
             "pixel_size_mm": WIDTH_MM / 640,
             "out": str(first),
             **made.sensor,
         }
         if made.has_flat:
-            given["flat"] = str(simulated(out, film, "640x480", 2, None))
+            given["flat"] = str(simulated(out / f"{film}_flat", film, "640x480", 2))
         for _ in open_pipeline(read_graph("calibrate"), given).items():
             pass
     with np.load(first, allow_pickle=False) as found:
@@ -313,9 +331,7 @@ def plot(rows: list[dict[str, Any]], file: Path) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", sharey=True)
     largest = max((row["table"] for row in done), default=0)
     by_pixels = lines([row for row in done if row["table"] == largest], pixels)
-    by_table = lines(
-        [row for row in done if row["size"] == "640x480" and row["table"]], lambda row: row["table"]
-    )
+    by_table = lines([row for row in done if row["size"] == "640x480"], lambda row: row["table"])
     for axes, found in ((left, by_pixels), (right, by_table)):
         for label, points in found.items():
             axes.loglog(*zip(*points, strict=True), "o-", label=label)
