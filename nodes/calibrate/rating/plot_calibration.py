@@ -16,6 +16,7 @@ from tactograph.nodes import (
     U1,
     Light,
     LutSlope,
+    Mask,
     Metrics,
     NullVector,
     Reflectance,
@@ -85,6 +86,7 @@ def plot_calibration(
     balls: NamedBalls | None = None,
     held_out: HeldOutErrors | None = None,
     advice: str | None = None,
+    area: Mask | None = None,
     *,
     file: BesidePicture,
 ) -> None:
@@ -108,6 +110,8 @@ def plot_calibration(
         The figures of the calibration, for the title.
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
+    area
+        H x W of the frames, 1 where they show film; its edge is dotted.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
@@ -133,6 +137,8 @@ def plot_calibration(
             degrees, microns = held_out
             _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
+    if area is not None and not area.all():
+        _draw_area(axes[0, 0], area, wide)
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
     write_picture(figure, file.with_suffix(".png"))
 
@@ -155,6 +161,13 @@ def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
     axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
     axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)
     axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
+
+
+def _draw_area(axes: Axes, area: U1, wide: int) -> None:
+    """Draw the edge of the film, beyond which nothing is fitted."""
+    look = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
+    axes.contour(area, extent=_extent(area.shape, wide), origin="upper", levels=[0.5], **look)
+    axes.set_title(f"{axes.get_title()}\nfilm within the dotted line: {area.mean():.0%}")
 
 
 def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, float]:
