@@ -33,7 +33,7 @@ def images_of(folder: Path) -> list[Path]:
 
 
 def colour_frames(folder: Path) -> list[Path]:
-    """Return images that are a capture each, in the order of their numbers; none where there is one.
+    """Return images that are a capture each, in the order of their numbers; none of a single one.
 
     Names of LEDs' images are not of colour frames.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -165,7 +165,7 @@ def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
 
 def _draw_area(axes: Axes, area: U1, wide: int) -> None:
     """Draw the edge of the film, beyond which nothing is fitted."""
-    look = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
+    look: dict[str, Any] = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
     axes.contour(area, extent=_extent(area.shape, wide), origin="upper", levels=[0.5], **look)
     axes.set_title(f"{axes.get_title()}\nfilm within the dotted line: {area.mean():.0%}")
 
