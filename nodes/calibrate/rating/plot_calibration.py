@@ -15,7 +15,6 @@ from tactograph.nodes import (
     F4,
     U1,
     Light,
-    LutSlope,
     Mask,
     Metrics,
     NullVector,
@@ -23,6 +22,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
@@ -66,6 +66,7 @@ class HeldOutErrors(NamedTuple):
 
 _FORMER_INPUTS = {
     **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
+    "lut_slope": "it follows from 'slope', 'mask' and 'lit'",
     "spread": "give 'fit_null_vector' as 'null'",
     **dict.fromkeys(("names", "circle", "of"), "give 'find_balls' as 'balls'"),
     **dict.fromkeys(("degrees", "microns"), "give 'hold_out_presses' as 'held_out'"),
@@ -79,7 +80,6 @@ def plot_calibration(
     mask: SheetMask,
     slope: SheetSlope,
     lit: SheetLabels,
-    lut_slope: LutSlope,
     reflectance: Reflectance,
     null: NullTest,
     quality: Metrics,
@@ -102,8 +102,6 @@ def plot_calibration(
     frames
         `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
         of these.
-    lut_slope
-        N x 2, the slopes in the tables.
     reflectance, null
         The fits: that of `fit_reflectance`, and `fit_null_vector`.
     quality
@@ -126,7 +124,7 @@ def plot_calibration(
         for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
     ]
     _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
-    _draw_coverage(figure, axes[0, 1], lut_slope)
+    _draw_coverage(figure, axes[0, 1], slope[:, in_tables(mask, lit, len(light))])
     _draw_null(axes[1, 1], light, mask, lit, *null)
     if len(lights) == 1:
         _draw_found(axes[0, 0], light, mask, wide)
@@ -176,12 +174,12 @@ def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, flo
     return -0.5, columns * wide - 0.5, rows * wide - 0.5, -0.5
 
 
-def _draw_coverage(figure: Figure, axes: Axes, lut_slope: LutSlope) -> None:
-    drawn = axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
+    drawn = axes.hexbin(*slope, gridsize=60, bins="log", cmap="viridis")
     figure.colorbar(drawn, ax=axes, label="pixels in a cell")
     axes.set_aspect("equal")
     axes.set(
-        title=f"slopes in the tables ({len(lut_slope)} pixels)",
+        title=f"slopes in the tables ({slope.shape[1]} pixels)",
         xlabel="p = dz/dx / mm per mm",
         ylabel="q = dz/dy / mm per mm",
     )
