@@ -12,6 +12,8 @@ from tactograph.nodes.files.image_files import MAX_LEDS
 
 IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
+LEAST_TIME = 10**5
+"""Smallest number that counts as a photograph's time, as in 20210425_093012: times have gaps."""
 MAX_LED_IMAGES = 16
 """Most images that can be those of LEDs where nothing says which."""
 USUAL_PATTERN = "led{}"
@@ -28,6 +30,28 @@ def images_of(folder: Path) -> list[Path]:
     """Return the image files of a folder in order of name, without hidden ones."""
     files = (f for f in folder.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES and not is_hidden(f))
     return sorted(files)
+
+
+def colour_frames(folder: Path) -> list[Path]:
+    """Return images that are a capture each, in the order of their numbers; none of a single one.
+
+    Names of LEDs' images are not of colour frames.
+
+    Raises
+    ------
+    InputError
+        If two differ in their suffix alone.
+    """
+    images = images_of(folder)
+    if len(images) < 2 or any(re.fullmatch(r"(?i)led\d+", file.stem) for file in images):
+        return []
+    if len({file.stem for file in images}) < len(images):
+        raise InputError(f"{folder}: two images differ in their suffix alone; keep one of them")
+    return sorted(images, key=lambda file: [*map(_by_number, re.split(r"(\d+)", file.stem))])
+
+
+def _by_number(part: str) -> tuple[int, str]:
+    return (int(part), "") if part.isdigit() else (-1, part)
 
 
 def is_hidden(path: Path) -> bool:
@@ -111,7 +135,7 @@ def _numbered_leds(folder: Path) -> Named:
         return led_files
     steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
     files = [*led_files.values()]
-    if len(steps) > 1:
+    if len(steps) > 1 and first < LEAST_TIME:
         raise InputError(
             f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
             "the numbers of the LEDs' images follow one another"

@@ -13,6 +13,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, LightPositions
 from tactograph.nodes.capture._led_files import USUAL_PATTERN, find_led_files
 from tactograph.nodes.capture.read_capture import read_capture_file
+from tactograph.nodes.capture.read_lamps import far_lamps
 from tactograph.nodes.files.image_files import Channel, Crop, read_plane
 
 BALL_SHARE = 0.98
@@ -33,7 +34,7 @@ def find_highlights(
     crop: Crop | None = None,
     channel: Channel | None = None,
 ) -> LightPositions:
-    """Return the direction to each lamp, of length 1: x right, y down, z towards the camera.
+    """Return a place far away in the direction of each lamp, K x 3 in mm.
 
     A mirror turns the view (0, 0, 1) into 2 n_z n - (0, 0, 1), where n is the normal of the ball
     at the highlight.  What all images show counts as surroundings.
@@ -77,7 +78,7 @@ def find_highlights(
         u, v = (float(np.average(n, weights=weight)) for n in (nx, ny))
         w = np.sqrt(1 - u * u - v * v)
         directions.append((2 * w * u, 2 * w * v, 2 * w * w - 1))
-    return np.array(directions, np.float32)
+    return far_lamps(np.array(directions))
 
 
 def _highlight(light: F4) -> F4:

@@ -18,6 +18,7 @@ from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
     SAY_LIGHTS,
     USUAL_PATTERN,
+    colour_frames,
     find_led_files,
     has_led_files,
     images_of,
@@ -117,7 +118,8 @@ def read_capture(
     folder
         Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit; PNG, TIFF, PGM or BMP, or JPEG with a
         warning), or images of another name with numbers, or one colour image; or holds such
-        folders, which are then read in order of name.  Hidden folders and files are ignored.
+        folders, which are then read in order of name, or several colour images whose channels are
+        the lights.  Hidden folders and files are ignored.
     lights
         "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
         lights in that order.  None: the entry in ``capture.yaml``; else "rgb" for a scan of one
@@ -154,12 +156,13 @@ def read_capture(
     """
     layout = Layout(lights or "leds", leds, files, None, crop, channel)
     _check_folder(folder)
-    if _is_capture(folder, layout, lights):
+    frames = colour_frames(folder) if _lights(folder, lights) != "leds" else []
+    if not frames and _is_capture(folder, layout, lights):
         _check_sensor(folder, calibration, another_sensor)
         yield _read(folder, layout, lights, "", whole)
         return
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
-    inside = [d for d in folders if _is_capture(d, layout, lights)]
+    inside = frames or [d for d in folders if _is_capture(d, layout, lights)]
     if not inside:
         raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
     if single:
@@ -169,7 +172,7 @@ def read_capture(
         )
     for one in inside:
         _check_sensor(one, calibration, another_sensor)
-        yield _read(one, layout, lights, one.name, whole)
+        yield _read(one, layout, lights, one.stem if one.is_file() else one.name, whole)
 
 
 read_capture.handed_in(check_handed_in)
@@ -185,13 +188,15 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     InputError
         As `read_capture`.
     """
-    _check_folder(folder)
-    layout = _with_capture_file(folder, layout)
+    is_frame = folder.is_file() and layout.lights != "leds"
+    if not is_frame:
+        _check_folder(folder)
+    layout = _with_capture_file(folder.parent if is_frame else folder, layout)
     if layout.lights == "leds":
         files = [*find_led_files(folder, layout.files, layout.leds).values()]
         planes = [grey(read_image(file), layout.channel) for file in files]
     else:
-        file = _only_image(folder)
+        file = folder if is_frame else _only_image(folder)
         planes = channels(read_image(file), file, layout.lights, layout.leds)
         files = [file] * len(planes)
     check_alike(planes, files)
@@ -277,7 +282,7 @@ def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
 
 def _lights(folder: Path, lights: Lights | None) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
-    said = lights or read_capture_file(folder).lights
+    said = lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
     if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
         return "rgb"
     return said or "leds"

@@ -73,10 +73,13 @@ def read_lamps(*, file: Path, folder: Path) -> LightPositions:
         raise InputError(
             f"{file}: the lamp of LED {low} is not above the film; z points to the camera"
         )
-    if unit.all():
-        warn("only the lamps' directions are known: they count as far away")
-        lamps = lamps * (FAR_MM / length)[:, None]
-    return np.asarray(lamps, np.float32)
+    return far_lamps(lamps) if unit.all() else np.asarray(lamps, np.float32)
+
+
+def far_lamps(directions: F8) -> LightPositions:
+    """Return places far away in directions of length 1, K x 3, and say so."""
+    warn("only the lamps' directions are known: they count as far away")
+    return np.asarray(FAR_MM * directions / np.linalg.norm(directions, axis=1)[:, None], np.float32)
 
 
 def _read(file: Path) -> tuple[list[str], F8]:

@@ -354,7 +354,7 @@ def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str
         return
     hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
     if plane.max() > GLINT_SHARE * full:
-        hint = "; a few pixels are bright: of a ball that mirrors, 'find_lamps' takes highlights"
+        hint = "; a few pixels are bright: is it a ball that mirrors? See calibrate_lights_mirror"
     raise InputError(
         f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
         f"and the exposure long enough?{hint}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -40,6 +41,13 @@ def view(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     assert bool(told) == (not seen.all())
     assert matt_film.said(result) == told
     return folder
+
+
+def test_the_edge_of_the_film_is_drawn(view: Path) -> None:
+    picture = cv2.imread(str(view / "cal.png"))
+    part = picture[: picture.shape[0] // 2, : picture.shape[1] // 2].astype(int)
+    blue = (part[..., 0] > 180) & (part[..., 2] < 100)
+    assert bool(blue.sum() > 50) == (not np.load(view / "seen.npy").all())
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.nodes.capture.find_highlights import find_highlights
 from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, said, taken, write
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
@@ -75,29 +76,28 @@ def mirror(lamps: np.ndarray, center: tuple[float, float], radius: float) -> np.
 
 def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     center, radius = (71.0, 64.5), 45.0
-    ball = write(tmp_path / "mirror", mirror(FAR, center, radius))
-    lights = str(tmp_path / "lamps.csv")
-    found = run(
-        "find_lamps", capture=ball, ball_center_px=center, ball_radius_px=radius, out=lights
-    )
-    true = FAR / np.linalg.norm(FAR, axis=1, keepdims=True)
-    assert np.degrees(np.arccos((found["lamps"] * true).sum(axis=1).clip(-1, 1))).max() < 0.5
-    calibrated(tmp_path, lights, FAR)
+    images = {"capture": write(tmp_path / "mirror", mirror(FAR, center, radius))}
+    images["flat"] = write(tmp_path / "flat", taken(FLAT, 0, FAR))
+    given = {"ball_center_px": center, "ball_radius_px": radius, "pixel_size_mm": PIXEL_MM}
+    out = str(tmp_path / "cal.npz")
+    found = run("calibrate_lights_mirror", **images, **given, out=out)["lights"]
+    found, true = (at / np.linalg.norm(at, axis=1, keepdims=True) for at in (found, FAR))
+    assert np.degrees(np.arccos((found * true).sum(axis=1).clip(-1, 1))).max() < 0.5
     touch = write(tmp_path / "touch", taken(TOUCH, 1, FAR))
-    result = run("reconstruct", capture=touch, calibration=str(tmp_path / "cal.npz"), sinks=False)
+    result = run("reconstruct", capture=touch, calibration=out, sinks=False)
     assert np.sqrt(np.mean((result["height"] - TOUCH) ** 2)) < 0.015
 
 
 def test_a_mirror_ball_is_no_film(tmp_path: Path) -> None:
     ball = write(tmp_path / "mirror", mirror(FAR, (71.0, 64.5), 20.0))
-    with pytest.raises(InputError, match=r"too dark to measure.*'find_lamps' takes highlights"):
+    with pytest.raises(InputError, match=r"too dark to measure.*calibrate_lights_mirror"):
         run("calibrate", capture=ball, ball_radius_mm=4.0, pixel_size_mm=PIXEL_MM)
 
 
 def test_a_ball_without_highlights_is_told(tmp_path: Path) -> None:
     ball = write(tmp_path / "dull", taken(TOUCH, 1, NEAR))
     with pytest.raises(InputError, match="LED 1 makes no highlight on the ball"):
-        run("find_lamps", capture=ball, ball_center_px=(80.0, 60.0), ball_radius_px=50.0)
+        find_highlights(folder=Path(ball), center_px=(80.0, 60.0), radius_px=50.0)
 
 
 WRONG = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,13 +15,14 @@ from tactograph.nodes import (
     F4,
     U1,
     Light,
-    LutSlope,
+    Mask,
     Metrics,
     NullVector,
     Reflectance,
     Spread,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
@@ -65,6 +66,7 @@ class HeldOutErrors(NamedTuple):
 
 _FORMER_INPUTS = {
     **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
+    "lut_slope": "it follows from 'slope', 'mask' and 'lit'",
     "spread": "give 'fit_null_vector' as 'null'",
     **dict.fromkeys(("names", "circle", "of"), "give 'find_balls' as 'balls'"),
     **dict.fromkeys(("degrees", "microns"), "give 'hold_out_presses' as 'held_out'"),
@@ -78,13 +80,13 @@ def plot_calibration(
     mask: SheetMask,
     slope: SheetSlope,
     lit: SheetLabels,
-    lut_slope: LutSlope,
     reflectance: Reflectance,
     null: NullTest,
     quality: Metrics,
     balls: NamedBalls | None = None,
     held_out: HeldOutErrors | None = None,
     advice: str | None = None,
+    area: Mask | None = None,
     *,
     file: BesidePicture,
 ) -> None:
@@ -100,14 +102,14 @@ def plot_calibration(
     frames
         `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
         of these.
-    lut_slope
-        N x 2, the slopes in the tables.
     reflectance, null
         The fits: that of `fit_reflectance`, and `fit_null_vector`.
     quality
         The figures of the calibration, for the title.
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
+    area
+        H x W of the frames, 1 where they show film; its edge is dotted.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
@@ -122,7 +124,7 @@ def plot_calibration(
         for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
     ]
     _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
-    _draw_coverage(figure, axes[0, 1], lut_slope)
+    _draw_coverage(figure, axes[0, 1], slope[:, in_tables(mask, lit, len(light))])
     _draw_null(axes[1, 1], light, mask, lit, *null)
     if len(lights) == 1:
         _draw_found(axes[0, 0], light, mask, wide)
@@ -133,6 +135,8 @@ def plot_calibration(
             degrees, microns = held_out
             _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
+    if area is not None and not area.all():
+        _draw_area(axes[0, 0], area, wide)
     figure.suptitle(_title(quality) + (f"\n{advice}" if advice else ""), fontsize=9)
     write_picture(figure, file.with_suffix(".png"))
 
@@ -157,18 +161,25 @@ def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
     axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
 
 
+def _draw_area(axes: Axes, area: U1, wide: int) -> None:
+    """Draw the edge of the film, beyond which nothing is fitted."""
+    look: dict[str, Any] = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
+    axes.contour(area, extent=_extent(area.shape, wide), origin="upper", levels=[0.5], **look)
+    axes.set_title(f"{axes.get_title()}\nfilm within the dotted line: {area.mean():.0%}")
+
+
 def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of an image whose pixels are `wide` pixels of the camera."""
     rows, columns = shape
     return -0.5, columns * wide - 0.5, rows * wide - 0.5, -0.5
 
 
-def _draw_coverage(figure: Figure, axes: Axes, lut_slope: LutSlope) -> None:
-    drawn = axes.hexbin(lut_slope[:, 0], lut_slope[:, 1], gridsize=60, bins="log", cmap="viridis")
+def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
+    drawn = axes.hexbin(*slope, gridsize=60, bins="log", cmap="viridis")
     figure.colorbar(drawn, ax=axes, label="pixels in a cell")
     axes.set_aspect("equal")
     axes.set(
-        title=f"slopes in the tables ({len(lut_slope)} pixels)",
+        title=f"slopes in the tables ({slope.shape[1]} pixels)",
         xlabel="p = dz/dx / mm per mm",
         ylabel="q = dz/dy / mm per mm",
     )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Labels, Light, LutLight, LutLit, LutSlope, Mask, Slope
+from tactograph.nodes import U1, Labels, Light, LutLight, LutLit, LutSlope, Mask, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
 
 
@@ -43,9 +44,7 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
     InputError
         If fewer than 100 pixels can be used.
     """
-    count = light.shape[0]
-    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1))
-    chosen = (mask > 0) & (reached >= max(3, count - 1))
+    chosen = in_tables(mask, lit, len(light))
     if chosen.sum() < MIN_PIXELS:
         raise InputError(
             f"only {int(chosen.sum())} calibration pixels are reached by enough LEDs "
@@ -56,3 +55,9 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
         np.ascontiguousarray(slope[:, chosen].T),
         lit[chosen],
     )
+
+
+def in_tables(mask: U1, lit: U1, count: int) -> NDArray[np.bool_]:
+    """Return where a pixel of known slope is reached by at least all of `count` LEDs but one."""
+    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1))
+    return (mask > 0) & (reached >= max(3, count - 1))

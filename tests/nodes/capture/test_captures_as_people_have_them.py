@@ -222,3 +222,77 @@ def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
     write(tmp_path, ["film.png"], COLOURS[1:])
     found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png")
     assert found.circle.tolist() == [[7.5, 5, 3]]
+
+
+LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
+    "gelsightinc/gsmatlab, demo/groove": ({}, [f"image{k:02}.png" for k in range(1, 7)], 6),
+    "NewProggie/Realtime-Photometric-Stereo, assets/hand": (
+        {},
+        [*(f"image{k}.png" for k in range(8)), "image_ambient.png"],
+        8,
+    ),
+    "NewProggie/Photometric-Stereo, images": (
+        {},
+        ["bunny.png", *(f"bunny_{k}.png" for k in range(1, 4)), "results.jpg"],
+        3,
+    ),
+    "bchao1/photometric-stereo, data/women": ({}, [f"input_{k}.tif" for k in range(1, 8)], 7),
+    "curesh/photometric-stereo, chrome2": ({}, [f"cs_{k}.jpeg" for k in range(1, 5)], 4),
+    "Kaistory/Photometric-stereo-system, img_test": (
+        {},
+        [f"20260420_2239{s:02}.png" for s in (2, 5, 6, 8)],
+        4,
+    ),
+    "YertleTurtleGit/photometric-stereo-mappings, test_data": (
+        {"files": "{}_BL"},
+        [f"{k}_{end}.png" for k in range(1, 13) for end in ("BL", "TL")],
+        8,
+    ),
+    "guanyingc/SDPS-Net, ToyPSDataset": (
+        {"leds": (1, 11, 21, 31, 41)},
+        [*(f"l_{k:03}.png" for k in range(50)), "mask.png"],
+        5,
+    ),
+    "siyuandong16/gelsight_heightmap_reconstruction, Dots1": (
+        {"lights": "bgr"},
+        ["sample_10.jpg", "sample_4.jpg", "ref.jpg"],
+        3,
+    ),
+    "ubi-coro/gelsight-calibration, examples/data": (
+        {"lights": "bgr"},
+        ["bead.png", "key.png", "seed.png"],
+        3,
+    ),
+    "rpl-cmu/gelslam, 6.310mm": ({"lights": "bgr"}, ["0/gelsight.png", "11/gelsight.png"], 3),
+}
+"""What lies in folders of public repositories: settings, names, and the lights of a capture."""
+
+
+@pytest.mark.parametrize("repository", LAYOUTS)
+def test_folders_of_public_repositories_are_read_as_they_are(
+    tmp_path: Path, repository: str
+) -> None:
+    settings, names, count = LAYOUTS[repository]
+    colours = RNG.integers(1, 250, (len(names), 12, 16, 3)).astype(np.uint8)
+    for name, image in zip(names, colours, strict=True):
+        write((tmp_path / name).parent, [Path(name).name], image[None])
+    captures = list(read_capture(folder=tmp_path, **settings))
+    assert [len(capture.image) for capture in captures] == [count] * len(captures)
+    frames = [Path(name).parent.name or Path(name).stem for name in names]
+    expected = [""] if "lights" not in settings else sorted(frames, key=lambda n: (len(n), n))
+    assert sorted((c.name for c in captures), key=lambda n: (len(n), n)) == expected
+
+
+def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    write(tmp_path, ["sample_10.png", "sample_4.png", "ref.png"], COLOURS)
+    found = list(read_capture(folder=tmp_path, lights="bgr"))
+    assert [capture.name for capture in found] == ["ref", "sample_4", "sample_10"]
+    assert np.array_equal(found[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))
+    presses = read_presses(folder=tmp_path, flat=tmp_path / "ref.png", smooth_px=0)
+    assert presses.names == ["ref", "sample_4", "sample_10"]
+
+
+def test_the_images_of_leds_are_no_colour_frames(tmp_path: Path) -> None:
+    write(tmp_path, LEDS, COLOURS)
+    with pytest.raises(InputError, match="one colour image is needed here"):
+        read_one(tmp_path, lights="bgr")
