@@ -44,13 +44,15 @@ def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("device", ["series1_1587_M6G0", "series2_2EF6_4JNW"])
+@pytest.mark.parametrize(
+    "device", ["series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"]
+)
 def test_a_groove_seen_through_a_real_sensors_model_has_its_depth(device: str) -> None:
     """500 um with walls of 30 degrees, 1 % of noise."""
     file = real_data("gelsight_scans") / "devices" / f"{device}.yaml"
-    crop = (600, 900, 1800, 1220)
+    crop = (32, 900, 2432, 1060)
     sensor = read_light_model(file=file, crop=crop)
-    x = sensor.pixel_size * (np.arange(crop[2] - crop[0]) - 600)
+    x = sensor.pixel_size * (np.arange(crop[2] - crop[0]) - 1200)
     run = 0.5 / np.tan(np.radians(30))
     profile = -0.5 * np.clip((1 + run / 2 - np.abs(x) + 0.5) / run, 0, 1)
     z = np.tile(profile.astype(np.float32), (crop[3] - crop[1], 1))

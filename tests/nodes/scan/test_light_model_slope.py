@@ -9,9 +9,10 @@ import pytest
 
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.scan.judge_light_model import judge_light_model
+from tactograph.nodes.scan.judge_untouched import judge_untouched
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 from tactograph.nodes.scan.read_light_model import read_light_model
-from tests.nodes.scan.scans import PIXEL, WIDTH, cap, seen, write_model
+from tests.nodes.scan.scans import PIXEL, WIDTH, cap, seen, write_model, write_scan
 
 
 @pytest.mark.parametrize("flat", [False, True], ids=["no flat field", "flat field"])
@@ -71,6 +72,24 @@ def test_a_model_of_another_sensor_is_told(tmp_path: Path) -> None:
             found = light_model_slope(np.float32(images), model)
             judge_light_model(found.brightness, found.residual)
         assert words in told[0] if words else not told
+
+
+@pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])
+def test_untouched_film_that_seems_tilted_is_told(
+    tmp_path: Path, tilt: float, told_of: bool
+) -> None:
+    write_model(tmp_path / "model.yaml", flat=True)
+    whole, cells = (
+        read_light_model(file=tmp_path / "model.yaml", cell=side).model for side in (1, 4)
+    )
+    z = 0 * cap() + np.float32(tilt * PIXEL) * np.arange(WIDTH, dtype=np.float32)
+    write_scan(tmp_path / "flat", seen(z, whole))
+    told: list[str] = []
+    with collect_warnings(told):
+        figures = judge_untouched(cells, folder=tmp_path / "flat", cell=4)
+    assert figures["untouched_slope"] == pytest.approx(tilt, abs=2e-3)
+    assert bool(told) == told_of
+    assert judge_untouched(cells) == {}
 
 
 def test_a_crop_keeps_its_positions(tmp_path: Path) -> None:
