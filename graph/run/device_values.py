@@ -99,17 +99,10 @@ class DeviceValues:
 
     def _hand_on(self, task: Task) -> Shapes | None:
         """Pass on existing values instead of running a node; return None if it must run."""
-        if task.id in self._first:
-            handed_on = self._made_first(task)
-        elif task.node.is_idle is not None and self._is_idle(task, task.node.is_idle):
-            if all(port.optional for port in task.node.outputs.values()):
-                handed_on = {}
-                for name in task.node.outputs:
-                    self._values.pop(Value(task.id, name), None)
-            else:
-                handed_on = self._read(task)
-        else:
-            return None
+        handed_on = self._made_first(task) if task.id in self._first else None
+        is_idle = task.node.is_idle
+        if handed_on is None and is_idle is not None and self._is_idle(task, is_idle):
+            handed_on = self._read(task)
         if handed_on is None:
             return None
         self._values |= {Value(task.id, name): array for name, array in handed_on.items()}
@@ -117,8 +110,15 @@ class DeviceValues:
         return {name: array.shape for name, array in handed_on.items()}
 
     def _read(self, task: Task) -> dict[str, DeviceArray] | None:
-        """The inputs that an idle node returns, by output; None if one is not as declared."""
+        """What an idle node returns, by output: inputs, or nothing.
+
+        None if an input is not as declared.
+        """
         arrays: dict[str, DeviceArray] = {}
+        if all(port.optional for port in task.node.outputs.values()):
+            for name in task.node.outputs:
+                self._values.pop(Value(task.id, name), None)
+            return arrays
         for name, port in task.node.outputs.items():
             read = task.reads.get(task.node.handed_on(name))
             array = None if read is None else self._values.get(read)

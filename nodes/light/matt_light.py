@@ -138,11 +138,13 @@ def _is_matt(
     film_refraction: float,
     film_camera: float,
     film_grain: float,
+    film_emission: float,
     bounced: Light | None = None,
 ) -> bool:
     """Return whether the film is matt already."""
-    more = film_wrap, film_camera, film_grain, film_diffuse.any(), film_harmonics.any()
-    return film_gain == film_refraction == 1 and not any(more)
+    more = film_wrap, film_camera, film_grain, film_emission
+    uneven = film_diffuse.any() or film_harmonics.any()
+    return film_gain == film_refraction == 1 and not uneven and not any(more)
 
 
 @matt_light.example

@@ -86,10 +86,15 @@ def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(
     assert launched == ["undistort uint8", "flat_field float32"]
 
 
-def test_an_idle_node_takes_no_time(write: Write) -> None:
-    result = load(write(GRAPH), backend="opencl")(frames=IMAGES["f4"])
-    assert result.times["image"] == 0
+def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str], write: Write) -> None:
+    other = "  other:  {op: undistort, in: {image: frames.image, lens: lens}}\n  flat:"
+    twice = GRAPH.replace("  flat:", other).replace(
+        "{light: light}", "{light: light, other: other}"
+    )
+    result = load(write(twice), backend="opencl")(frames=IMAGES["f4"])
+    assert result.times["image"] == result.times["other"] == 0
     assert result.times["light"] > 0
+    np.testing.assert_array_equal(result["other"], IMAGES["f4"])
 
 
 def test_a_lens_that_changes_is_noticed(write: Write) -> None:
