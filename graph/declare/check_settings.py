@@ -59,7 +59,9 @@ def check_settings(
     except ValidationError as error:
         wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
         if wrong:
-            raise GraphError(_message(node, where, wrong[0])) from None
+            # Where a number or a list may stand, what is wrong inside the list says more.
+            told = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))
+            raise GraphError(_message(node, where, told, settings)) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
     checked = {name: getattr(model, name) for name in node.parameters}
@@ -83,14 +85,19 @@ def _beyond_numbers(value: Any) -> str:
     return ""
 
 
-def _message(node: Node, where: Callable[[str], str], first: Any) -> str:
+def _message(
+    node: Node, where: Callable[[str], str], first: Any, settings: Mapping[str, Any]
+) -> str:
     name = str(first["loc"][0])
     if first["type"] == "missing" and len(first["loc"]) == 1:
         return f"{where(name)}: node '{node.name}' needs the parameter '{name}'"
     said = first["msg"].removeprefix("Value error, ")
     value = repr(first["input"])
     shown = value if len(value) <= 60 else f"{value[:57]}..."
-    return f"{where(name)}: {said[0].lower()}{said[1:]}, not {shown}"
+    given = settings.get(name)
+    is_pair = isinstance(given, list) and len(given) == 2 and all(type(n) is int for n in given)
+    hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
+    return f"{where(name)}: {said[0].lower()}{said[1:]}, not {shown}{hint}"
 
 
 @cache

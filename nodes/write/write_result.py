@@ -108,9 +108,11 @@ def _warn_of_three_lights(touch: Touch) -> None:
     """Warn where one LED of three is in shadow: two lights allow two slopes."""
     if len(touch.image) == 3 and touch.shadow is not None and touch.shadow.any():
         share = np.mean(touch.shadow != 0)
+        # 'precise' takes calibrations of LEDs whose places are known; they know the pupil's, too.
+        cure = "press less steeply" if touch.camera is None else "a fourth LED, or 'precise', helps"
         warn(
-            f"three LEDs, {share:.1%} of the pixels in shadow: two lights allow two slopes, so "
-            "heights there and beyond may be wrong; a fourth LED, or 'precise', helps"
+            f"three lights, {share:.1%} of the pixels in shadow: two lights allow two slopes, so "
+            f"heights there and beyond may be wrong; {cure}"
         )
 
 

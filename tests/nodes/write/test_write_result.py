@@ -35,11 +35,15 @@ def flat(**parts: Any) -> Touch:
     return Touch(**{"height": level, "image": image, "pixel": 0.1, "shadow": nothing, **parts})
 
 
-def write(folder: Path, count: int, shadow: int, highlight: int | None = None) -> list[str]:
+def write(
+    folder: Path, count: int, shadow: int, highlight: int | None = None, **parts: Any
+) -> list[str]:
     """Write a flat film's result; the warnings that came with it."""
     bits = np.full(SHAPE, shadow, np.uint8)
     mirrored = None if highlight is None else np.full(SHAPE, highlight, np.uint8)
-    touch = flat(image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored)
+    touch = flat(
+        image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored, **parts
+    )
     notes: list[str] = []
     with collect_warnings(notes):
         write_result(touch, folder=folder, mesh=False, pictures=False, provenance=MADE)
@@ -55,6 +59,13 @@ def test_a_shadow_under_three_leds_is_a_warning(
     notes = write(tmp_path, count, shadow)
     assert bool(notes) == warned
     assert all("two lights allow two slopes" in note for note in notes)
+
+
+@pytest.mark.parametrize(("camera", "cure"), [(0.0, "'precise'"), (None, "press less steeply")])
+def test_precise_is_named_only_where_it_takes_the_calibration(
+    tmp_path: Path, camera: float | None, cure: str
+) -> None:
+    assert cure in write(tmp_path, 3, 0b10, camera=camera)[0]
 
 
 def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> None:
