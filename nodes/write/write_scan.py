@@ -1,8 +1,7 @@
-"""Write a touch as a scan of GelSight's software: images, ``scan.yaml``, heights, light model."""
+"""Write a touch as a scan of GelSight's software: images, ``scan.yaml``, heights."""
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Light, PixelSize
-from tactograph.nodes.files.gelsight_scan import SCAN_FILE, read_light_model_file
+from tactograph.nodes.files.gelsight_scan import SCAN_FILE
 from tactograph.nodes.files.height_files import write_tmd
 from tactograph.nodes.files.image_files import write_image
 
@@ -25,7 +24,7 @@ def write_scan(
     name: str | None = None,
     *,
     folder: Path,
-    model: Path | None = None,
+    model: str = "",
 ) -> None:
     """Write ``image01.png`` ... and ``scan.yaml`` into `folder`, or its subfolder of the name.
 
@@ -42,17 +41,14 @@ def write_scan(
     folder
         Created if needed.
     model
-        The sensor's light model (``.yaml``), which is copied beside the images, with its flats.
+        File name of the sensor's light model, which the scan then names.  It is looked for in the
+        scan's folder or the one above.
 
     Raises
     ------
     InputError
-        If the folder cannot be written, the model is none or has other LEDs, or the height has
-        another size or unknown film.
+        If the folder cannot be written, or the height has another size or unknown film.
     """
-    said = None if model is None else read_light_model_file(model)
-    if said is not None and said.leds != len(image):
-        raise InputError(f"{model}: is of {said.leds} LEDs, the capture of {len(image)}")
     if height is not None and height.shape != image.shape[1:]:
         raise InputError(
             f"the height is {height.shape[1]} x {height.shape[0]} px, the images "
@@ -63,14 +59,11 @@ def write_scan(
     levels = of_bytes.astype(np.uint8) if whole else np.rint(65535 * image).astype(np.uint16)
     names = [f"image{k:02}.png" for k in range(1, len(image) + 1)]
     lines = ["images:", *(f"  - {each}" for each in names), f"mmperpixel: {pixel:.12g}"]
-    lines += [f"calib: {model.name if model else chr(34) * 2}", "crop: [0, 0, 0, 0]"]
+    lines += [f"calib: {Path(model).name or chr(34) * 2}", "crop: [0, 0, 0, 0]"]
     with atomic_files(folder / name if name else folder) as target:
         for each, plane in zip(names, levels, strict=True):
             write_image(target / each, plane)
         if height is not None:
             write_tmd(target / HEIGHT_FILE, height, pixel)
             lines.append(f"activeheightmap: {HEIGHT_FILE}")
-        if model is not None and said is not None:
-            for file in (model, *([said.flat.image] if said.flat else [])):
-                shutil.copyfile(file, target / file.name)
         (target / SCAN_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
