@@ -185,8 +185,8 @@ def _changed(
 def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
     """The coefficients of one light, 9 x 15, after robust ridge regression of the changes."""
     known = (c @ place) * shade
-    columns = {
-        "gain": [known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]],
+    columns: dict[str, F8] = {
+        "gain": np.stack([known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]]),
         "shades": known[:HEIGHT_SHADE],
         "offsets": shade[:HEIGHT_SHADE],
     }
