@@ -1,4 +1,7 @@
-"""Read captures: one folder with an image per LED, or a folder of such folders."""
+"""Read captures: one folder with an image per LED, or a folder of such folders.
+
+Long because images come in many layouts, and every one that does not fit has its message.
+"""
 
 from __future__ import annotations
 

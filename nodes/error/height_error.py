@@ -2,6 +2,9 @@
 
 Slopes at all rims understate the rise alike.  So the error that all rims share goes through the
 solver as one load, not as noise.
+
+Long because every cause of an error has its formula, and all of them pass one solver, on the
+host as on the device.
 """
 
 from __future__ import annotations

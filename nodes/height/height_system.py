@@ -1,4 +1,7 @@
-"""The weighted equations for the heights: steps between neighbours, rises, film at rest."""
+"""The weighted equations for the heights: steps between neighbours, rises, film at rest.
+
+Long because the host finds the window and the rises in it for the device as well.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Drift of each LED's light since the flat frame, from the film at rest."""
+"""Drift of each LED's light since the flat frame, from the film at rest.
+
+Long because calm cells and drift are found in turn, here and in launches on the device.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""One surface from many touches."""
+"""One surface from many touches.
+
+Long because pairs, poses and the fused height are three steps that nothing else needs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Replay a recording: assemble the frames of `record` into touches again."""
+"""Replay a recording: assemble the frames of `record` into touches again.
+
+Long because a recording may be cut off, damaged or of another sensor, and each has its message.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Find which LEDs light each pixel, and from their light its slope."""
+"""Find which LEDs light each pixel, and from their light its slope.
+
+Long because sets of three LEDs, pairs and dimmed light each have a solution and a cost.
+"""
 
 from __future__ import annotations
 

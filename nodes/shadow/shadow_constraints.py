@@ -1,4 +1,7 @@
-"""Measure heights from shadows: the paper's equation 1, inverted."""
+"""Measure heights from shadows: the paper's equation 1, inverted.
+
+Long because a ray has two ends to find and to measure between, on the device in three launches.
+"""
 
 from __future__ import annotations
 

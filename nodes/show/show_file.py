@@ -1,4 +1,7 @@
-"""Print and draw all that is in a file."""
+"""Print and draw all that is in a file.
+
+Long because calibrations, recordings, stores and results are each told by a module of their own.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from tactograph.nodes.trust._check import MIN_CELLS, Check, spread_of
 MAX_MEDIAN, MAX_QUARTILE = 0.92, 4.2
 """Curl over its expected size that right touches stay below."""
 
-PART = 3
+PARTS_PER_SIDE = 3
 """Parts of the image along a side, each of which is looked at wherever it lies."""
 MAX_PART_CURL, MAX_PART_SHARE = 3.0, 0.4
 """Curl over its expected size, and the share of the cells of a part that right touches have above
@@ -41,7 +41,7 @@ def check_curl(curl: F4) -> Check:
 
 def _worst_part(curl: F4) -> float:
     """The largest share of cells that curl in a part of the image."""
-    part = tuple(max(1, side // PART) for side in curl.shape[::-1])
+    part = tuple(max(1, side // PARTS_PER_SIDE) for side in curl.shape[::-1])
 
     def count(cells: NDArray[np.bool_]) -> NDArray[Any]:
         plane = cells.astype(np.float32)

@@ -1,4 +1,7 @@
-"""One verdict on a touch, from all that can be checked without knowing the truth."""
+"""One verdict on a touch, from all that can be checked without knowing the truth.
+
+Long because each check says in words what may be wrong and what to look at.
+"""
 
 from __future__ import annotations
 

@@ -6,7 +6,6 @@ import ast
 from pathlib import Path
 
 import networkx as nx
-import pytest
 
 ROOT = Path(__file__).parents[2]
 GRAPH = ROOT / "graph"
@@ -59,11 +58,3 @@ def test_no_room_imports_itself_by_way_of_others() -> None:
             rooms.add_edge(one, other)
     assert len(rooms) > 10
     assert circles(rooms) == []
-
-
-@pytest.mark.parametrize("folder", ["graph", "nodes"])
-def test_a_long_file_says_why(folder: str) -> None:
-    for file in (ROOT / folder).rglob("*.py"):
-        text = file.read_text()
-        if len(text.splitlines()) > 400:
-            assert "Long because" in (ast.get_docstring(ast.parse(text)) or ""), file

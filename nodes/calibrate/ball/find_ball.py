@@ -1,4 +1,7 @@
-"""Find the calibration ball: where it touches the film, and how large the contact is."""
+"""Find the calibration ball: where it touches the film, and how large the contact is.
+
+Long because a ball is refined, judged and refused by one model of its light.
+"""
 
 from __future__ import annotations
 

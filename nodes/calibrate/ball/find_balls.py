@@ -1,4 +1,7 @@
-"""Find the ball in every press of a calibration."""
+"""Find the ball in every press of a calibration.
+
+Long because a sheet of balls is found by its lattice (`_ball_grid`), unlike a press of one ball.
+"""
 
 from __future__ import annotations
 

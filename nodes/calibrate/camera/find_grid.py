@@ -1,4 +1,7 @@
-"""Find the marks of a grid that lies on the film, and their lattice coordinates."""
+"""Find the marks of a grid that lies on the film, and their lattice coordinates.
+
+Long because dots and checkerboards are found in different ways, and a user may lay down either.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Fit a reflectance that varies over the film to many presses of a ball."""
+"""Fit a reflectance that varies over the film to many presses of a ball.
+
+Long because map, centres and the rim's height depend on one another and are fitted in turn.
+"""
 
 from __future__ import annotations
 

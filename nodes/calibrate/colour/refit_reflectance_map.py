@@ -100,34 +100,31 @@ def refit_reflectance_map(
     kept = circle[:, 2] > 0
     if not names or radius_mm is None or not kept.any():
         return MapRefit(reflectance, {})
-    bench = make_bench(image, flat, radius_mm, pixel, PLACE_DEGREE)
-    circles, old = circle.astype(np.float64), reflectance.astype(np.float64)
-    best, before, microns = _judged(bench, old, circles, kept, ())
+    bench = make_bench(image[kept], flat, radius_mm, pixel, PLACE_DEGREE)
+    circles, old = circle[kept].astype(np.float64), reflectance.astype(np.float64)
+    best, before, microns = _judged(bench, old, circles, ())
     error = before
     for parts in MAP_CHANGES:
-        tried, degrees, height = _judged(bench, old, circles, kept, parts)
+        tried, degrees, height = _judged(bench, old, circles, parts)
         if degrees < MAX_ERROR_RATIO * error:
             best, error, microns = tried, degrees, height
-    gains = (best[:, :HEIGHT_SHADE] * old[:, :HEIGHT_SHADE]).sum((1, 2)) / np.square(
-        old[:, :HEIGHT_SHADE]
-    ).sum((1, 2))
+    now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
+    gains = (now * then).sum((1, 2)) / np.square(then).sum((1, 2))
     figures = {"check_deg/before": before, "check_deg/held_out": error, "check_um": microns}
     figures |= {f"gain_percent/light{k}": 100 * float(g) for k, g in enumerate(gains, start=1)}
     return MapRefit(best.astype(np.float32), figures)
 
 
-def _judged(
-    bench: Bench, old: F8, circles: F8, kept: NDArray[np.bool_], parts: tuple[str, ...]
-) -> tuple[F8, float, float]:
+def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple[F8, float, float]:
     """The map fitted to all slices, and the held-out errors in degrees and um."""
     number = _folds(bench, circles)
-    whole, _, _ = _fit(bench, old, circles, kept, parts, number >= 0)
+    whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
     for fold in range(FOLD_COUNT):
-        refitted, placed, _ = _fit(bench, old, circles, kept, parts, number != fold)
-        for press in np.flatnonzero(kept).tolist():
+        refitted, placed = _fit(bench, old, circles, parts, number != fold)
+        for press, circle in enumerate(placed):
             slope, height = reconstruct(bench, refitted, press)
-            here = placed[press], bench.radius, bench.pixel, number[press] == fold
+            here = circle, bench.radius, bench.pixel, number[press] == fold
             off, um, _ = judge_contact(slope, height, *here)
             degrees.append(off)
             microns.append(um)
@@ -145,26 +142,24 @@ def _fit(
     bench: Bench,
     old: F8,
     circles: F8,
-    kept: NDArray[np.bool_],
     parts: tuple[str, ...],
     used: NDArray[np.bool_],
-) -> tuple[F8, F8, float]:
-    """Update centres, the rim's height and map in turn; return map, circles and rim height."""
-    placed, reflectance = circles.copy(), old
+) -> tuple[F8, F8]:
+    """Update centres, the rim's height and map in turn; return map and circles."""
+    placed, reflectance, every = circles.copy(), old, np.ones(len(circles), bool)
     rim = 0.0
     for _ in range(RIM_ROUNDS + 1):
-        for press in np.flatnonzero(kept).tolist():
-            placed[press] = refine_center(bench, reflectance, placed[press], press, rim)
-        rim = measure_rim(bench, reflectance, placed, kept)
-        reflectance = _changed(bench, old, placed, kept, rim, parts, used)
-    return reflectance, placed, rim
+        for press, circle in enumerate(placed):
+            placed[press] = refine_center(bench, reflectance, circle, press, rim)
+        rim = measure_rim(bench, reflectance, placed, every)
+        reflectance = _changed(bench, old, placed, rim, parts, used)
+    return reflectance, placed
 
 
 def _changed(
     bench: Bench,
     old: F8,
     circles: F8,
-    kept: NDArray[np.bool_],
     rim: float,
     parts: tuple[str, ...],
     used: NDArray[np.bool_],
@@ -173,39 +168,35 @@ def _changed(
     if not parts:
         return old
     samples: list[tuple[F8, ...]] = []
-    for press in np.flatnonzero(kept).tolist():
-        pixels = ball_pixels(bench.light[press], bench.flat, circles[press], most=MAX_PRESS_PIXELS)
+    for press, circle in enumerate(circles):
+        pixels = ball_pixels(bench.light[press], bench.flat, circle, most=MAX_PRESS_PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
-        slope, rise = ball_shape(pixels.x, pixels.y, circles[press], bench.radius, bench.pixel)
+        slope, rise = ball_shape(pixels.x, pixels.y, circle, bench.radius, bench.pixel)
         shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
         of_press = shade, place, pixels.light, pixels.weight
         samples.append(tuple(part[:, chosen] for part in of_press))
     shade, place, light, weight = (
         np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
     )
-    new = old.copy()
-    for k, coefficients in enumerate(old):
-        new[k] = _of_one(coefficients, shade, place, light[k], weight[k], parts)
-    return new
+    lights = zip(old, light, weight, strict=True)
+    return np.stack([_of_one(c, shade, place, one, even, parts) for c, one, even in lights])
 
 
 def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
     """The coefficients of one light, 9 x 15, after robust ridge regression of the changes."""
     known = (c @ place) * shade
-    columns = [known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]]
-    held = [PRIOR_DEVIATIONS["gain"]] * 2
-    if "shades" in parts:
-        columns += list(known[:HEIGHT_SHADE])
-        held += [PRIOR_DEVIATIONS["shades"]] * HEIGHT_SHADE
-    if "offsets" in parts:
-        columns += list(shade[:HEIGHT_SHADE])
-        held += [PRIOR_DEVIATIONS["offsets"]] * HEIGHT_SHADE
-    basis, left = np.stack(columns), light - known.sum(0)
+    columns: dict[str, F8] = {
+        "gain": np.stack([known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]]),
+        "shades": known[:HEIGHT_SHADE],
+        "offsets": shade[:HEIGHT_SHADE],
+    }
+    basis, left = np.concatenate([columns[part] for part in parts]), light - known.sum(0)
+    held = np.concatenate([[PRIOR_DEVIATIONS[part]] * len(columns[part]) for part in parts])
     thinned = min(1.0, MAX_INDEPENDENT / max(light.size, 1))
     weight, change = even / even.mean(), np.zeros(len(basis))
     for _ in range(3):
         weighted = basis * (weight * thinned / MAP_DEVIATION**2)
-        normal = weighted @ basis.T + np.diag(np.asarray(held) ** -2)
+        normal = weighted @ basis.T + np.diag(held**-2)
         change = np.linalg.solve(normal, weighted @ left)
         weight = robust_weights(left - change @ basis, even / even.mean())
     new = c.copy()

@@ -2,6 +2,8 @@
 
 The model grows part by part, then by harmonics, each judged on held-out balls
 (`_film_search`).
+
+Long because its search decides in steps: on parts, samples, harmonics and bad balls.
 """
 
 from __future__ import annotations

@@ -5,6 +5,8 @@ or a coat can make up for that on the ball, but then the film at rest is not lit
 shows it.  So a plain model is fitted with other radii, and balls and flat frame are judged
 together.  Where the gel diffuses light, a radius that is too large looks like a gel that diffuses
 none.  A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
+
+Long because every doubt says in words what may be wrong and what would agree.
 """
 
 from __future__ import annotations
@@ -81,16 +83,8 @@ class Doubt(NamedTuple):
 
 
 _FORMER_INPUTS = (
-    "light",
-    "flat",
-    "circle",
-    "radius",
-    "of",
-    "kept",
-    "lights",
-    "strength",
-    "noise",
-    "pixel",
+    *("light", "flat", "circle", "radius", "of"),
+    *("kept", "lights", "strength", "noise", "pixel"),
 )
 
 

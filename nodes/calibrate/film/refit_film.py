@@ -1,4 +1,7 @@
-"""Refit a film's model to a check press on a new film; camera and LEDs stay the same."""
+"""Refit a film's model to a check press on a new film; camera and LEDs stay the same.
+
+Long because each property that may change has its prior, its bounds and its figures.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Plot a calibration, so that a person can tell a good one from a bad one."""
+"""Plot a calibration, so that a person can tell a good one from a bad one.
+
+Long because it draws up to six pictures on one page.
+"""
 
 from __future__ import annotations
 

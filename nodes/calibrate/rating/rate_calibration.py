@@ -1,4 +1,7 @@
-"""Rate a calibration by a few figures."""
+"""Rate a calibration by a few figures.
+
+Long because each figure that is bad says in words what may be wrong and what to check.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Find what has changed between two frames of the untouched film."""
+"""Find what has changed between two frames of the untouched film.
+
+Long because LEDs, ambient light, shift, dirt and dents can only be told apart together.
+"""
 
 from __future__ import annotations
 
