@@ -135,6 +135,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2(
         (("run", "calibrate", "ball_center_px=1,x"), "a number is needed, not 'x'"),
         (("run", "simulate", "seed=1.5"), "seed=1.5: a whole number is needed"),
         (("run", "simulate", f"seed={'9' * 5000}"), "is not a number"),
+        (("check", "calibrate", "--set", "model.without=[lobe,hairs]"), "'camera', not 'hairs'"),
         (("run", "paper", "--set", "shadow"), "--set shadow: write it as node.param=value"),
         (("run", "paper", "--set", "shadow.threshold=1__0"), "'1__0' is not a number"),
         (("check", "paper", "--set", "shadwo.threshold=1"), "did you mean 'shadow'?"),
