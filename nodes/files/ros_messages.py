@@ -60,6 +60,28 @@ uint32 offset
 uint8 datatype
 uint32 count
 {_HEADER_DEFINITION}""",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": f"""std_msgs/Header header
+geometry_msgs/PoseWithCovariance pose
+{_MESSAGE_RULE}
+MSG: geometry_msgs/PoseWithCovariance
+geometry_msgs/Pose pose
+float64[36] covariance
+{_MESSAGE_RULE}
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+{_MESSAGE_RULE}
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+{_MESSAGE_RULE}
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+{_HEADER_DEFINITION}""",
     "diagnostic_msgs/msg/DiagnosticArray": f"""std_msgs/Header header
 diagnostic_msgs/DiagnosticStatus[] status
 {_MESSAGE_RULE}
@@ -181,6 +203,24 @@ def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) 
         "is_dense": bool(np.isfinite(points).all()),
     }
     return Message(topic, "sensor_msgs/msg/PointCloud2", time, body)
+
+
+def pose_message(
+    topic: str,
+    time: int,
+    position: NDArray[Any],
+    quaternion: NDArray[Any],
+    covariance: NDArray[Any],
+    frame: str,
+) -> Message:
+    """A geometry_msgs/PoseWithCovarianceStamped, in metres and radians; quaternion x, y, z, w."""
+    pose = {
+        "position": dict(zip("xyz", position.tolist(), strict=True)),
+        "orientation": dict(zip("xyzw", quaternion.tolist(), strict=True)),
+    }
+    whole = {"pose": pose, "covariance": covariance.ravel().tolist()}
+    body = {"header": _header(time, frame), "pose": whole}
+    return Message(topic, "geometry_msgs/msg/PoseWithCovarianceStamped", time, body)
 
 
 def diagnostics_message(

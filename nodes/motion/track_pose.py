@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize, SlopeVariance
-from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, Fit, fit_motion
+from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
     F8,
     IN_DEGREES,
@@ -20,12 +20,8 @@ from tactograph.nodes.motion._surface import (
     six_numbers,
     small_motion,
 )
+from tactograph.nodes.stream.touch import Pose, PoseCovariance
 
-Pose = Annotated[F4, Port("6", "mm, deg")]
-"""Shift x, y, z and turn vector x, y, z of the object, about the image's middle on the film at
-rest.  A turn about z is positive from x to y."""
-PoseCovariance = Annotated[F4, Port("6 6", "mm, deg")]
-"""Covariance of the pose's six numbers; turns about the film's axes."""
 KeySurface = Annotated[F4, Port("H W", "mm", nan=True)]
 """The touched heights of the key frame; NaN elsewhere."""
 Memory = Annotated[F4, Port("9 6", "mm, rad")]
@@ -71,7 +67,8 @@ def track_pose(
     anew at zero.  All contacts count as one rigid object.
 
     A motion that leaves no trace (a ball turns unseen, a cylinder slides) stays as it was, and
-    has a standard deviation of 100 mm; a warning and ``pose_open`` say so.
+    has a standard deviation of 100 mm; a warning and ``pose_open`` say so.  So has every motion
+    while nothing touches.
 
     Parameters
     ----------
@@ -153,7 +150,8 @@ def _begin(heights: F4, stated: float, touched: NDArray[np.bool_]) -> TrackedPos
     counts = np.array([begins, begins, stated, 0, 0, 0], np.float32)
     zero = np.zeros((6, 6))
     memory = _memory(zero, zero[0], zero[0], counts)
-    return _tracked(np.eye(4), zero, heights, memory, np.zeros(6, bool), None, float(begins))
+    unknown = zero if begins else OPEN_MM**2 * np.eye(6)
+    return _tracked(np.eye(4), unknown, heights, memory, np.zeros(6, bool), None, float(begins))
 
 
 def _tracked(

@@ -108,7 +108,7 @@ def _filled(kind: Any, values: Mapping[str, Any]) -> Any:
 def _value(kind: str, value: Any) -> Any:
     if isinstance(value, Mapping):
         return _filled(_class_of(kind), value)
-    if isinstance(value, list):
+    if isinstance(value, list) and kind.startswith("sequence<"):
         element = _class_of(kind.removeprefix("sequence<").removesuffix(">"))
         return [_filled(element, each) for each in value]
     if isinstance(value, bytes):

@@ -18,6 +18,7 @@ from tactograph.nodes.files.ros_messages import (
     cloud_message,
     diagnostics_message,
     image_message,
+    pose_message,
     text_message,
 )
 from tactograph.nodes.stream.touch import Touch
@@ -75,6 +76,7 @@ def touch_messages(
         *_surface(stamp, touch, points_step),
         *_contacts(stamp, touch),
         *_markers(stamp, touch),
+        *_pose(stamp, touch),
         diagnostics_message("/diagnostics", stamp, "tactograph", provenance.warnings, figures),
         text_message("/touch", stamp, touch.name),
     ]
@@ -130,6 +132,19 @@ def _markers(stamp: int, touch: Touch) -> list[Message]:
     (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
     fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
     return [cloud_message("/markers", stamp, fields, FILM_FRAME)]
+
+
+def _pose(stamp: int, touch: Touch) -> list[Message]:
+    """The object's own frame, which lay in the image's middle when the touch began."""
+    if touch.pose is None:
+        return []
+    units = np.array([METRES_PER_MM] * 3 + [np.pi / 180] * 3)
+    turn = units[3:] * touch.pose.pose[3:]
+    half = np.linalg.norm(turn) / 2
+    quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
+    place = METRES_PER_MM * touch.object_frame(touch.pose)[:3, 3]
+    spread = touch.pose.covariance * np.outer(units, units)
+    return [pose_message("/pose", stamp, place, quaternion, spread, FILM_FRAME)]
 
 
 def _eight_bit(plane: Light) -> Labels:

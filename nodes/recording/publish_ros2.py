@@ -23,7 +23,7 @@ def publish_ros2(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Publish heights, contacts, markers and diagnostics on ROS 2 topics.
+    """Publish heights, contacts, markers, poses and diagnostics on ROS 2 topics.
 
     The topics are those of `write_mcap`, below the namespace: ``tactograph/height`` and so on;
     ``/diagnostics`` stays where ROS expects it.  Topics without subscribers are not sent.  Needs

@@ -39,9 +39,10 @@ def write_mcap(
     ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a bit per LED),
     ``/contact`` (mono8, the contact's number), ``/contacts`` (PointCloud2, a point per contact
     with its figures, metres and radians), ``/markers`` (PointCloud2, a point per marker with its
-    shift, metres), ``/led<k>/image`` (mono8), ``/diagnostics`` (diagnostic_msgs: milliseconds
-    per node, metrics, warnings) and ``/touch`` (std_msgs/String, its name).  All messages of a
-    touch have the same stamp.
+    shift, metres), ``/pose`` (geometry_msgs/PoseWithCovarianceStamped, the object's since the
+    touch began, metres and radians), ``/led<k>/image`` (mono8), ``/diagnostics``
+    (diagnostic_msgs: milliseconds per node, metrics, warnings) and ``/touch`` (std_msgs/String,
+    its name).  All messages of a touch have the same stamp.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from tactograph.nodes import (
     Vergence,
 )
 from tactograph.nodes.stream.frames import LiveState
-from tactograph.nodes.stream.touch import MarkerTracks, Touch
+from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 
 
 class FramesOrigin(NamedTuple):
@@ -50,6 +50,7 @@ def join_touch(
     confidence: Confidence | None = None,
     view: View | None = None,
     tracks: MarkerTracks | None = None,
+    pose: ObjectPose | None = None,
 ) -> Touch:
     """Return a touch for the nodes that write or show it: `write_result`, `preview` and others.
 
@@ -79,6 +80,9 @@ def join_touch(
         The calibration, for the lens and the camera's height.
     tracks
         The film's markers, by `track_markers`.
+    pose
+        The object's motion, by `track_pose`.
     """
     labels, measured = (shadow, highlight, confidence), (metrics, contact, error)
-    return Touch(height, image, pixel, *frames, *labels, *measured, *(view or View()), tracks)
+    moved = (tracks, pose)
+    return Touch(height, image, pixel, *frames, *labels, *measured, *(view or View()), *moved)

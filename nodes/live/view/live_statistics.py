@@ -176,6 +176,10 @@ class Statistics:
             cut = int(sum(_of_all(self._contact, "contact_cut")))
             more = f" or more, {cut} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
+        if self._contact.get("pose_frames"):
+            x, y, z = (self._contact[f"pose_{axis}_mm"] for axis in "xyz")
+            turn = np.hypot.reduce([self._contact[f"pose_turn_{axis}_deg"] for axis in "xyz"])
+            parts.append(f"moved {x:.2f} {y:.2f} {z:.2f} mm, turned {turn:.1f} deg")
         if self._contact.get("trust", 1.0) < MIN_TRUST:
             parts.append(f"doubtful (trust {self._contact['trust']:.2f})")
         faults = sum(self._state.faults.values())

@@ -33,6 +33,8 @@ CHECK_EVERY_S = 1.0
 CHECK_TIMEOUT_S = 0.05
 FLUSH_TIMEOUT_S = 2.0
 """Longest wait at the end of the stream for a viewer that does not answer."""
+AXIS_MM = 2.0
+"""Length of the arrows that show the object's frame."""
 Viewer = Literal["spawn", "connect", "none"]
 
 
@@ -67,7 +69,7 @@ def view_rerun(
     ----------
     touch
         As `join_touch` makes it.  Its figures are plotted over time; markers are arrows over the
-        image of LED 1.
+        image of LED 1; the pose is a transform, with the object's axes as arrows.
     lights
         "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one.
     viewer
@@ -109,6 +111,8 @@ def view_rerun(
     stream.arrows(touch.tracks, image_step)
     stream.surface(touch.height, touch.pixel, surface_step)
     stream.section(touch.height, touch.error, touch.pixel)
+    if touch.pose is not None:
+        stream.object(touch.object_frame(touch.pose))
     if touch.error is not None:
         stream.error(touch.error)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
@@ -243,7 +247,7 @@ class _Stream:
         self._look_at = clock.monotonic() + CHECK_EVERY_S
         self._touches = 0
         self._shape: tuple[int, ...] = ()
-        self._colours_sent = False
+        self._colours_sent = self._axes_sent = False
         self._top = 0.0
 
     def is_due(self, now: float) -> bool:
@@ -321,6 +325,16 @@ class _Stream:
             height, meter=1000.0, colormap="viridis", depth_range=(0.0, self._top)
         )
         self.log("height", depth)
+
+    def object(self, frame: NDArray[np.float64]) -> None:
+        """The object's frame as arrows along x, y and z; z is up."""
+        rr, flip = rerun(), np.array([1, -1, 1])
+        if not self._axes_sent:
+            arrows = rr.Arrows3D(vectors=AXIS_MM * np.diag(flip), colors=255 * np.eye(3, dtype=int))
+            self.log("film/object", arrows, static=True)
+            self._axes_sent = True
+        turn = flip[:, None] * frame[:3, :3] * flip
+        self.log("film/object", rr.Transform3D(translation=flip * frame[:3, 3], mat3x3=turn))
 
     def section(self, height: Height, error: HeightError | None, pixel: float) -> None:
         """The row through the highest point, x and height in mm, upwards."""

@@ -119,8 +119,9 @@ def test_a_ball_is_followed_though_it_may_turn() -> None:
 
 def test_a_touch_that_ends_begins_anew() -> None:
     surface, nothing = pressed(coin, np.eye(4)), np.zeros(SHAPE)
-    frames = [found.figures["pose_frames"] for found in track([surface, surface, nothing, surface])]
-    assert frames == [1, 2, 0, 1]
+    found = [*track([surface, surface, nothing, surface])]
+    assert [each.figures["pose_frames"] for each in found] == [1, 2, 0, 1]
+    assert [each.figures["pose_sd_x_mm"] > 10 for each in found] == [False, False, True, False]
 
 
 def test_a_jump_begins_anew() -> None:

@@ -32,11 +32,13 @@ class Peer:
     def __init__(self, topics: dict[str, str]) -> None:
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
+        from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.executors import SingleThreadedExecutor
         from sensor_msgs.msg import Image, PointCloud2
         from std_msgs.msg import String
 
-        kinds = {each.__name__: each for each in (DiagnosticArray, Image, PointCloud2, String)}
+        heard = (DiagnosticArray, Image, PointCloud2, PoseWithCovarianceStamped, String)
+        kinds = {each.__name__: each for each in heard}
         self.heard: dict[str, Any] = {}
         self.moments: dict[tuple[int, int], dict[str, Any]] = {}
         self.topics = set(topics)
@@ -95,14 +97,16 @@ def publish(given: str) -> dict[str, Any]:
     """Publish the touch of a file of arrays by the node, until every topic was heard."""
     from tactograph.graph import Provenance, Session
     from tactograph.nodes.recording.publish_ros2 import publish_ros2
-    from tactograph.nodes.stream.touch import MarkerTracks, Touch
+    from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 
     kinds = {"height": "Image", "contact": "Image", "points": "PointCloud2", "touch": "String"}
     kinds |= {"contacts": "PointCloud2", "markers": "PointCloud2", "shadow": "Image"}
+    kinds |= {"pose": "PoseWithCovarianceStamped"}
     peer = Peer({f"/pad/{name}": kind for name, kind in kinds.items()} | DIAGNOSTICS)
     parts = dict(np.load(given))
     figures = json.loads(str(parts.pop("metrics")))
     tracks = MarkerTracks(*(parts.pop(name) for name in MarkerTracks._fields))
+    pose = ObjectPose(*(parts.pop(name) for name in ObjectPose._fields))
     made = Provenance({"name": "toy"}, None, [], {}, {}, ["too bright"], [])
     session = Session()
     while peer.waits:
@@ -113,6 +117,7 @@ def publish(given: str) -> dict[str, Any]:
             time=time.monotonic(),
             metrics=figures,
             tracks=tracks,
+            pose=pose,
         )
         publish_ros2(touch, namespace="pad", provenance=made, session=session)
         time.sleep(0.05)

@@ -93,6 +93,8 @@ def test_height_contact_markers_and_diagnostics_are_heard_on_topics(tmp_path: Pa
         "markers": np.array([[2, 3, 1]], np.float32),
         "shift": np.array([[0.5, -1]], np.float32),
         "seen": np.ones(1, np.uint8),
+        "pose": np.array([0.5, 0, 0, 0, 0, 0], np.float32),
+        "covariance": np.eye(6, dtype=np.float32),
         "metrics": np.array(json.dumps(figures)),
     }
     np.savez(tmp_path / "touch.npz", **parts)
@@ -108,6 +110,9 @@ def test_height_contact_markers_and_diagnostics_are_heard_on_topics(tmp_path: Pa
     moved = points(heard["/pad/markers"])
     assert moved["dx"] == pytest.approx([0.5 * 5e-5])
     assert moved["dy"] == pytest.approx([-1 * 5e-5])
+    whole = heard["/pad/pose"]["pose"]
+    assert whole["pose"]["position"]["x"] == pytest.approx((0.5 + 3.5 * PIXEL_MM) / 1000)
+    assert len(bytes.fromhex(whole["covariance"])) == 8 * 36
     (status,) = heard["/diagnostics"]["status"]
     assert (status["level"], status["message"]) == (1, "too bright")
     assert heard["/pad/touch"]["data"] == "000007"

@@ -15,7 +15,7 @@ from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.recording.write_mcap import write_mcap
-from tactograph.nodes.stream.touch import MarkerTracks, Touch
+from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 
 SIZE = (6, 8)
 PIXEL = 0.05
@@ -28,6 +28,9 @@ FIGURES = measure_contact(HEIGHT, CONTACT, PIXEL)
 MARKERS = np.array([[1, 2, 1.5], [5, 3, 2]], np.float32)
 SHIFT = np.array([[0.5, -0.25], [2, 1]], np.float32)
 SEEN = np.array([1, 0], np.uint8)
+POSE = np.array([0.5, -0.25, 0.1, 0, 0, 90], np.float32)
+COVARIANCE = np.diag([0.01, 0.01, 0.01, 1, 1, 1]).astype(np.float32)
+COVARIANCE[0, 5] = COVARIANCE[5, 0] = 0.02
 
 
 def provenance(warnings: list[str]) -> Provenance:
@@ -50,6 +53,7 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
             metrics={"rmse": 0.5, **FIGURES},
             contact=CONTACT,
             tracks=MarkerTracks(MARKERS, SHIFT, SEEN),
+            pose=ObjectPose(POSE, COVARIANCE),
         )
         write_mcap(touch, folder=tmp_path, provenance=provenance(warnings), session=session)
     session.close()
@@ -87,6 +91,7 @@ def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
     np.testing.assert_array_equal(found["/contact"][0].data.reshape(SIZE), CONTACT)
     clouds = [points(found[topic][0]) for topic in ("/contacts", "/markers")]
     assert [len(cloud["x"]) for cloud in clouds] == [2, 2]
+    assert found["/pose"][0].pose.pose.position.x == pytest.approx((3.5 * PIXEL + 0.5) / 1000)
 
 
 def test_a_height_is_an_image_in_metres(messages: dict[str, Any]) -> None:
@@ -154,6 +159,20 @@ def test_a_marker_is_a_point_with_its_shift_in_metres(messages: dict[str, Any]) 
     table = np.column_stack([found[name] for name in names])
     np.testing.assert_allclose(table, 5e-5 * np.hstack([MARKERS, SHIFT]), rtol=1e-6)
     assert found["seen"].tolist() == [1, 0]
+
+
+def test_a_pose_is_that_of_a_frame_in_the_images_middle(messages: dict[str, Any]) -> None:
+    schema, _, stamped = messages["/pose"][0]
+    assert schema.name == "geometry_msgs/msg/PoseWithCovarianceStamped"
+    place, turn = stamped.pose.pose.position, stamped.pose.pose.orientation
+    middle = 1000 * np.array([place.x, place.y, place.z]) - [3.5 * PIXEL, 2.5 * PIXEL, 0]
+    np.testing.assert_allclose(middle, POSE[:3], atol=1e-6)
+    # A quarter turn about z, from x to y.
+    np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], [0, 0, 0.5**0.5, 0.5**0.5])
+    spread = np.reshape(stamped.pose.covariance, (6, 6))
+    assert spread[0, 0] == pytest.approx(0.01e-6)
+    assert spread[5, 5] == pytest.approx(np.radians(1) ** 2)
+    assert spread[0, 5] == spread[5, 0] == pytest.approx(0.02e-3 * np.radians(1))
 
 
 def test_the_leds_images_and_the_labels_are_grey_images(messages: dict[str, Any]) -> None:

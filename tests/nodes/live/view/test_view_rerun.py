@@ -19,7 +19,7 @@ import pytest
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.live.view.view_rerun import view_rerun
-from tactograph.nodes.stream.touch import MarkerTracks, Touch
+from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 from tests.nodes.recording.recordings import PROVENANCE
 
 rerun_cli = pytest.importorskip("rerun_cli", reason="'make test-all' installs it")
@@ -31,7 +31,11 @@ view_rerun_module = importlib.import_module("tactograph.nodes.live.view.view_rer
 
 
 def view(
-    session: Session, touches: int = 3, tracks: MarkerTracks | None = None, **settings: Any
+    session: Session,
+    touches: int = 3,
+    tracks: MarkerTracks | None = None,
+    pose: ObjectPose | None = None,
+    **settings: Any,
 ) -> None:
     for touch in range(touches):
         height = np.zeros(SIZE, np.float32)
@@ -46,6 +50,7 @@ def view(
             error=0.02 * height,
             metrics={"rmse": 0.1 * touch},
             tracks=tracks,
+            pose=pose,
         )
         view_rerun(
             shown,
@@ -122,6 +127,18 @@ def test_markers_are_arrows_over_the_first_image(tmp_path: Path) -> None:
     printed = rerun_program("rrd", "print", "-v", file)
     assert "/camera/led1/markers" in printed
     assert "Arrows2D" in printed
+
+
+def test_a_pose_is_a_transform(tmp_path: Path) -> None:
+    file, session = tmp_path / "live.rrd", Session()
+    pose = ObjectPose(np.array([1, 2, 0.1, 0, 0, 30], np.float32), np.eye(6, dtype=np.float32))
+    view(session, viewer="none", file=file, pose=pose)
+    session.close()
+    printed = rerun_program("rrd", "print", "-vvv", file)
+    assert "/film/object" in printed
+    # The image's middle is at 3.15, 2.35 mm; y is up.
+    assert "4.15" in printed
+    assert "-4.35" in printed
 
 
 def test_touches_beyond_the_rate_are_left_out(tmp_path: Path) -> None:
