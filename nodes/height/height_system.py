@@ -1,7 +1,4 @@
-"""The weighted equations for the heights: steps between neighbours, rises, film at rest.
-
-Long because the host finds the window and the rises in it for the device as well.
-"""
+"""The weighted equations for the heights: steps between neighbours, rises, film at rest."""
 
 from __future__ import annotations
 
@@ -86,42 +83,31 @@ def height_system(
     if mask is not None:
         states[mask == 0] = STATE_AWAY
     touched = states == STATE_FREE
-    window = _window_around(touched.any(axis=1), touched.any(axis=0))
+    window = Window(_span(touched.any(axis=1)), _span(touched.any(axis=0)))
     anchored, state = bool((states == STATE_REST).any()), window.of(states)
     slopes = window.of(slope)
     variances = np.where(state == STATE_AWAY, np.float32(np.inf), window.of(variance))
-    right, right_variance = _steps(slopes[0], variances[0], bend, floor)
-    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor)
-    size = np.float32(pixel)
-    return HeightSystem(
-        _filled(right, 0) * size,
-        _filled(down, 0).T * size,
-        _filled(right_variance, np.inf) * size * size,
-        _filled(down_variance, np.inf).T * size * size,
-        state,
-        *_rises_inside(window, rises, rest.shape[1], mask),
-        *_constants(window, anchored, floor, rise_px, robust, pixel),
-    )
+    right, right_variance = _steps(slopes[0], variances[0], bend, floor, np.float32(pixel))
+    down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor, np.float32(pixel))
+    pixels = right, down.T, right_variance, down_variance.T, state
+    ends = _rises_inside(window, rises, rest.shape[1], mask)
+    constants = _constants(window, anchored, floor, rise_px, robust, pixel)
+    return HeightSystem(*pixels, *ends, *constants)
 
 
-def _window_around(rows: NDArray[np.bool_], columns: NDArray[np.bool_]) -> Window:
-    """The window around the rows and columns that are touched; a few pixels if none is."""
-    return Window(
-        _span(np.flatnonzero(rows), len(rows)), _span(np.flatnonzero(columns), len(columns))
-    )
-
-
-def _span(numbers: NDArray[np.intp], size: int) -> slice:
+def _span(touched: NDArray[Any]) -> slice:
+    """The window's rows, or columns, around those that are touched; a few if none is."""
+    numbers = np.flatnonzero(touched)
     first, last = (int(numbers[0]), int(numbers[-1])) if numbers.size else (0, 0)
-    return slice(max(first - MARGIN_PX, 0), min(last + 1 + MARGIN_PX, size))
+    return slice(max(first - MARGIN_PX, 0), min(last + 1 + MARGIN_PX, touched.size))
 
 
-def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
-    """Steps along the rows in px, from the slopes at both ends, and their variances.
+def _steps(slope: F4, variance: F4, bend: float, floor: float, pixel: np.float32) -> tuple[F4, F4]:
+    """Steps along the rows in mm, from the slopes at both ends, and their variances.
 
     On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
     two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
-    infinite variance makes that of the step infinite.
+    infinite variance makes that of the step infinite, as is that of the step beyond the last pixel.
     """
     before, after = slope[:, :-1], slope[:, 1:]
     of_before, of_after = variance[:, :-1], variance[:, 1:]
@@ -131,16 +117,14 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float) -> tuple[F4, F4]:
     both_known = 0.25 * (of_before + of_after) + turn * turn
     surer = np.where(of_before < of_after, before, after)
     # A wall ends within the pixel that shows it.
-    little = (
-        np.minimum(np.minimum(of_before, of_after), MAX_LONE_VARIANCE)
-        + LONE_SLOPE_VARIANCE
-        + surer * surer
-    )
+    least = np.minimum(np.minimum(of_before, of_after), MAX_LONE_VARIANCE)
+    little = least + LONE_SLOPE_VARIANCE + surer * surer
     alone = np.where(np.isinf(both_known), both_known, little)
     known = np.maximum(of_before, of_after) < UNKNOWN_VARIANCE
-    return np.where(known, step, surer), np.where(known, both_known, alone) + np.float32(
-        floor * floor
-    )
+    steps = np.where(known, step, surer) * pixel
+    variances = (np.where(known, both_known, alone) + np.float32(floor * floor)) * pixel * pixel
+    beyond = (0, 0), (0, 1)
+    return np.pad(steps, beyond), np.pad(variances, beyond, constant_values=np.inf)
 
 
 def _cubic_part(slope: F4, variance: F4) -> F4:
@@ -153,26 +137,19 @@ def _cubic_part(slope: F4, variance: F4) -> F4:
     return np.where(smooth, np.clip(curve, -limit, limit), np.float32(0))
 
 
-def _filled(steps: F4, value: float) -> F4:
-    """Steps along the rows with one more, beyond the last pixel."""
-    return np.pad(steps, ((0, 0), (0, 1)), constant_values=value)
-
-
 def _rises_inside(
     window: Window, rises: ShadowRises, columns: int, mask: Mask | None
 ) -> tuple[I4, I4, F4]:
     """The rises of which both ends lie in the window and count, numbered by its pixels."""
-    ends = []
-    kept = np.ones(rises.top.size, bool)
-    width = window.columns.stop - window.columns.start
-    for index in (rises.top, rises.foot):
-        row, column = index // columns, index % columns
-        kept &= (row >= window.rows.start) & (row < window.rows.stop)
-        kept &= (column >= window.columns.start) & (column < window.columns.stop)
-        if mask is not None:
-            kept &= mask.ravel()[index] != 0
-        ends.append((row - window.rows.start) * width + column - window.columns.start)
-    return ends[0][kept], ends[1][kept], rises.rise[kept]
+    index = np.stack([rises.top, rises.foot])
+    row, column = index // columns - window.rows.start, index % columns - window.columns.start
+    height, width = (part.stop - part.start for part in window)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    if mask is not None:
+        inside &= mask.ravel()[index] != 0
+    kept = inside.all(axis=0)
+    top, foot = (row * width + column).compress(kept, axis=1)
+    return top, foot, rises.rise[kept]
 
 
 def _constants(
@@ -195,11 +172,10 @@ def _launch(run: Launch) -> None:
     # One transfer brings all that the host must know before the device goes on.
     coming = [run.begin_download(inputs[f"rises.{name}"]) for name in ShadowRises._fields]
     has_rises = inputs["rises.top"].shape[0] > 0
-    mask_coming = run.begin_download(mask) if mask is not None and has_rises else None
+    mask_coming = run.begin_download(mask) if mask is not None and has_rises else lambda: None
     in_rows, in_columns = map(run.download, lines)
-    window = _window_around((in_rows & 1) > 0, (in_columns & 1) > 0)
-    mask_here = None if mask_coming is None else mask_coming()
-    rises = ShadowRises(*(arrived() for arrived in coming))
+    window = Window(_span(in_rows & 1), _span(in_columns & 1))
+    mask_here, rises = mask_coming(), ShadowRises(*(arrived() for arrived in coming))
     anchored = bool((in_rows & 2).any())
     ends = _rises_inside(window, rises, columns, mask_here)
     limits = settings["floor"], settings["rise_px"], settings["robust"]
