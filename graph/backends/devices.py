@@ -106,6 +106,7 @@ def _handles() -> Iterator[cl.Device]:
         import pyopencl as cl
     except ImportError:
         return
+    pocl_cache.compile_once()
     pocl_cache.heed_crashes()
     try:
         with intel_runtime.listed():

@@ -21,6 +21,16 @@ from tactograph.graph.disk.disk_cache import cache_folder
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
 """The environment variable that PoCL reads as it is loaded."""
+SPECIALISE_VARIABLE = "POCL_WORK_GROUP_SPECIALIZATION"
+"""Whether PoCL compiles a kernel once more for each size of work-group that it is launched in."""
+
+
+def compile_once() -> None:
+    """Have PoCL, before it is loaded, launch what it compiled for any size of work-group.
+
+    That a binary holds, and it is as fast: lanes are filled by hand.
+    """
+    os.environ.setdefault(SPECIALISE_VARIABLE, "0")
 
 
 @cache

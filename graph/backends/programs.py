@@ -3,8 +3,8 @@
 A build takes hundreds of times as long as a launch.  Programs belong to a context, so all queues of
 a device share one.  PoCL keeps binaries on disk, but still parses each source (60 ms), so binaries
 are kept here too, which takes a fifteenth of that.  For other drivers, pyopencl or the driver keeps
-them.  PoCL compiles every kernel a second time to hand out a binary: set PYOPENCL_NO_CACHE=1 where
-each program is built only once.
+them.  PoCL compiles every kernel of a program to hand out a binary: set PYOPENCL_NO_CACHE=1 where
+few of them are launched.
 """
 
 from __future__ import annotations

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +34,32 @@ def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     for queue, prepared, marked in ((device, low, 1), (another, high, 0), (device, low, 1)):
         (mask,) = prepared.launch({"light": queue.upload(light)})[0].values()
         assert (queue.download(mask) == marked).all()
+
+
+LAUNCHES = """
+import numpy as np
+from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.declare.find_node import find_node
+
+device = OpenCL(choose_device("Portable")[0])
+for height in (3, 300):
+    sizes = {"K": 2, "H": height, "W": 4}
+    prepared = device.prepare(find_node("threshold"), {"level": 0.4, "lights": "all"}, sizes)
+    prepared.launch({"light": device.upload(np.zeros((2, height, 4), np.float32))})
+    device.finish()
+"""
+
+
+def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(
+    folder: Path, tmp_path: Path
+) -> None:
+    pocl = tmp_path / "pocl"
+    pocl.mkdir()
+    told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
+    environment = {**told, "POCL_CACHE_DIR": str(pocl)}
+    subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
+    assert len(list(pocl.rglob("threshold.so"))) == 1
 
 
 SEVEN = """
