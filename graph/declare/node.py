@@ -167,6 +167,13 @@ class Node:
         return not self.outputs
 
     @property
+    def may_be_handed_in(self) -> bool:
+        """Return whether it is a source in whose place a caller may give an array."""
+        ports = [*self.outputs.values()]
+        is_array = self.source and len(ports) == 1 and ports[0].kind == "array"
+        return self.stream or is_array
+
+    @property
     def doc(self) -> str:
         return inspect.getdoc(self.function) or ""
 
@@ -379,10 +386,10 @@ class Node:
         return function
 
     def handed_in(self, check: Callable[[Any, str], None]) -> Callable[[Any, str], None]:
-        """Register a check of the images that a caller hands in for an item of this source.
+        """Register a check of the array that a caller hands in for an item of this source.
 
-        It is called with the caller's K x H x W array and the source's name in the graph; it
-        raises `InputError`, or calls `warn`.
+        It is called with an array of the first output's sizes, and the source's name in the graph;
+        it raises `InputError`, or calls `warn`.
         """
         self.check_handed_in = check
         return check

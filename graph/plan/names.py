@@ -56,9 +56,12 @@ def bind(
     wanted = {value.node for value in values.values()}
     wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
     live = _needed(graph, wanted, needs)
+    # A stream yields items of its own, for which no array can be handed in.
+    has_stream = any(names.nodes[name].stream for name in live - stand_ins)
     tasks: dict[str, Task] = {}
     for name in filter(live.__contains__, graph.nodes):
-        node, entry, handed_in = names.nodes[name], graph.nodes[name], name in stand_ins
+        node, entry = names.nodes[name], graph.nodes[name]
+        handed_in = name in stand_ins and not has_stream
         settings = {} if handed_in else settings_of(entry, graph, node, given)
         tasks[name] = Task(name, node, entry, settings, *edges[name], stand_in=handed_in)
     _mark_streams(tasks, dag)
@@ -117,8 +120,7 @@ def _find(graph: Graph, node_id: str) -> Node:
 
 
 def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
-    # Nothing flows into them, though it might.
-    sources = [n for n in names.nodes if not names.graph.nodes[n].inputs]
+    sources = [name for name, node in names.nodes.items() if node.may_be_handed_in]
     for name in stand_ins:
         if name not in sources:
             raise InputError(
@@ -296,10 +298,10 @@ def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any
 
 
 def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
-    """A task is part of the stream if it, or anything it reads, yields items."""
+    """A task is part of the stream if it, or anything it reads, yields items or is handed in."""
     streams = [task for task in tasks.values() if task.node.stream]
-    for stream in streams:
-        for node_id in {stream.id, *nx.descendants(dag, stream.id)} & tasks.keys():
+    for source in [task for task in tasks.values() if task.node.stream or task.stand_in]:
+        for node_id in {source.id, *nx.descendants(dag, source.id)} & tasks.keys():
             tasks[node_id].stream = True
     if len(streams) > 1:
         first, second = streams[:2]

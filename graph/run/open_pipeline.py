@@ -63,8 +63,8 @@ def load(
     nodes
         Nodes of the script or notebook itself: functions decorated with `node`.
     **given
-        The graph's own params, such as ``calibration="cal.npz"``.  A stream source whose
-        params are not given is left to the caller: ``pipeline(frames=stack)``.
+        The graph's own params, such as ``calibration="cal.npz"``.  A source of a stream, or of one
+        array, whose params are not given is left to the caller: ``pipeline(frames=stack)``.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def load(
         strict=strict,
         sinks=False,
         cache=cache,
-        stand_ins=_ungiven_streams(graph, given),
+        stand_ins=_ungiven_sources(graph, given),
         outputs=None if outputs is None else _chosen_outputs(graph, outputs),
     )
     for line in pipeline.plan.brief_fallbacks:
@@ -174,8 +174,8 @@ def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:
     return {name: graph.outputs[name] for name in wanted}
 
 
-def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
-    """The stream sources that refer to a required param which was not given."""
+def _ungiven_sources(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
+    """The sources of a stream or an array that refer to a required param which was not given."""
 
     def is_missing(setting: Any) -> bool:
         if not isinstance(setting, str) or not setting.startswith("$"):
@@ -186,5 +186,6 @@ def _ungiven_streams(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
     return frozenset(
         node_id
         for node_id, entry in graph.nodes.items()
-        if any(map(is_missing, entry.settings.values())) and find_node(entry.op, graph.own).stream
+        if any(map(is_missing, entry.settings.values()))
+        and find_node(entry.op, graph.own).may_be_handed_in
     )

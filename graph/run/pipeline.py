@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -24,7 +24,7 @@ from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.raise_warnings import raise_warnings
-from tactograph.graph.run.result import Result
+from tactograph.graph.run.result import Result, joined
 from tactograph.graph.run.source_stream import SourceStream
 from tactograph.graph.run.stand_ins import StandIns
 from tactograph.graph.run.trace import Trace
@@ -63,12 +63,16 @@ class Pipeline:
         """Run one item on arrays that stand in for source nodes, and return its outputs.
 
         The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
+        A batch, of one more dimension, runs item after item; the outputs are then stacked
+        (see `joined`).
 
         Parameters
         ----------
         **stand_ins
-            By source node: a K x H x W stack of images.  Unsigned integers count as
-            fractions of their full scale; floats have to lie within 0..1.
+            By source node: an array of the sizes and the unit of its first output, such as a
+            height H x W in mm, or a K x H x W stack of images.  Images of unsigned integers count
+            as fractions of their full scale; floats have to lie within 0..1.  An object that has
+            ``__array__`` or ``__dlpack__``, and lies on the host, counts as an array.
 
         Warns
         -----
@@ -78,9 +82,8 @@ class Pipeline:
         Raises
         ------
         InputError
-            If a source that the pipeline was planned without is missing, an array is no stack
-            of images that it takes, sizes clash, the pipeline was closed, or another thread is
-            using it.
+            If a source that the pipeline was planned without is missing, an array does not fit
+            its source, sizes clash, the pipeline was closed, or another thread is using it.
         """
         if self._source is not None:
             raise InputError(
@@ -90,24 +93,31 @@ class Pipeline:
         with self._turn:
             told: list[str] = []
             with collect_warnings(told):
-                stacks = self._stand_ins.check(stand_ins)
-            if self._items.keeps:  # what is kept must not change with the caller's arrays
-                stacks = {name: own(stack) for name, stack in stacks.items()}
+                handed_in = self._stand_ins.check(stand_ins)
             self._items.prepare()
-            self._items.begin()
-            self._runner.notes += told
-            self._has_run = False
-            try:
-                result = self._items.item(self._stand_ins.item(stacks))
-            finally:
-                raise_warnings(self._runner.notes, self._raised)
-            # An array that a node passed on is still the caller's own memory.
-            for name, value in result.outputs.items():
-                if isinstance(value, np.ndarray) and shares(value, stacks.values()):
-                    result.outputs[name] = own(value)
-            result.item = {}
-            self._has_run = True
-            return result
+            results: list[Result] = []
+            for arrays in handed_in.items:
+                try:
+                    results.append(self._on_arrays(arrays, told))
+                finally:
+                    raise_warnings(self._runner.notes, self._raised)
+            return joined(results) if handed_in.batch else results[0]
+
+    def _on_arrays(self, arrays: Mapping[str, NDArray[Any]], told: list[str]) -> Result:
+        if self._items.keeps:  # what is kept must not change with the caller's arrays
+            arrays = {name: own(array) for name, array in arrays.items()}
+        self._items.begin()
+        self._runner.notes += told
+        told.clear()
+        self._has_run = False
+        result = self._items.item(self._stand_ins.item(arrays))
+        # An array that a node passed on is still the caller's own memory.
+        for name, value in result.outputs.items():
+            if isinstance(value, np.ndarray) and shares(value, arrays.values()):
+                result.outputs[name] = own(value)
+        result.item = {}
+        self._has_run = True
+        return result
 
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -69,3 +69,28 @@ class Result(Mapping[str, Any]):
         plan = self.plan
         ports = {name: plan.port(name) for name in self.outputs}
         return result_html(plan.graph.title or plan.graph.name, self.outputs, ports, self.total)
+
+
+def joined(results: Sequence[Result]) -> Result:
+    """The results of a batch as one: arrays of one shape stacked, all else in lists.
+
+    Times are sums; a warning of several items is told once.
+    """
+    first = results[0]
+    return replace(
+        first,
+        outputs={name: _stacked([each[name] for each in results]) for name in first},
+        times={name: sum(each.times.get(name, 0.0) for each in results) for name in first.times},
+        warnings=list(dict.fromkeys(line for each in results for line in each.warnings)),
+        total=sum(each.total for each in results),
+        kept=frozenset.intersection(*(each.kept for each in results)),
+    )
+
+
+def _stacked(values: list[Any]) -> Any:
+    arrays = all(isinstance(value, np.ndarray) for value in values)
+    if not arrays or len({value.shape for value in values}) > 1:
+        return values
+    stack = np.stack(values)
+    stack.flags.writeable = False
+    return stack

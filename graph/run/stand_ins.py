@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.whole_images import as_fractions
 
 MAX_LIGHTS = 32
 """A stack of more images is taken for the rows of one image."""
+
+
+class HandedIn(NamedTuple):
+    """The arrays by source node, of one item after the other; `batch`: the caller's had a B."""
+
+    items: list[dict[str, NDArray[Any]]]
+    batch: bool
 
 
 class StandIns:
@@ -28,50 +36,100 @@ class StandIns:
         """The nodes that wait for an array, by name."""
         return sorted(self._waiting)
 
-    def check(self, arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-        """The caller's arrays as stacks of images, as views where possible.
+    def check(self, arrays: Mapping[str, Any]) -> HandedIn:
+        """The caller's arrays item by item, as views where possible.
 
         Raises
         ------
         InputError
-            If one is missing, unknown, or no stack of images.
+            If one is missing, unknown, does not fit the first output of its source, or is a batch
+            where another is none, or one of another size.
         """
         if self._waiting != arrays.keys():
             raise InputError(
                 f"{self._plan.graph.name}: arrays are needed for {self.names}, "
                 f"and were given for {sorted(arrays)}"
             )
-        return {name: self._checked(name, array).view() for name, array in arrays.items()}
+        checked = {name: self._checked(name, array) for name, array in arrays.items()}
+        lengths = {name: len(items) if batch else 0 for name, (items, batch) in checked.items()}
+        if len({*lengths.values()}) > 1:
+            told = ", ".join(f"{name}: {length or 'none'}" for name, length in lengths.items())
+            raise InputError(f"the arrays of a call are batches of one size, or none is ({told})")
+        columns = zip(*(items for items, _ in checked.values()), strict=True)
+        items = [dict(zip(checked, column, strict=True)) for column in columns]
+        return HandedIn(items or [{}], any(lengths.values()))
 
-    def _checked(self, name: str, array: Any) -> NDArray[Any]:
-        """A stack K x H x W: 8 or 16 bits stay as they are, all else becomes float32."""
-        stack = _images(array)
-        check = self._plan.tasks[name].node.check_handed_in
-        if check is not None:
-            check(stack, name)
-        if stack.dtype in (np.uint8, np.uint16):
-            return stack
-        return as_fractions(stack) if stack.dtype.kind == "u" else np.asarray(stack, np.float32)
+    def _checked(self, name: str, array: Any) -> tuple[list[NDArray[Any]], bool]:
+        """One item, or those of a batch: images of 8 or 16 bits as they are, all else converted."""
+        node = self._plan.tasks[name].node
+        port = next(iter(node.outputs.values()))
+        given = _images(array) if _takes_images(port) else _values(array, name, port)
+        batch = given.ndim > len(port.dims)
+        items = []
+        for number, item in enumerate(given if batch else given[None]):
+            if node.check_handed_in is not None:
+                node.check_handed_in(item, f"{name}[{number}]" if batch else name)
+            items.append(_converted(item, port).view())
+        return items, batch
 
-    def item(self, stacks: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """The items that the nodes would have yielded."""
-        return {name: self._yielded(name, stack) for name, stack in stacks.items()}
+    def item(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+        """The item that the nodes would have yielded."""
+        return {name: self._yielded(name, array) for name, array in arrays.items()}
 
-    def _yielded(self, name: str, stack: NDArray[Any]) -> Any:
+    def _yielded(self, name: str, array: NDArray[Any]) -> Any:
         record = self._plan.tasks[name].node.output_record
-        return stack if record is None else record(stack)
+        return array if record is None else record(array)
+
+
+def _takes_images(port: PortType) -> bool:
+    return port.dims == ("K", "H", "W") and port.unit == "1"
+
+
+def _converted(array: NDArray[Any], port: PortType) -> NDArray[Any]:
+    if array.dtype in (np.uint8, np.uint16) and _takes_images(port):
+        return array
+    counts = array.dtype.kind == "u" and _takes_images(port)
+    return as_fractions(array) if counts else np.asarray(array, port.dtype)
+
+
+def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
+    """An array of a port's sizes and type, or a batch of such."""
+    values = _array(array, name, nan=port.port.nan)
+    rank = len(port.dims)
+    fits = values.ndim in (rank, rank + 1) and all(
+        isinstance(dim, str) or dim == size
+        for dim, size in zip(port.dims, values.shape[-rank:], strict=True)
+    )
+    if port.dtype is None or not fits:
+        raise InputError(f"{name} is {port}, or a batch of such, not of shape {values.shape}")
+    is_float = port.dtype.kind == "f"
+    if not (values.dtype.kind == "f" if is_float else np.can_cast(values.dtype, port.dtype)):
+        raise InputError(f"{name} is {port}, not {values.dtype}")
+    return values
+
+
+def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
+    """An array on the host that holds something, without masked pixels and infinite values."""
+    if np.ma.is_masked(array):
+        raise InputError(f"{name} has no masked pixels; its .data holds all of them")
+    try:
+        # What has both, such as a tensor of torch, tells more of why it cannot be converted.
+        is_dlpack = hasattr(array, "__dlpack__") and not hasattr(array, "__array__")
+        values = np.from_dlpack(array) if is_dlpack else np.asarray(array)
+    except Exception as error:  # whatever an object's own __array__ raises
+        raise InputError(
+            f"{name} cannot be made of {type(array).__name__}: {message_of(error)}"
+        ) from error
+    if not values.size:
+        raise InputError(f"{name} of shape {values.shape} holds no pixel")
+    if values.dtype.kind == "f" and not nan and not np.isfinite(values).all():
+        raise InputError(f"{name} holds NaN or infinite values")
+    return values
 
 
 def _images(array: Any) -> NDArray[Any]:
-    """A stack K x H x W of unsigned integers or finite floats."""
-    if np.ma.is_masked(array):
-        raise InputError("a stack of images has no masked pixels; stack.data holds all of them")
-    try:
-        stack = np.asarray(array)
-    except Exception as error:  # whatever an object's own __array__ raises
-        raise InputError(
-            f"no stack of images can be made of {type(array).__name__}: {message_of(error)}"
-        ) from error
+    """A stack K x H x W of unsigned integers or finite floats, or a batch B x K x H x W."""
+    stack = _array(array, "a stack of images")
     if stack.ndim == 3 and stack.shape[2] <= MAX_LIGHTS < stack.shape[0]:
         raise InputError(
             f"a stack of images is K x H x W; {stack.shape} looks like H x W x K: "
@@ -87,15 +145,13 @@ def _images(array: Any) -> NDArray[Any]:
             f"a stack of images is K x H x W, not one image of {stack.shape}: "
             "np.stack([led1, led2, …]) makes one of an image per LED"
         )
-    if stack.ndim != 3:
-        raise InputError(f"a stack of images is K x H x W, not of shape {stack.shape}")
-    if not stack.size:
-        raise InputError(f"a stack of images of shape {stack.shape} holds no pixel")
+    if stack.ndim not in (3, 4):
+        raise InputError(
+            f"a stack of images is K x H x W, a batch B x K x H x W, not of shape {stack.shape}"
+        )
     if stack.dtype.kind not in "uf":
         cure = "; stack.astype(np.uint8) if they are 8 bit" if stack.dtype.kind == "i" else ""
         raise InputError(
             f"a stack of images is of unsigned integers or floats, not {stack.dtype}{cure}"
         )
-    if stack.dtype.kind == "f" and not np.isfinite(stack).all():
-        raise InputError("the stack of images holds NaN or infinite values")
     return stack

@@ -165,7 +165,7 @@ class StepRunner:
 
     def _call(self, task: Task, step: Step, sized: Sized) -> Shapes:
         """Call a node's function."""
-        if task.node.stream:
+        if task.node.stream or task.stand_in:
             raise InputError(
                 f"{self.plan.graph.name}: '{task.id}' has other settings than when its last "
                 "item came; go through items() for a new one"

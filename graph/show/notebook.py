@@ -26,7 +26,7 @@ def result_html(
     for name, value in outputs.items():
         port = ports[name]
         if isinstance(value, np.ndarray):
-            kind = kind_of(port)
+            kind = kind_of(port) if value.ndim == len(port.dims) else None  # else of a batch
             shown = kind in ("map", "labels") and bool(value.size) and np.isfinite(value).any()
             if shown and len(pictures) < MAX_MAPS:
                 draw = draw_labels if kind == "labels" else draw_maps

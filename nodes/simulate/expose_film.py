@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import node
+from tactograph.graph import Session, node
 from tactograph.nodes import Dark, Lens, Light, Noise
 from tactograph.nodes.optics.bicubic import between_pixels
 from tactograph.nodes.optics.lens import ideal_places, is_straight
@@ -23,10 +23,12 @@ def expose_film(
     *,
     bits: Annotated[int, Interval(ge=1, le=16)] = 8,
     seed: Annotated[int, Ge(0)] | None = None,
+    session: Session,
 ) -> Light:
     """Return dark + flat light, seen through the lens, with the camera's noise.
 
-    NumPy only, because the same seed must give the same noise on every machine.
+    NumPy only, because the same seed must give the same noise on every machine.  From image to
+    image of a session the noise goes on: no two have the same.
 
     Parameters
     ----------
@@ -44,6 +46,8 @@ def expose_film(
         Bit depth; 0 to 2^bits - 1 become 0 to 1.
     seed
         Of the noise, the same for the same seed; None: no noise.
+    session
+        Keeps how far the noise of each seed has come.
 
     Returns
     -------
@@ -57,7 +61,8 @@ def expose_film(
     if seed is not None:
         shot, read = noise
         deviation = np.sqrt(shot * np.maximum(image, 0) + read)
-        rng = np.random.Generator(np.random.Philox(seed))
+        begun: dict[int, np.random.Generator] = session.keep(dict)
+        rng = begun.setdefault(seed, np.random.Generator(np.random.Philox(seed)))
         image = image + deviation * rng.normal(size=image.shape)
     steps = 2**bits - 1
     return np.asarray(np.rint(np.clip(image, 0, 1) * steps) / steps, np.float32)

@@ -45,3 +45,8 @@ def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) 
             f"crop={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
         )
     return np.ascontiguousarray(height[y0:y1, x0:x1])
+
+
+@read_height.handed_in
+def _check_handed_in(height: Height, name: str) -> None:
+    check_heights(height, Path(name))

@@ -187,7 +187,7 @@ class OnAnotherDevice:
             np.ma.masked_array(np.ones((3, 4, 5)), np.eye(4, 5) * np.ones(3)[:, None, None]),
             "masked",
         ),
-        ([[[1.0, 2.0]], [[1.0]]], "no stack of images can be made of list"),
+        ([[[1.0, 2.0]], [[1.0]]], "a stack of images cannot be made of list"),
         (OnAnotherDevice(), "of OnAnotherDevice: copy it to the host first"),
         (np.zeros((3, 4, 6), np.float32), "the size W is 6 in frames.image but 5 in cal.flat"),
         (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
@@ -199,6 +199,74 @@ def test_a_stack_that_does_not_fit_is_refused(write: Write, stack: Any, message:
         pipeline(frames=stack)
     good = np.ones((3, 4, 5), np.float32)
     assert float(pipeline(frames=good)["light"].max()) == 1, "a refusal leaves no trace"
+
+
+@BACKENDS
+def test_any_source_of_one_array_is_stood_in_for_one_item_or_a_batch(
+    write: Write, height_file: str, backend: str
+) -> None:
+    truth = np.load(height_file)
+    (from_file,) = load(write(SLOPES), file=height_file, backend=backend).items()
+    pipeline = load(write(SLOPES), backend=backend)
+    np.testing.assert_array_equal(
+        pipeline(height=truth.astype(float))["height"], from_file["height"]
+    )
+    batch = pipeline(height=np.stack([0 * truth, truth]))
+    assert batch["mask"].shape == (2, *truth.shape)
+    assert not batch["height"].flags.writeable
+    np.testing.assert_array_equal(batch["height"][1], from_file["height"])
+    assert f"float32 2 x {truth.shape[0]}" in repr(batch)
+    assert "2 x" in batch._repr_html_()
+
+
+class OnlyDlpack:
+    """An array of a library that NumPy knows by DLPack alone."""
+
+    def __init__(self, array: np.ndarray) -> None:
+        self.__dlpack__, self.__dlpack_device__ = array.__dlpack__, array.__dlpack_device__
+
+
+def test_an_array_may_come_by_dlpack(write: Write) -> None:
+    height = np.ones((4, 5), np.float32)
+    assert load(write(SLOPES), backend="numpy")(height=OnlyDlpack(height))["mask"].all()
+
+
+@pytest.mark.parametrize(
+    ("height", "message"),
+    [
+        (np.zeros(4, np.float32), r"height is float32 H x W \[mm\], or a batch of such, not of"),
+        (np.zeros((1, 2, 4, 5)), r"not of shape \(1, 2, 4, 5\)"),
+        (np.zeros((4, 5), np.uint16), r"height is float32 H x W \[mm\], not uint16"),
+        (np.zeros((0, 4, 5)), "holds no pixel"),
+        (np.full((4, 5), np.nan), "height holds NaN or infinite values"),
+        (np.full((2, 4, 5), 1e300), r"height\[0\]: holds a height beyond 10000 mm"),
+    ],
+)
+def test_an_array_that_does_not_fit_its_source_is_refused(
+    write: Write, height: Any, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load(write(SLOPES), backend="numpy")(height=height)
+
+
+SHAPE = "  shape: {op: read_height, with: {file: $file}}\n  save:"
+BOTH_HANDED_IN = WAITING.replace("nodes:", "  file: {kind: path, help: a height}\nnodes:", 1)
+BOTH_HANDED_IN = BOTH_HANDED_IN.replace("prefer: [opencl, numpy]\n", "").replace("  save:", SHAPE)
+BOTH_HANDED_IN = BOTH_HANDED_IN.replace("truth: frames.truth", "truth: shape")
+
+
+def test_a_batch_is_one_of_all_sources_and_its_items_follow_one_another(write: Write) -> None:
+    pipeline = load(write(BOTH_HANDED_IN), backend="numpy")
+    frames, heights = np.ones((2, 3, 4, 5)), np.arange(40.0).reshape(2, 4, 5)
+    found = pipeline(frames=frames, shape=heights)
+    assert [score["truth"] for score in found["score"]] == [heights[0].mean(), heights[1].mean()]
+    with pytest.raises(InputError, match=r"of one size, or none is \(frames: 2, shape: none\)"):
+        pipeline(frames=frames, shape=heights[0])
+
+
+def test_a_graph_whose_stream_is_given_needs_its_other_files_too(write: Write) -> None:
+    with pytest.raises(InputError, match=r"graph needs file=\.\.\. \(a height\)"):
+        load(write(BOTH_HANDED_IN), count=2)
 
 
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
