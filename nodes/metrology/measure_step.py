@@ -158,7 +158,7 @@ def _measure(line: Line, error: Line, pixel: float, edges: int, smooth_px: int) 
     places = _edges(x, uniform_filter1d(z, smooth_px, mode="nearest"), edges)
     if places is None:
         return None
-    upper, lower = _zones(x, places, _wall_px(x, z, places[0]))
+    upper, lower = _zones(x, places, _wall_px(x, z))
     if min(upper.sum(), lower.sum()) < MIN_ZONE_PX:
         return None
     used = upper | lower
@@ -191,7 +191,7 @@ def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:
     return tuple(x[crossings] + share * (x[crossings + 1] - x[crossings]))
 
 
-def _wall_px(x: Line, z: Line, edge: float) -> float:
+def _wall_px(x: Line, z: Line) -> float:
     """The width of the wall of a step: its height over its steepest slope."""
     steepest = np.abs(np.gradient(z, x)).max()
     return float((z.max() - z.min()) / max(steepest, 1e-12))

@@ -59,16 +59,12 @@ def shades(slope: F8, height: F8) -> F8:
     return np.asarray(np.concatenate([bent[1:], height[None]]))
 
 
-def ball_pixels(
-    light: F4,
-    flat: F4,
-    circle: F8,
-    share: float = FITTED_RADIUS_SHARE,
-    most: int = PIXELS_PER_PRESS,
-) -> Pixels:
-    """Return pixels evenly spread over the inner `share` of a contact circle (x, y, radius)."""
+def ball_pixels(light: F4, flat: F4, circle: F8, most: int = PIXELS_PER_PRESS) -> Pixels:
+    """Return pixels evenly spread over the inner part of a contact circle (x, y, radius)."""
     y, x = np.indices(flat.shape[1:])
-    inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < share * circle[2])
+    inside = np.flatnonzero(
+        np.hypot(x - circle[0], y - circle[1]) < FITTED_RADIUS_SHARE * circle[2]
+    )
     # A stride that does not divide the rows' length spreads the pixels over all columns.
     inside = inside[:: inside.size // most + 1]
     return Pixels(

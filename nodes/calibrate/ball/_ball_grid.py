@@ -31,6 +31,8 @@ FIRST_CONTACT_SHARE = 0.9
 """Initial contact radius, relative to the ball's."""
 MAX_OFFSET_PITCHES = 0.15
 """Largest distance of a ball from the lattice, in pitches."""
+LATTICE_ROUNDS = 6
+"""Rounds that find the lattice's angle and place."""
 SAMPLES_PER_BALL = 60
 """Samples per ball to place it."""
 EDGE_RADII = np.arange(0.5, 1.0, 0.04)
@@ -117,8 +119,7 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
     near = np.abs(np.hypot(away[..., 0], away[..., 1]) / pitch_px - 1) < MAX_OFFSET_PITCHES
     # Four times the angle (modulo 2 pi) is the same for all neighbours on a square lattice.
     angle = np.angle(np.exp(4j * np.arctan2(away[near][:, 1], away[near][:, 0])).sum()) / 4
-    offset = np.zeros(2)
-    for _ in range(5):
+    for _ in range(LATTICE_ROUNDS):
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         place = (peaks @ turn.T) / pitch_px
         phase = np.exp(2j * np.pi * place).mean(axis=0)
@@ -130,11 +131,7 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
         spread = step[kept] - step[kept].mean(axis=0)
         turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
         angle += float(turned.sum() / max((spread**2).sum(), 1e-9))
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    place = (peaks @ turn.T) / pitch_px
-    step = np.round(place - offset)
-    left = place - offset - step
-    return (step + offset) * pitch_px @ turn, np.hypot(left[:, 0], left[:, 1]) < MAX_OFFSET_PITCHES
+    return (step + offset) * pitch_px @ turn, kept
 
 
 def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:

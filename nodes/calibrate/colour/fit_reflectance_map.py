@@ -42,7 +42,8 @@ MAX_RIM_PRESSES = 7
 """Most presses that measure the height of the contact's rim."""
 FIRST_RIM_MM = 0.2
 """Start value of the rim's height in mm."""
-RIM_ROUNDS = 2
+RIM_ROUNDS, FIT_ROUNDS = 2, 3
+"""Rounds that find the height of the rim, and the weights of a fit."""
 MAX_DEVIATIONS = 6.0
 """A press is an outlier above this many robust standard deviations of the residuals ..."""
 MAX_MEDIANS = 2.5
@@ -261,10 +262,10 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
     return reflectance
 
 
-def _robust_fit(basis: F8, light: F8, even: F8, rounds: int = 3) -> F8:
+def _robust_fit(basis: F8, light: F8, even: F8) -> F8:
     """Iteratively reweighted least squares: columns x N, N, N."""
     weight = even
-    for _ in range(rounds):
+    for _ in range(FIT_ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)

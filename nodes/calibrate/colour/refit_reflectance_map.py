@@ -18,6 +18,7 @@ from tactograph.nodes.calibrate import (
     Circles,
 )
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
+    FIT_ROUNDS,
     RIM_ROUNDS,
     Bench,
     make_bench,
@@ -194,7 +195,7 @@ def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, 
     held = np.concatenate([[PRIOR_DEVIATIONS[part]] * len(columns[part]) for part in parts])
     thinned = min(1.0, MAX_INDEPENDENT / max(light.size, 1))
     weight, change = even / even.mean(), np.zeros(len(basis))
-    for _ in range(3):
+    for _ in range(FIT_ROUNDS):
         weighted = basis * (weight * thinned / MAP_DEVIATION**2)
         normal = weighted @ basis.T + np.diag(held**-2)
         change = np.linalg.solve(normal, weighted @ left)

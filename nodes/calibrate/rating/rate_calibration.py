@@ -28,7 +28,8 @@ from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
 MAX_RESIDUAL = 0.05
-MIN_STEEPEST_SLOPE = 0.5
+MIN_STEEPEST_SLOPE, SECTOR_COUNT = 0.5, 16
+"""Slope that the tables cover in every direction, and the directions that are looked at."""
 MAX_LIGHT_MISMATCH = 0.03
 MAX_NOISE_RATIO = 1.3
 """Multiple of the camera's noise up to which noise explains a departure."""
@@ -271,10 +272,10 @@ def _directions(lights: LightPositions) -> Metrics:
     return rated
 
 
-def _covered_everywhere(lut_slope: LutSlope, sectors: int = 16) -> float:
-    """The slope up to which each of `sectors` directions has entries."""
+def _covered_everywhere(lut_slope: LutSlope) -> float:
+    """The slope up to which each of `SECTOR_COUNT` directions has entries."""
     azimuth = np.arctan2(lut_slope[:, 1], lut_slope[:, 0])
-    sector = ((azimuth + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
-    steep = np.zeros(sectors)
+    sector = ((azimuth + np.pi) / (2 * np.pi) * SECTOR_COUNT).astype(int) % SECTOR_COUNT
+    steep = np.zeros(SECTOR_COUNT)
     np.maximum.at(steep, sector, np.hypot(lut_slope[:, 0], lut_slope[:, 1]))
     return float(steep.min())

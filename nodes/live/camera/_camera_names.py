@@ -23,12 +23,10 @@ class NamedCamera(NamedTuple):
     serial: str
 
 
-def named_cameras(sysfs: Path | None = None) -> list[NamedCamera]:
+def named_cameras() -> list[NamedCamera]:
     """The connected cameras, by number, without devices that deliver no pictures (metadata)."""
     cameras = []
-    for entry in sorted(
-        (sysfs or CAMERA_FOLDER).glob("video*"), key=lambda each: int(each.name[5:])
-    ):
+    for entry in sorted(CAMERA_FOLDER.glob("video*"), key=lambda each: int(each.name[5:])):
         if _read(entry / "index") not in ("", "0"):
             continue
         interface = (entry / "device").resolve()

@@ -68,8 +68,7 @@ class Statistics:
     """Running statistics of a stream, in bounded memory."""
 
     def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
-        self._folder = folder
-        self._every = every_s
+        self._folder, self._every = folder, every_s
         self._begun = self._told = time.monotonic()
         self._heights = self._heights_told = 0
         self._first = self._last = self._processor = 0.0
@@ -79,7 +78,7 @@ class Statistics:
         self._contact: Metrics = {}
         self._touched = self._deepest = 0.0
         self._doubtful = 0
-        self._memory_first = self._memory_most = 0.0
+        self._memory_first = 0.0
         self._state = LiveState()
         self._provenance: Provenance | None = None
 
@@ -169,8 +168,7 @@ class Statistics:
         parts = [f"{rate:5.1f} heights/s", f"latency {figures.get('latency_median_ms', 0):.1f} ms"]
         if "rmse_um" in figures:
             parts.append(f"rmse {figures['rmse_um']:.1f} um")
-        depths = _of_all(self._contact, "contact_depth_mm")
-        if depths:
+        if depths := _of_all(self._contact, "contact_depth_mm"):
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
             cut = int(sum(_of_all(self._contact, "contact_cut")))
