@@ -30,7 +30,7 @@ from tactograph.nodes.stream.frames import LiveState
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""
 _TAKEN_AS = {
-    **dict.fromkeys(("name", "time", "state"), "frames"),
+    **dict.fromkeys(("image", "name", "time", "state"), "frames"),
     **dict.fromkeys(("lens", "camera"), "view"),
     **dict.fromkeys(("markers", "shift", "seen"), "tracks"),
 }

@@ -21,9 +21,10 @@ from tactograph.nodes.stream.frames import LiveState
 from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 
 
-class FramesOrigin(NamedTuple):
-    """The name of the frames, and, live, their time and the camera's counters."""
+class CapturedFrames(NamedTuple):
+    """The frames as captured, their name, and, live, their time and the camera's counters."""
 
+    image: Light
     name: str
     time: Annotated[float, Port(unit="s")] | None = None
     state: LiveState | None = None
@@ -36,12 +37,11 @@ class View(NamedTuple):
     camera: Vergence | None = None
 
 
-@node
+@node(former={"image": "'frames' takes it along with name and time: frames: frames"})
 def join_touch(
     height: Height,
-    image: Light,
     pixel: PixelSize,
-    frames: FramesOrigin,
+    frames: CapturedFrames,
     shadow: Labels | None = None,
     metrics: Metrics | None = None,
     contact: Contacts | None = None,
@@ -58,12 +58,11 @@ def join_touch(
     ----------
     height
         H x W in mm.
-    image
-        K x H x W, 0 to 1, as captured.
     pixel
         mm per px.
     frames
-        The node that gives the frames: `read_capture`, `read_camera` or another.
+        The node that gives the frames (K x H x W, 0 to 1, as captured): `read_capture`,
+        `read_camera` or another.
     shadow
         H x W, the LEDs that do not reach each pixel.
     metrics
@@ -85,4 +84,5 @@ def join_touch(
     """
     labels, measured = (shadow, highlight, confidence), (metrics, contact, error)
     moved = (tracks, pose)
-    return Touch(height, image, pixel, *frames, *labels, *measured, *(view or View()), *moved)
+    image, *origin = frames
+    return Touch(height, image, pixel, *origin, *labels, *measured, *(view or View()), *moved)

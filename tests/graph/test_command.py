@@ -39,7 +39,7 @@ nodes:
   score:  {op: evaluate_height, in: {height: height, pixel: pixel, truth: frames.truth}}
   touch:
     op: join_touch
-    in: {height: height, image: frames.image, pixel: pixel, frames: frames, shadow: lit}
+    in: {height: height, pixel: pixel, frames: frames, shadow: lit}
   save:
     op: write_result
     in: {touch: touch, metrics: score}

@@ -11,7 +11,7 @@ from tactograph.graph import GraphError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.nodes.write.join_touch import FramesOrigin, View, join_touch
+from tactograph.nodes.write.join_touch import CapturedFrames, View, join_touch
 
 GRAPH = """
 format: 1
@@ -24,7 +24,7 @@ nodes:
   cal:    {op: read_calibration, with: {file: $folder}}
   touch:
     op: join_touch
-    in: {height: height, image: frames.image, pixel: pixel, frames: frames, view: cal}
+    in: {height: height, pixel: pixel, frames: frames, view: cal}
   save: {op: write_result, in: {touch: touch}, with: {folder: $folder}}
 """
 
@@ -37,7 +37,10 @@ def bound(text: str, folder: Path) -> Draft:
 
 
 def test_every_part_is_where_its_name_says() -> None:
-    records = {"frames": FramesOrigin("name", "time", "state"), "view": View("lens", "camera")}
+    records = {
+        "frames": CapturedFrames("image", "name", "time", "state"),
+        "view": View("lens", "camera"),
+    }
     parts = {name: name for name in join_touch.input_names} | records
     joined = asdict(join_touch(**parts))
     assert joined == {name: name for name in joined}
