@@ -144,9 +144,9 @@ def judge_touch(
         figures["rim_share"] = share = rim_share(height, slope, shadow)
         if share > MAX_RIM_SHARE and not rims_measured:
             warn(
-                f"{share:.0%} of the touch hangs on rims that light does not measure, steep or in "
-                "the shadow of several LEDs: it may stand higher (precise measures rims by their "
-                "shadows)"
+                f"{share:.0%} of the touch hangs on rims that light does not measure: steeper "
+                "than a cell shows, or in the shadow of several LEDs. It may stand higher "
+                "(precise measures rims by their shadows)"
             )
     return figures
 
