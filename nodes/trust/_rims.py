@@ -7,10 +7,10 @@ import numpy as np
 
 from tactograph.nodes import F4, U1
 
-SHARPEST = np.float32(1.25)
+MAX_CELL_TURN = np.float32(1.25)
 """Change of the slope from cell to cell beyond which an edge lies within a cell, which shows the
 mean of both sides."""
-STEEP = np.float32(1.0)
+MIN_RIM_SLOPE = np.float32(1.0)
 """Slope of the steeper side from which on such an edge is a rim."""
 MIN_DARK_LEDS = 2
 """LEDs in shadow from which on those that remain leave the slope open."""
@@ -38,10 +38,10 @@ def rim_share(height: F4, slope: F4, shadow: U1) -> float:
 def _edges(slope: F4) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """Whether the slope changes too much to the next cell, on either side of the edge."""
     edge = np.zeros(slope.shape[1:], bool)
-    across = np.hypot(*np.diff(slope, axis=2)) > SHARPEST
-    down = np.hypot(*np.diff(slope, axis=1)) > SHARPEST
+    across = np.hypot(*np.diff(slope, axis=2)) > MAX_CELL_TURN
+    down = np.hypot(*np.diff(slope, axis=1)) > MAX_CELL_TURN
     for side in (edge[:, 1:], edge[:, :-1]):
         side |= across
     for side in (edge[1:], edge[:-1]):
         side |= down
-    return edge & (np.hypot(*slope) > STEEP)
+    return edge & (np.hypot(*slope) > MIN_RIM_SLOPE)

@@ -169,12 +169,11 @@ class Statistics:
         parts = [f"{rate:5.1f} heights/s", f"latency {figures.get('latency_median_ms', 0):.1f} ms"]
         if "rmse_um" in figures:
             parts.append(f"rmse {figures['rmse_um']:.1f} um")
-        depths = _of_all(self._contact, "contact_depth_mm")
-        if depths:
+        if depths := _of_all(self._contact, "contact_depth_mm"):
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
-            cut = int(sum(_of_all(self._contact, "contact_cut")))
-            more = f" or more, {cut} cut by the frame" if cut else ""
+            cut = sum(_of_all(self._contact, "contact_cut"))
+            more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
         if self._contact.get("pose_frames"):
             x, y, z = (self._contact[f"pose_{axis}_mm"] for axis in "xyz")
