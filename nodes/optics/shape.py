@@ -16,6 +16,8 @@ MAX_PIXELS = 2**24
 """Most pixels of a simulated image: 17 million."""
 Length = Annotated[float, Interval(gt=0, le=1e4)]
 """A length in mm, at most 10 m."""
+WallAngle = Annotated[float, Interval(gt=0, le=90)]
+"""Angle of a wall against the plane, in degrees; 90 is vertical."""
 PixelSide = Annotated[float, Interval(ge=1e-4, le=10)]
 """Side of a pixel in mm, from a tenth of a micrometre."""
 Offset = tuple[float, float]
@@ -71,6 +73,12 @@ def shape(height: F8, pixel_size_mm: float) -> Shape:
     """Return the record of a height in mm, clipped at the film at rest."""
     top: F4 = np.asarray(np.maximum(height, 0.0), np.float32)
     return Shape(top, float(pixel_size_mm))
+
+
+def risen(within: F8, rise_mm: float, wall_deg: float) -> F8:
+    """Return the height of a wall, by the distance from its middle: half of `rise_mm` at 0."""
+    run = rise_mm / np.tan(np.radians(wall_deg))
+    return np.asarray(rise_mm * np.clip(within / max(run, 1e-9) + 0.5, 0, 1))
 
 
 def stretched(height: F8, rise_mm: float | None) -> F8:

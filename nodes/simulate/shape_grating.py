@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import node
+from tactograph.graph import InputError, node
 from tactograph.nodes import F8
 from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM,
@@ -16,7 +16,9 @@ from tactograph.nodes.optics.shape import (
     PixelSide,
     Shape,
     Side,
+    WallAngle,
     grid,
+    risen,
     shape,
     turned,
 )
@@ -32,6 +34,8 @@ def shape_grating(
     profile: Profile = "square",
     duty: Annotated[float, Interval(gt=0, lt=1)] = 0.5,
     side_mm: Length = 12.0,
+    wall_deg: WallAngle = 90.0,
+    middle: Literal["ridge", "groove"] = "ridge",
     angle_deg: float = 0.0,
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
@@ -39,6 +43,8 @@ def shape_grating(
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height of a grating, to test resolution and ridges that shade grooves.
+
+    With ``middle="groove"`` and a patch less wide than one period and a groove, it is one groove.
 
     Parameters
     ----------
@@ -52,23 +58,48 @@ def shape_grating(
         Share of a period that the ridge takes; the rest is flat groove.
     side_mm
         Side of the square patch that the grating fills.
+    wall_deg
+        Angle of the walls of square ridges, and of the patch; 90 is vertical.  Widths hold at half
+        the height.
+    middle
+        What lies in the middle of the patch.
     angle_deg
         Azimuth across the ridges, from x (right) towards y (down).
     offset_mm
-        Centre of the patch, the middle of a ridge, from the centre of the image.
+        Centre of the patch from the centre of the image.
     width_px, height_px, pixel_size_mm
         The image.
 
     Returns
     -------
     Height H x W, mm, and the pixel size.
+
+    Raises
+    ------
+    InputError
+        If ridges that are not square get an angle of walls, or walls leave no level.
     """
     x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
     across, along = turned(x, y, angle_deg)
-    phase = np.abs(across / period_mm - np.round(across / period_mm))
-    height = rise_mm * _ridge(phase / (duty / 2), profile)
-    there = np.maximum(np.abs(across), np.abs(along)) <= side_mm / 2
-    return shape(np.where(there, height, 0.0), pixel_size_mm)
+    periods = across / period_mm + (0.5 if middle == "groove" else 0.0)
+    phase = np.abs(periods - np.round(periods))
+    from_edge = side_mm / 2 - np.maximum(np.abs(across), np.abs(along))
+    if wall_deg == 90:
+        height = rise_mm * _ridge(phase / (duty / 2), profile)
+        return shape(np.where(from_edge >= 0, height, 0.0), pixel_size_mm)
+    _check_walls(rise_mm / np.tan(np.radians(wall_deg)), period_mm, duty, profile)
+    within = np.minimum((duty / 2 - phase) * period_mm, from_edge)
+    return shape(risen(within, rise_mm, wall_deg), pixel_size_mm)
+
+
+def _check_walls(run_mm: float, period_mm: float, duty: float, profile: Profile) -> None:
+    if profile != "square":
+        raise InputError(f"shape_grating: a {profile} has no walls; leave wall_deg=90")
+    if run_mm >= min(duty, 1 - duty) * period_mm:
+        raise InputError(
+            f"shape_grating: walls take {run_mm:.3g} mm each, which leaves no level between them; "
+            "make wall_deg or period_mm larger, or duty nearer to 0.5"
+        )
 
 
 def _ridge(from_middle: F8, profile: Profile) -> F8:

@@ -15,7 +15,9 @@ from tactograph.nodes.optics.shape import (
     PixelSide,
     Shape,
     Side,
+    WallAngle,
     grid,
+    risen,
     shape,
     turned,
 )
@@ -28,13 +30,14 @@ def shape_steps(
     tread_mm: Length = 2.0,
     step_mm: Length = 0.4,
     breadth_mm: Length = 10.0,
+    wall_deg: WallAngle = 90.0,
     angle_deg: float = 0.0,
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
     height_px: Side = 240,
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
 ) -> Shape:
-    """Return the height of a staircase, with vertical walls of known height.
+    """Return the height of a staircase, with walls of known height and angle.
 
     Parameters
     ----------
@@ -46,6 +49,8 @@ def shape_steps(
         Rise from one step to the next.
     breadth_mm
         Extent across the direction of the climb.
+    wall_deg
+        Angle of the walls between the steps and of those around the staircase; 90 is vertical.
     angle_deg
         Azimuth in which the stairs climb, from x (right) towards y (down).
     offset_mm
@@ -59,6 +64,12 @@ def shape_steps(
     """
     x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
     along, across = turned(x, y, angle_deg)
-    tread = np.floor(along / tread_mm + count / 2)
-    there = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
-    return shape(np.where(there, (tread + 1) * step_mm, 0.0), pixel_size_mm)
+    if wall_deg == 90:
+        tread = np.floor(along / tread_mm + count / 2)
+        there = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
+        return shape(np.where(there, (tread + 1) * step_mm, 0.0), pixel_size_mm)
+    top = count * step_mm
+    starts = (np.arange(count) - count / 2) * tread_mm
+    stairs = sum(risen(along - start, step_mm, wall_deg) for start in starts)
+    around = np.minimum(count * tread_mm / 2 - along, breadth_mm / 2 - np.abs(across))
+    return shape(np.minimum(stairs, risen(around, top, wall_deg)), pixel_size_mm)

@@ -29,6 +29,7 @@ from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust._light_check import Touched, check_light
 from tactograph.nodes.trust._rest_check import check_rest
+from tactograph.nodes.trust._rims import MAX_RIM_SHARE, rim_share
 from tactograph.nodes.trust.light_departure import Departure, light_error
 
 TRUST_POWER = 4
@@ -65,6 +66,7 @@ def judge_touch(
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
     force: bool = False,
     filled: bool = False,
+    rims_measured: bool = False,
 ) -> Metrics:
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
@@ -102,11 +104,15 @@ def judge_touch(
         Go on where all checks fail.
     filled
         Whether an object fills the frame: then no film at rest is looked for.
+    rims_measured
+        Whether the height at rims comes from their shadows, too: then rims are no warning.
 
     Returns
     -------
     dict
-        ``trust``, 0 to 1, and the figures ``check_light``, ``check_curl`` and ``check_rest``.
+        ``trust``, 0 to 1, and the figures ``check_light``, ``check_curl`` and ``check_rest``;
+        with slopes and shadows of the height's size ``rim_share``, the share of the touched
+        film whose height hangs on rims that light does not measure.
 
     Raises
     ------
@@ -133,7 +139,16 @@ def judge_touch(
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
     if trust < least:
         warn(f"{_causes(checks)}; the height may be wrong")
-    return {"trust": trust} | {f"check_{name}": check.figure for name, check in checks.items()}
+    figures = {"trust": trust} | {f"check_{n}": check.figure for n, check in checks.items()}
+    if slope is not None and shadow is not None and shadow.shape == height.shape:
+        figures["rim_share"] = share = rim_share(height, slope, shadow)
+        if share > MAX_RIM_SHARE and not rims_measured:
+            warn(
+                f"{share:.0%} of the touch hangs on rims that light does not measure: steeper "
+                "than a cell shows, or in the shadow of several LEDs. It may stand higher "
+                "(precise measures rims by their shadows)"
+            )
+    return figures
 
 
 def _causes(checks: dict[str, Check]) -> str:

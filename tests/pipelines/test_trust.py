@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -175,6 +176,21 @@ def test_the_cause_is_among_those_named(
 ) -> None:
     right, another = (images(raytraced / "far28" / name) for name in ("sphere", "cat_film"))
     assert cause in verdict(opened("reconstruct", "far28"), WRONG[what](right, another))
+
+
+@pytest.mark.parametrize("rig", ["far28", "near33"])
+@pytest.mark.parametrize(
+    ("shape", "least", "most"),
+    [("sphere", 0.95, 1.0), ("cat", 0.25, 0.5), ("sphere_film", 0, 0), ("cat_film", 0, 0.05)],
+)
+def test_rigid_walls_and_no_soft_ones_are_rims(
+    raytraced: Raytraced, opened: Opened, rig: str, shape: str, least: float, most: float
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = opened("reconstruct", rig)(frames=images(raytraced / rig / shape))
+    assert least <= found["metrics"]["rim_share"] <= most
+    assert any("hangs on rims" in line for line in found.warnings) == (least > 0)
 
 
 @pytest.fixture

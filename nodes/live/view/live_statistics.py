@@ -171,8 +171,8 @@ class Statistics:
         if depths := _of_all(self._contact, "contact_depth_mm"):
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
-            cut = int(sum(_of_all(self._contact, "contact_cut")))
-            more = f" or more, {cut} cut by the frame" if cut else ""
+            cut = sum(_of_all(self._contact, "contact_cut"))
+            more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
         if self._contact.get("pose_frames"):
             x, y, z = (self._contact[f"pose_{axis}_mm"] for axis in "xyz")

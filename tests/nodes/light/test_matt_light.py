@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,20 @@ def test_a_normal_that_is_ten_degrees_off_does_little_harm(name: str) -> None:
     assert apart[:, on].max() < 0.01
     if name in {"lobe", "all"}:
         assert apart[:, on].max() < 0.3 * without[:, on].max()
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_no_film_that_departs_from_a_matt_one_is_left_alone(name: str) -> None:
+    assert matt_light.is_idle is not None
+    asked = inspect.signature(matt_light.is_idle).parameters
+
+    def idle(film: Film) -> bool:
+        known = {f"film_{part}": value for part, value in film._asdict().items()}
+        known["bounced"] = None
+        return matt_light.is_idle(**{part: known[part] for part in asked})
+
+    assert idle(MATT)
+    assert not idle(FILMS[name])
 
 
 def test_a_matt_film_that_is_seen_from_afar_keeps_its_light() -> None:

@@ -9,6 +9,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
+from tactograph.nodes.trust._rims import rim_share
 from tactograph.nodes.trust.judge_touch import FilmErrors, judge_touch
 
 SHAPE = (30, 40)
@@ -130,3 +131,35 @@ def test_what_no_cell_tests_is_not_held_against_a_touch() -> None:
     found = judged(-1.0)
     assert found["check_curl"] == 0
     assert not any(np.isnan(figure) for figure in found.values())
+
+
+def dome(wall: float, gap: int = 0) -> dict[str, F4]:
+    """A plateau of 0.5 mm behind a wall of such a slope, with a gentle ramp in place of some."""
+    y, x = np.indices(SHAPE)
+    away = np.hypot(x - 20, y - 15)
+    height, slope = np.where(away < 9, 0.5, 0).astype(np.float32), np.zeros((2, *SHAPE), np.float32)
+    slope[0][(away >= 7) & (away < 9) & (np.abs(y - 15) >= gap)] = wall
+    return {"height": height, "slope": slope, "shadow": np.zeros(SHAPE, np.uint8)}
+
+
+def test_what_rims_close_in_hangs_on_them() -> None:
+    assert rim_share(**dome(3.0)) == 1
+    assert rim_share(**dome(1.1)) == 0, "cells show slopes that turn so little"
+    assert 0.2 < rim_share(**dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
+    shaded = dome(1.1)
+    shaded["shadow"][shaded["slope"][0] > 0] = 0b0101
+    assert rim_share(**shaded) == 1
+    assert rim_share(HEIGHT, np.zeros_like(SLOPE), shaded["shadow"]) == 0, "nothing is touched"
+
+
+@pytest.mark.parametrize(
+    ("wall", "measured", "warned"), [(3, False, 1), (3, True, 0), (1.1, False, 0)]
+)
+def test_rims_are_a_warning_unless_something_else_measures_them(
+    wall: float, measured: bool, warned: int
+) -> None:
+    notes: list[str] = []
+    with collect_warnings(notes):
+        found = judge_touch(np.zeros(SHAPE, np.float32), REST, rims_measured=measured, **dome(wall))
+    assert found["rim_share"] == (1 if wall == 3 else 0)
+    assert sum("100% of the touch hangs on rims" in note for note in notes) == warned
