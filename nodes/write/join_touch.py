@@ -84,5 +84,7 @@ def join_touch(
     """
     labels, measured = (shadow, highlight, confidence), (metrics, contact, error)
     moved = (tracks, pose)
-    image, *origin = frames
-    return Touch(height, image, pixel, *origin, *labels, *measured, *(view or View()), *moved)
+    origin = frames.name, frames.time, frames.state
+    return Touch(
+        height, frames.image, pixel, *origin, *labels, *measured, *(view or View()), *moved
+    )
