@@ -36,6 +36,7 @@ from tactograph.graph.errors import (
 
 if TYPE_CHECKING:
     from tactograph.graph.backends import parity
+    from tactograph.graph.batch.batch_maps import BatchMaps
     from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 __all__ = [
     "EVERYTHING",
     "FRACTIONS",
+    "BatchMaps",
     "Cache",
     "Close",
     "EndOfStream",
@@ -71,6 +73,7 @@ __all__ = [
 
 
 _LATE_MODULES = {
+    "BatchMaps": "batch.batch_maps",
     "Cache": "run.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",

@@ -147,10 +147,10 @@ class Store:
         for first in range(0, len(self), self.chunk):
             here = self._chunk_of(first)
             if ((here.start <= finished) & (finished < here.stop)).any():
-                whole[here] = self._are_whole(here)
+                whole[here] = self.are_whole(here)
         return [int(number) for number in finished if not whole[number]]
 
-    def _are_whole(self, here: slice) -> list[bool]:
+    def are_whole(self, here: slice) -> list[bool]:
         """Return whether captures are read as they were written; old stores have no checksums.
 
         They are read all at once, which takes as long as one, unless some cannot be decoded.
@@ -164,7 +164,7 @@ class Store:
                 return [False]
             middle = (here.start + here.stop) // 2
             halves = slice(here.start, middle), slice(middle, here.stop)
-            return [is_whole for half in halves for is_whole in self._are_whole(half)]
+            return [is_whole for half in halves for is_whole in self.are_whole(half)]
         if "checksum" not in self._group:
             return [True] * len(entries)
         for at, entry in enumerate(entries):

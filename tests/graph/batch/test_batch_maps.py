@@ -1,0 +1,64 @@
+"""A training loop's view of a store: whole maps of finished captures, in any process."""
+
+from __future__ import annotations
+
+import multiprocessing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import BatchMaps, InputError
+from tactograph.graph.batch.entry import DONE, FAILED, Entry
+from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.map_types import MapType
+from tactograph.graph.batch.store import create_store
+from tactograph.graph.run.result_origin import Origin
+
+HEIGHTS = np.arange(4 * 2 * 3, dtype=np.float32).reshape(4, 2, 3)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """Four captures: the second failed, the last is pending."""
+    job = Job("", "", "", {}, {}, "capture", ("height", "shadow"))
+    store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
+    store.append(["a", "b", "c", "d"])
+    kinds = {"height": "float32", "shadow": "uint8"}
+    store.add_maps({name: MapType((2, 3), kind, "", ("H", "W")) for name, kind in kinds.items()})
+    maps = [{"height": z, "shadow": z.astype(np.uint8)} for z in HEIGHTS]
+    store.write({0: Entry(DONE, maps=maps[0]), 1: Entry(FAILED, "dark", maps=maps[1])})
+    store.write({2: Entry(DONE, maps=maps[2])})
+    return tmp_path / "out.zarr"
+
+
+def test_the_maps_of_finished_captures_are_read_one_by_one(place: Path) -> None:
+    found = BatchMaps(place)
+    assert (len(found), found.captures, found.names) == (2, ["a", "c"], ("height", "shadow"))
+    np.testing.assert_array_equal(found[1]["height"], HEIGHTS[2])
+    assert found[-1]["shadow"].dtype == np.uint8
+    assert list(BatchMaps(place, "height")[0]) == ["height"]
+    with pytest.raises(IndexError):
+        found[2]
+
+
+@pytest.mark.parametrize("method", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
+def test_processes_that_are_started_read_the_same(place: Path, method: str) -> None:
+    found = BatchMaps(place, "height")
+    first = found[0]  # the store is open here
+    with multiprocessing.get_context(method).Pool(2) as pool:
+        there = pool.map_async(found.__getitem__, [0, 1]).get(timeout=60)
+    np.testing.assert_array_equal([each["height"] for each in there], HEIGHTS[[0, 2]])
+    np.testing.assert_array_equal(there[0]["height"], first["height"])
+
+
+def test_what_is_not_there_is_refused(place: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.zarr: there is no store of a batch"):
+        BatchMaps(tmp_path / "no.zarr")
+    with pytest.raises(InputError, match="no map 'hight'; did you mean 'height'"):
+        BatchMaps(place, "hight")
+    (place / "height" / "c" / "0" / "0" / "0").unlink()
+    found = BatchMaps(place, "shadow")
+    with pytest.raises(InputError, match="the maps of a are damaged; the command of the batch"):
+        found[0]
+    np.testing.assert_array_equal(found[1]["shadow"], HEIGHTS[2])
