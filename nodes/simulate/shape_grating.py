@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -26,16 +26,22 @@ from tactograph.nodes.optics.shape import (
 Profile = Literal["square", "triangle", "sine"]
 
 
+class Ridge(NamedTuple):
+    """The cross-section of a grating, and whether a ridge or a groove lies in its middle."""
+
+    profile: Profile = "square"
+    duty: Annotated[float, Interval(gt=0, lt=1)] = 0.5
+    wall_deg: WallAngle = 90.0
+    middle: Literal["ridge", "groove"] = "ridge"
+
+
 @node
 def shape_grating(
     *,
     period_mm: Length = 2.0,
     rise_mm: Length = 0.5,
-    profile: Profile = "square",
-    duty: Annotated[float, Interval(gt=0, lt=1)] = 0.5,
+    ridge: Ridge,
     side_mm: Length = 12.0,
-    wall_deg: WallAngle = 90.0,
-    middle: Literal["ridge", "groove"] = "ridge",
     angle_deg: float = 0.0,
     offset_mm: Offset = (0.0, 0.0),
     width_px: Side = 320,
@@ -52,17 +58,13 @@ def shape_grating(
         From ridge to ridge.
     rise_mm
         Height of the ridges; the grooves reach down to the plane.
-    profile
-        Cross-section of a ridge.
-    duty
-        Share of a period that the ridge takes; the rest is flat groove.
+    ridge
+        ``profile``, the cross-section of a ridge; ``duty``, the share of a period that it takes,
+        the rest is flat groove; ``wall_deg``, the angle of the walls of square ridges, and of the
+        patch, where 90 is vertical and widths hold at half the height; ``middle``, what lies in
+        the middle of the patch.
     side_mm
         Side of the square patch that the grating fills.
-    wall_deg
-        Angle of the walls of square ridges, and of the patch; 90 is vertical.  Widths hold at half
-        the height.
-    middle
-        What lies in the middle of the patch.
     angle_deg
         Azimuth across the ridges, from x (right) towards y (down).
     offset_mm
@@ -79,6 +81,7 @@ def shape_grating(
     InputError
         If ridges that are not square get an angle of walls, or walls leave no level.
     """
+    profile, duty, wall_deg, middle = ridge
     x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
     across, along = turned(x, y, angle_deg)
     periods = across / period_mm + (0.5 if middle == "groove" else 0.0)
