@@ -9,8 +9,10 @@ from annotated_types import Ge, Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
+from tactograph.nodes.calibrate.ball.find_balls import find_balls
+from tactograph.nodes.calibrate.colour.sheet_presses import sheet_presses
 from tactograph.nodes.capture.read_balls import KnownCircles
 from tactograph.nodes.capture.read_presses import PressImages
 
@@ -18,10 +20,12 @@ MIN_PRESSES = 4
 
 
 class FoundPresses(NamedTuple):
-    """A circle per press, and its goodness."""
+    """Circle, goodness, press and name of every ball."""
 
-    circle: Circles
-    goodness: Annotated[F4, Port("P", "1")]
+    circle: BallCircles
+    goodness: Annotated[F4, Port("B", "1")]
+    of: BallPress
+    names: list[str]
 
 
 @node
@@ -33,6 +37,7 @@ def find_presses(
     known: KnownCircles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
+    pitch_mm: Annotated[float, Gt(0)] | None = None,
     fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
 ) -> FoundPresses:
     """Return the contact circle of every press, as `find_ball` finds it.
@@ -53,27 +58,42 @@ def find_presses(
         ``capture.yaml``; NaN where a number is not known.
     radius_mm
         The ball's radius.
+    pitch_mm
+        Pitch of a square grid of balls, of which every press shows several, as for `find_balls`.
+        None: every press is one of a single ball.
     fewest
-        Fewest presses that must show a ball.
+        Fewest balls that must be found.
 
     Returns
     -------
     FoundPresses
-        x, y and contact radius in px per press (pixel centres lie at integers), and the
-        goodness of each, 0 to 1.
+        x, y and contact radius in px per ball (pixel centres lie at integers), the goodness of
+        each, 0 to 1, the press that it is in, and its name for messages.
 
     Raises
     ------
     InputError
         If fewer than `fewest` presses show a ball; if the radius is not given.
     """
+    every = np.arange(len(image), dtype=np.int32)
     if not names:
         none = np.zeros(len(image), np.float32)
-        return FoundPresses(np.zeros((len(image), 3), np.float32), none)
+        return FoundPresses(np.zeros((len(image), 3), np.float32), none, every, names)
     if radius_mm is None:
         raise InputError("the ball's radius is not known; give ball_radius_mm=...")
     if known is None:
         known = np.full((len(image), 3), np.nan, np.float32)
+    if pitch_mm is not None:
+        sheet = sheet_presses(image / np.maximum(flat, MIN_FLAT_LIGHT))
+        radii = np.full(len(image), radius_mm, np.float32)
+        circle, ball_goodness, _, of, _ = find_balls(
+            sheet, flat, radii, known, names, pixel, pitch_mm=pitch_mm
+        )
+        told = [
+            f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
+            for press, (x, y, _) in zip(of, circle, strict=True)
+        ]
+        return FoundPresses(circle, ball_goodness, of, told)
     circles, goodness, missed = [], [], []
     for press, name, (x, y, contact) in zip(image, names, known, strict=True):
         if np.isfinite([x, y, contact]).all():
@@ -94,12 +114,15 @@ def find_presses(
             goodness.append(ball.goodness)
     ball_count = int(np.count_nonzero(goodness))
     if ball_count < fewest:
+        where = f": none in {', '.join(missed)}" if missed else ""
         raise InputError(
             f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
-            f"{fewest} are needed: none in {', '.join(missed)}; check ball_radius_mm and "
-            "pixel_size_mm, press more often, or write ball_center_px: [x, y] and ball_contact_px "
-            "into a press's capture.yaml"
+            f"{fewest} are needed{where}; check ball_radius_mm and pixel_size_mm, press more "
+            "often, give ball_pitch_mm if a press shows a grid of balls, or write "
+            "ball_center_px: [x, y] and ball_contact_px into a press's capture.yaml"
         )
     for name in missed:
         warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
-    return FoundPresses(np.asarray(circles, np.float32), np.asarray(goodness, np.float32))
+    return FoundPresses(
+        np.asarray(circles, np.float32), np.asarray(goodness, np.float32), every, names
+    )

@@ -11,8 +11,8 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, F8, U1, Light, PixelSize
-from tactograph.nodes.calibrate import Circles
+from tactograph.nodes import F4, F8, I4, U1, Light, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.height.enlarge_height import enlarge_height
@@ -56,14 +56,14 @@ class MapFit(NamedTuple):
     """The map, the circles refined with it, and its residual."""
 
     reflectance: ReflectanceMap
-    circle: Circles
-    kept: Annotated[U1, Port("P", "flag", high=1)]
+    circle: BallCircles
+    kept: Annotated[U1, Port("B", "flag", high=1)]
     rim: Annotated[float, Port(unit="mm")]
     residual: Annotated[F4, Port("K", "1")]
 
 
 class Bench(NamedTuple):
-    """Inputs of every step of the fit: smoothed relative light of the presses, film at rest,
+    """Inputs of every step of the fit: smoothed relative light of each ball's press, film at rest,
     ball radius in px, mm per px, and degree of the polynomials."""
 
     light: list[F4]
@@ -82,8 +82,9 @@ def fit_reflectance_map(
     image: PressImages,
     flat: Light,
     names: list[str],
-    circle: Circles,
+    circle: BallCircles,
     pixel: PixelSize,
+    of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
@@ -102,11 +103,13 @@ def fit_reflectance_map(
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
     names
-        The presses' names, for messages.
+        The balls' names, for messages.
     circle
-        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
+        B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out.
     pixel
         mm per px.
+    of
+        The press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     rounds
@@ -118,7 +121,7 @@ def fit_reflectance_map(
     Returns
     -------
     MapFit
-        Coefficients K x 9 x 15; circles P x 3; `kept` P, 0 for outliers; height of the
+        Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the
         contact's rim above the film at rest in mm; root mean square residual of length K,
         relative to the film at rest.
 
@@ -129,7 +132,7 @@ def fit_reflectance_map(
     """
     kept = circle[:, 2] > 0
     order = degree_for(int(kept.sum())) if degree is None else degree
-    bench = make_bench(image, flat, radius_mm, pixel, order)
+    bench = make_bench(image, flat, radius_mm, pixel, order, of)
     circles = circle.astype(np.float64)
     rim = FIRST_RIM_MM
     reflectance, circles = fit_presses(bench, circles, kept, rim, rounds)
@@ -160,11 +163,14 @@ def degree_for(presses: int) -> int:
     return max(fitting, default=0)
 
 
-def make_bench(image: F4, flat: F4, radius_mm: float, pixel: float, degree: int) -> Bench:
+def make_bench(
+    image: F4, flat: F4, radius_mm: float, pixel: float, degree: int, of: I4 | None = None
+) -> Bench:
     """Return the inputs of the fit's steps; the light is smoothed as for a measurement."""
     floor = np.maximum(flat, np.float32(0.02))
     light = [smooth_light(press / floor) for press in image]
-    return Bench(light, flat, radius_mm / pixel, pixel, degree)
+    seen = light if of is None else [light[press] for press in of]
+    return Bench(seen, flat, radius_mm / pixel, pixel, degree)
 
 
 def fit_presses(

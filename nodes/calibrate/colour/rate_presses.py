@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate import Circles
+from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     Bench,
     degree_for,
@@ -44,14 +44,15 @@ class PressRating(NamedTuple):
 def rate_presses(
     image: PressImages,
     flat: Light,
-    found: Circles,
-    circle: Circles,
-    kept: Annotated[U1, Port("P", "flag", high=1)],
+    found: BallCircles,
+    circle: BallCircles,
+    kept: Annotated[U1, Port("B", "flag", high=1)],
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
     of_radius: list[str] | None = None,
     of_pixels: list[str] | None = None,
+    of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     folds: Annotated[int, Interval(ge=2, le=20)] = 5,
@@ -67,13 +68,15 @@ def rate_presses(
     image, flat
         P x K x H x W presses and the K x H x W film at rest.
     found, circle
-        P x 3 in px, before and after refining.
+        B x 3 in px, before and after refining.
     kept, rim, residual
         As `fit_reflectance_map` returns them.
     pixel
         mm per px.
     of_radius, of_pixels
         The doubts of `judge_press_radius` and of `judge_oblong`.
+    of
+        The press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     folds
@@ -90,7 +93,7 @@ def rate_presses(
         sentence of advice; the doubts, each of them also a warning; and the verdict.
     """
     chosen = np.flatnonzero(kept)
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5))
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5), of)
     errors = [
         _judge(bench, reflectance, found[press].astype(np.float64), int(press), rim)
         for fold in range(folds)

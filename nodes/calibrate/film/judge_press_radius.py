@@ -9,7 +9,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, PixelSize
-from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, Circles
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
@@ -38,9 +38,10 @@ STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
 def judge_press_radius(
     image: PressImages,
     flat: Light,
-    circle: Circles,
-    kept: Annotated[U1, Port("P", "flag", high=1)],
+    circle: BallCircles,
+    kept: Annotated[U1, Port("B", "flag", high=1)],
     pixel: PixelSize,
+    of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     shift_px: Annotated[float, Gt(0)] = 0.5,
@@ -55,9 +56,11 @@ def judge_press_radius(
     image, flat
         P x K x H x W presses, levelled, and the K x H x W film at rest.
     circle, kept
-        P x 3 in px, and the presses used, as `fit_reflectance_map` returns them.
+        B x 3 in px, and the balls used, as `fit_reflectance_map` returns them.
     pixel
         mm per px.
+    of
+        The press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     shift_px
@@ -70,12 +73,13 @@ def judge_press_radius(
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
-    sheet = np.concatenate(list(image[used] / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
+    seen = image[used if of is None else of[used]]
+    sheet = np.concatenate(list(seen / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
-    of, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
+    every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, of, nowhere, noise, pixel),
+        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel),
         MAX_SLOPE,
         most=MAX_SAMPLES,
         fine=True,
