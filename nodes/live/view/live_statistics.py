@@ -76,8 +76,7 @@ class Statistics:
         self._errors = 0
         self._square_error = self._worst = 0.0
         self._contact: Metrics = {}
-        self._touched = self._deepest = 0.0
-        self._doubtful = 0
+        self._touched = self._deepest = self._doubtful = 0.0
         self._memory_first = 0.0
         self._state = LiveState()
         self._provenance: Provenance | None = None
@@ -174,10 +173,12 @@ class Statistics:
             cut = sum(_of_all(self._contact, "contact_cut"))
             more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
+        if slips := _of_all(self._contact, "contact_slip"):
+            parts.append(("stuck", "partly slipping", "slipping")[int(max(slips))])
         if self._contact.get("pose_frames"):
-            x, y, z = (self._contact[f"pose_{axis}_mm"] for axis in "xyz")
+            way = " ".join(f"{self._contact[f'pose_{axis}_mm']:.2f}" for axis in "xyz")
             turn = np.hypot.reduce([self._contact[f"pose_turn_{axis}_deg"] for axis in "xyz"])
-            parts.append(f"moved {x:.2f} {y:.2f} {z:.2f} mm, turned {turn:.1f} deg")
+            parts.append(f"moved {way} mm, turned {turn:.1f} deg")
         if self._contact.get("trust", 1.0) < MIN_TRUST:
             parts.append(f"doubtful (trust {self._contact['trust']:.2f})")
         faults = sum(self._state.faults.values())
