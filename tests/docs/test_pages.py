@@ -202,8 +202,7 @@ def _run_shell(text: str, where: str, folder: Path, environment: dict[str, str])
 
 
 @pytest.mark.parametrize(
-    ("where", "line"),
-    [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")],
+    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")]
 )
 def test_a_command_that_is_only_shown_exists(
     where: str, line: str, capsys: pytest.CaptureFixture[str]
@@ -221,8 +220,7 @@ def test_a_command_that_is_only_shown_exists(
 
 
 @pytest.mark.parametrize(
-    ("where", "line"),
-    [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")],
+    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")]
 )
 def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     words = shlex.split(line.partition("  #")[0])[1:]

@@ -56,6 +56,15 @@ class Outcome(NamedTuple):
 Command = Callable[..., Outcome]
 
 
+def one_line(done: Outcome, code: int = 2) -> str:
+    """The line on stderr of a command that failed as it should."""
+    assert done.code == code
+    assert "Traceback" not in done.out + done.err
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("tactograph: ")
+    return done.err
+
+
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
     """Write a graph file and return its path."""

@@ -19,9 +19,14 @@ from tests.graph.conftest import STREAM, Command, Write
 pytestmark = pytest.mark.usefixtures("toys")
 
 SUMMED = STREAM.replace(
-    "  score:",
-    "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:",
+    "  score:", "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:"
 ).replace("{light: light,", "{light: light, sum: sum,")
+DOUBLED = """
+format: 1
+extends: base.yaml
+patch:
+  - {insert: twice, op: doubled, in: {image: light}, after: light}
+"""
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
@@ -147,13 +152,7 @@ def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
 def test_an_inserted_node_is_read_by_those_who_name_the_output_too(write: Write) -> None:
     base = STREAM.replace("image: light, truth", "image: light.flat_field, truth")
     write(base, "base.yaml")
-    patch = """
-format: 1
-extends: base.yaml
-patch:
-  - {insert: twice, op: doubled, in: {image: light}, after: light}
-"""
-    results = opened(write(patch, "variant.yaml")).items()
+    results = opened(write(DOUBLED, "variant.yaml")).items()
     assert [result["score"]["mean"] for result in results] == [2, 4, 6]
 
 
@@ -183,11 +182,5 @@ def test_a_stream_that_a_sink_ended_can_run_again(write: Write) -> None:
 
 def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(write: Write) -> None:
     write(SUMMED.replace("before: previous.sum", "before: previous.light"), "base.yaml")
-    patch = """
-format: 1
-extends: base.yaml
-patch:
-  - {insert: twice, op: doubled, in: {image: light}, after: light}
-"""
-    results = opened(write(patch, "variant.yaml")).items()
+    results = opened(write(DOUBLED, "variant.yaml")).items()
     assert [float(result["sum"].mean()) for result in results] == [2, 6, 10]

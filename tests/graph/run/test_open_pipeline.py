@@ -13,7 +13,6 @@ import pytest
 from tactograph.graph import GraphError, InputError, load
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import STREAM, Write
 
@@ -52,15 +51,6 @@ def test_a_loaded_pipeline_does_not_list_many_nodes_in_its_warning(no_device: No
     with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
         load("reconstruct", calibration="no.npz")
     assert len(told) == 1
-
-
-def test_what_falls_back_for_one_reason_is_one_line() -> None:
-    given = {"capture": "x", "calibration": "x"}
-    plan = make_plan(read_graph("paper"), given, device=None, no_device="none")
-    whole = [line for line in plan.fallbacks if "run on numpy" in line]
-    assert len(plan.fallbacks) <= 2
-    assert len(whole) == 1
-    assert whole[0].count(",") > 3
 
 
 @pytest.mark.parametrize("outputs", ["height", [], [1]])

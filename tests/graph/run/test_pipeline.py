@@ -153,12 +153,6 @@ def test_a_result_is_not_overwritten_by_the_next_one(write: Write) -> None:
         assert float(first["light"].max()) == 0.5
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_unsigned_integers_count_as_fractions_of_full_scale(write: Write, dtype: type) -> None:
-    stack = np.full((3, 4, 5), np.iinfo(dtype).max, dtype)
-    assert float(load(write(WAITING), backend="numpy")(frames=stack)["light"].min()) == 1
-
-
 def test_a_stack_may_be_a_view_in_any_order(write: Write) -> None:
     stack = np.random.default_rng(1).random((5, 4, 3)).astype(np.float32).T
     found = load(write(WAITING), backend="opencl")(frames=stack)["light"]
@@ -453,12 +447,6 @@ def test_a_failure_is_not_tried_again_elsewhere(
     monkeypatch.setattr(Prepared, "launch", fail)
     with pytest.raises(NodeError, match=r"'light' \(flat_field\) failed: .* the device is gone"):
         next(pipeline.items())
-
-
-def test_a_warning_is_in_the_result_and_said_once(write: Write) -> None:
-    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
-    results = list(opened(write(text)).items())
-    assert [result.warnings for result in results] == [["a warning"]] * 3
 
 
 def test_pipelines_of_several_threads_do_not_disturb_one_another(write: Write) -> None:

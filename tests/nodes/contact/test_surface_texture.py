@@ -82,8 +82,7 @@ def test_where_nothing_touches_there_is_no_texture() -> None:
 def test_too_few_points_have_no_figures_and_a_warning(size: tuple[int, int]) -> None:
     contact = np.zeros((ROWS, COLUMNS), np.uint8)
     contact[: size[0], : size[1]] = 1
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = surface_texture(WAVES, PIXEL_MM, contact, edge_px=0)
     assert set(found) == {"texture_area_mm2/c1"}
     assert "too few" in notes[0]

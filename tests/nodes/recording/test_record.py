@@ -43,7 +43,6 @@ def test_a_recording_is_read_by_the_libraries_of_ros_as_standard_images(tmp_path
         summary = reader.get_summary()
         found = list(reader.iter_decoded_messages())
         assert reader.get_header().profile == "ros2"
-    assert summary is not None
     assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
     images = [(c.topic, m.sequence, d) for _, c, m, d in found if c.topic != "/touch"]
     assert [number for _, number, _ in images] == [frame.number for frame in frames]
@@ -169,8 +168,7 @@ def test_the_oldest_files_go_where_the_folder_is_full(tmp_path: Path) -> None:
 
 
 def test_or_the_recording_stops_with_one_line(tmp_path: Path) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         make_recording(tmp_path, 60, total_gb=5e-5)
     assert len(notes) == 1
     assert "limit; recording has stopped" in notes[0]
