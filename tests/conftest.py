@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -58,6 +60,17 @@ class Raytraced:
             if (folder / rig).is_dir():
                 return folder / rig
         pytest.skip(f"the ray-traced rig {rig} is not in {SHARED / 'raytraced'}")
+
+
+def python(
+    *words: object, code: int = 0, cwd: Path | None = None, **environment: object
+) -> subprocess.CompletedProcess[str]:
+    """Run Python in a process of its own, which has to end with that code."""
+    command = [sys.executable, *map(str, words)]
+    env = {**os.environ, **{name: str(value) for name, value in environment.items()}}
+    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=600)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
 
 
 def real_data(name: str) -> Path:

@@ -23,7 +23,8 @@ from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, one_line
+from tests.conftest import python
+from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, lit_by, one_line
 
 WRITING = """
 format: 1
@@ -235,8 +236,7 @@ def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> N
 
 
 def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: Write) -> None:
-    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
-    assert tactograph("run", write(text)).err == "warning: a warning\n"
+    assert tactograph("run", write(lit_by("noticed"))).err == "warning: a warning\n"
 
 
 def test_a_fallback_is_one_line_on_the_terminal(
@@ -333,8 +333,7 @@ def test_a_folder_that_cannot_be_written_is_the_users_error(
 def test_a_node_that_fails_is_exit_code_1_and_one_line(
     toys: list[str], tactograph: Command, write: Write
 ) -> None:
-    text = STREAM.replace("flat_field", "failing").replace(", flat: cal.flat, dark: cal.dark", "")
-    said = one_line(tactograph("run", write(text)), code=1)
+    said = one_line(tactograph("run", write(lit_by("failing"))), code=1)
     assert "node 'light' (failing) failed: RuntimeError: a careless node" in said
 
 
@@ -381,8 +380,7 @@ def test_ctrl_c_says_how_to_go_on(tactograph: Command, monkeypatch: pytest.Monke
 def test_a_full_disk_is_told_as_such(
     tactograph: Command, monkeypatch: pytest.MonkeyPatch, toys: list[str], write: Write
 ) -> None:
-    text = STREAM.replace("flat_field", "crowded").replace(", flat: cal.flat, dark: cal.dark", "")
-    said = one_line(tactograph("run", write(text)))
+    said = one_line(tactograph("run", write(lit_by("crowded"))))
     assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
     failing(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
     said = one_line(tactograph("check", "paper"))
@@ -611,19 +609,8 @@ def test_device_takes_part_of_a_name(write: Write, tactograph: Command, height_f
     assert done.code == 0, done.err
 
 
-def process(*words: str, **more: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "tactograph.graph.command", *words],
-        env={**os.environ, **more},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 def test_the_process_ends_with_the_code_and_the_line() -> None:
-    done = process("run", "nowhere.yaml")
-    assert done.returncode == 2
+    done = python("-m", "tactograph.graph.command", "run", "nowhere.yaml", code=2)
     assert done.stdout == ""
     assert done.stderr == "tactograph: nowhere.yaml: there is no such graph file\n"
 
@@ -658,9 +645,7 @@ def after_help(told: str, **more: str) -> str:
         "sys.argv = ['tactograph', '--help']\n"
         f"try: c.main()\nexcept SystemExit: pass\n{told}"
     )
-    words, env = [sys.executable, "-c", code], {**os.environ, **more}
-    done = subprocess.run(words, env=env, capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()[-1]
+    return python("-c", code, **more).stdout.splitlines()[-1]
 
 
 def test_help_loads_neither_numpy_nor_the_planner() -> None:

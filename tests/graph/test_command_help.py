@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tactograph.graph.files.read_graph import shipped_names
+from tests.conftest import python
 from tests.graph.conftest import STREAM, Command, Write
 
 COMMAND = """
@@ -63,11 +61,7 @@ def completed(shell: str, words: str, number: int) -> list[str]:
         "COMP_CWORD": asked if shell == "fish" else str(number),
         "_TACTOGRAPH_COMPLETE": f"{shell}_complete",
     }
-    done = subprocess.run(
-        [sys.executable, "-c", COMMAND],
-        env={**os.environ, **told}, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return done.stdout.split()
+    return python("-c", COMMAND, **told).stdout.split()
 
 
 @pytest.mark.parametrize(
@@ -110,9 +104,5 @@ def test_every_graph_is_offered() -> None:
 
 
 def test_no_blank_follows_a_name_whose_value_is_still_to_come() -> None:
-    script = subprocess.run(
-        [sys.executable, "-c", COMMAND],
-        env={**os.environ, "_TACTOGRAPH_COMPLETE": "bash_source"},
-        capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
+    script = python("-c", COMMAND, _TACTOGRAPH_COMPLETE="bash_source").stdout
     assert "compopt -o nospace" in script

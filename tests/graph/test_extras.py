@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from tactograph.graph.errors import InputError
 from tactograph.nodes.files.height_files import write_mesh
 from tactograph.nodes.show.show_file import show_file
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tests.conftest import ROOT
+from tests.conftest import ROOT, python
 from tests.graph.conftest import Command, one_line
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
@@ -91,5 +90,4 @@ def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:
         "from tactograph.graph.command import run_command\n"
         "run_command(['nodes'])\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert python("-c", script, cwd=tmp_path).stderr == ""

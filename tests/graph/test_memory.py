@@ -14,13 +14,11 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import fold
-from tests.graph.conftest import STREAM, Command, Write
+from tests.graph.conftest import STREAM, Command, Write, added, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
-SUMMED = STREAM.replace(
-    "  score:", "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:"
-).replace("{light: light,", "{light: light, sum: sum,")
+SUMMED = added("  sum:    {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
 DOUBLED = """
 format: 1
 extends: base.yaml
@@ -68,10 +66,8 @@ def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(write: W
 
 @BOTH
 def test_images_of_another_size_start_afresh_and_say_so(write: Write, backend: str) -> None:
-    text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches").replace(
-        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
-        "op: doubled, in: {image: frames.image}",
-    )
+    text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches")
+    text = lit_by("doubled", text)
     results = list(opened(write(text), backend).items())
     assert [float(result["sum"].mean()) for result in results] == [2, 4, 2]
     assert ["another size" in " ".join(r.warnings) for r in results] == [False, False, True]
@@ -135,8 +131,7 @@ def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
 
 
 def test_a_warning_belongs_to_its_item(write: Write) -> None:
-    text = STREAM.replace("  score:", "  told: {op: warns_once, in: {image: light}}\n  score:")
-    text = text.replace("score: score}", "score: score, told: told}")
+    text = added("  told: {op: warns_once, in: {image: light}}", "told: told")
     assert [result.warnings for result in opened(write(text)).items()] == [[], ["two"], []]
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import python
 
 SCRIPT = """
 import pyopencl as cl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.find_node import builtin_names, find_node
+from tests.conftest import python
 
 context = cl.Context([choose_device("Portable")[0].handle])
 sources = [kernel_source(n) for n in map(find_node, builtin_names()) if n.has_kernel]
@@ -28,12 +28,6 @@ for source in sources:
 @pytest.mark.slow
 def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
     """But for one that is written for this test, last, so that a warning is known to be seen."""
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", SCRIPT],
-        env={**os.environ, "POCL_CACHE_DIR": str(tmp_path), "PYOPENCL_NO_CACHE": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    afresh = {"POCL_CACHE_DIR": tmp_path, "PYOPENCL_NO_CACHE": "1"}
+    done = python("-W", "ignore", "-c", SCRIPT, **afresh)
     assert done.stderr == "1 warning generated.\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import builtin_names, find_node, node_names
 from tactograph.graph.files.read_graph import read_graph
+from tests.conftest import python
 from tests.graph.conftest import Command, Write
 
 NODE = '''
@@ -200,13 +200,7 @@ def test_a_kernel_that_does_not_match_or_is_missing_is_refused_before_the_run(
 
 def test_an_installed_package_is_seen_by_the_command_line(install: Install, tmp_path: Path) -> None:
     folder = install("acme-optics", "acme_scale")
-    done = subprocess.run(
-        [sys.executable, "-m", "tactograph.graph.command", "nodes", "acme_scale"],
-        env={"PYTHONPATH": str(folder.parent), "PATH": ""},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = ("-m", "tactograph.graph.command", "nodes", "acme_scale")
+    done = python(*command, cwd=tmp_path, PYTHONPATH=folder.parent, PATH="")
     assert done.stdout.startswith("# acme_scale\n\nMultiply the light.")
     assert "Of the package acme-optics" in done.stdout

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, python
 from tests.graph.conftest import Command, one_line
 
 
@@ -54,12 +51,7 @@ def test_what_is_written_is_formatted_and_clean(
         # Seen from a package of its own, tactograph is one of the others.
         config = ["--isolated", "--line-length", "100"]
         config += ["--select", "E,F,I,UP"] if check == ["check"] else []
-    done = subprocess.run(
-        [sys.executable, "-m", "ruff", *check, *config, "."],
-        cwd=clone / "my-nodes" if package else clone,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    python("-m", "ruff", *check, *config, ".", cwd=clone / "my-nodes" if package else clone)
 
 
 @pytest.mark.slow
@@ -70,18 +62,10 @@ def test_a_package_brings_a_node_whose_own_tests_pass(
     assert tactograph("new-node", "brighten", "--package", "my-nodes").code == 0
     site = tmp_path / "site"
     install = ["pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    done = subprocess.run(
-        [sys.executable, "-m", *install, "--target", str(site), "./my-nodes"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    python("-m", *install, "--target", site, "./my-nodes")
     # Away from the sources, so that the installed files are what is tested.
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests"],
-        capture_output=True, text=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(site)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests = ("-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests")
+    done = python(*tests, PYTHONPATH=site)
     assert "passed" in done.stdout
     assert "skipped" not in done.stdout
 

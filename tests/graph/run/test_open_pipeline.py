@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +12,10 @@ from tactograph.graph import GraphError, InputError, load
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import STREAM, Write
+from tests.conftest import python
+from tests.graph.conftest import STREAM, WAITING, Write
 
 pytestmark = pytest.mark.usefixtures("toys")
-
-WAITING = STREAM.replace(", default: 3}", "}")
 
 
 def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
@@ -173,5 +170,4 @@ def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> No
         "open_pipeline(graph, graph.placeholders);"
         "print(sorted({'matplotlib', 'trimesh', 'scipy.fft', 'scipy.spatial'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout == "[]\n", done.stderr
+    assert python("-c", script).stdout == "[]\n"

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import queue
-import subprocess
 import sys
 import threading
 import time
@@ -24,7 +23,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.files import mcap_log
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile
-from tests.conftest import ROOT
+from tests.conftest import ROOT, python
 from tests.nodes.recording.recordings import (
     LEDS,
     SIZE,
@@ -291,12 +290,9 @@ def test_the_disk_is_asked_to_keep_every_touch(
 def test_every_touch_is_there_after_a_kill(tmp_path: Path) -> None:
     script = ROOT / "benchmarks" / "kill_recording.py"
     sizes = ["--kills", "10", "--longest", "0.2", "--size", "60", "80"]
-    done = subprocess.run(
-        [sys.executable, script, *sizes], capture_output=True, text=True, timeout=100
-    )
-    table = dict(line.strip("| ").split(" | ") for line in done.stdout.splitlines())
+    lines = python(script, *sizes).stdout.splitlines()
+    table = dict(line.strip("| ").split(" | ") for line in lines)
     figures = {name.strip(): int(value.replace(",", "")) for name, value in table.items()}
-    assert done.returncode == 0, done.stderr
     assert figures["touches promised before a kill"] >= 10
     assert figures["of those not readable"] == 0
 

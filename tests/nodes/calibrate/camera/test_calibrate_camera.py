@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -25,6 +23,7 @@ from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
+from tests.conftest import python
 from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)
@@ -296,9 +295,7 @@ def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     image = pixels(dots(*on_film(SHAPE, NONE, 20, 0.1, (0, 0))))
     cv2.imwrite(str(tmp_path / "grid.png"), np.uint8(255 * image))
     words = ["calibrate_camera", "image=grid.png", "pitch_mm=1.5", "out=camera.npz"]
-    command = [sys.executable, "-m", "tactograph.graph.command", "run", *words]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = python("-m", "tactograph.graph.command", "run", *words, cwd=tmp_path)
     assert "pixel_size_mm" in done.stdout
     assert cv2.imread(str(tmp_path / "camera.png")) is not None
     assert pixel_size(camera=tmp_path / "camera.npz") == pytest.approx(0.075, rel=1e-3)
