@@ -48,7 +48,6 @@ ENDS = """
 import atexit, gc
 atexit.register(lambda: print(len(gc.get_objects()), gc.get_freeze_count()))
 from tactograph.graph.run.collect_seldom import collect_seldom
-from tests.conftest import python
 collect_seldom()
 """
 
