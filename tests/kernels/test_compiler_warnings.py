@@ -13,7 +13,6 @@ import pyopencl as cl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.find_node import builtin_names, find_node
-from tests.conftest import python
 
 context = cl.Context([choose_device("Portable")[0].handle])
 sources = [kernel_source(n) for n in map(find_node, builtin_names()) if n.has_kernel]
