@@ -79,10 +79,3 @@ def test_a_torn_end_is_a_warning_on_the_terminal(
     assert outcome.code == 0
     assert outcome.err.count("ends early, as after a power cut") == 1
     assert outcome.out.endswith("1 warning, see above\n")
-
-
-@pytest.mark.parametrize("name", ["record", "replay", "replay_mcap", "live_preview", "live_rerun"])
-def test_the_graphs_that_record_and_show_are_sound(name: str, tactograph: Command) -> None:
-    outcome = tactograph("check", name)
-    assert outcome.code == 0, outcome.err
-    assert "nothing wrong" in outcome.out

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import queue
-import sys
 import threading
 import time
 from pathlib import Path
@@ -335,11 +334,3 @@ def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> N
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be written"):
         record_touch(Session(), make_cycle(0), "0", folder=tmp_path / "file")
-
-
-def test_without_the_libraries_the_error_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "mcap", None)
-    with pytest.raises(InputError, match=r"pip install 'tactograph\[mcap\]'"):
-        record_touch(Session(), make_cycle(0), "0", folder=tmp_path)
