@@ -114,7 +114,8 @@ def guide_presses(
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
             tell(f"Press {count} is taken: let go.")
             image, first, radius, known, names, *_ = read_balls(folder=pressed)
-            yield GuidedPresses(image, first, radius, known, names, *film, driver.serial or None)
+            taken = GuidedPresses(image, first, radius, known, names, *film)
+            yield taken._replace(serial=driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
