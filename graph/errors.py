@@ -132,10 +132,10 @@ def is_of_printing(error: OSError) -> bool:
 
 
 @contextmanager
-def collect_warnings(notes: list[str]) -> Iterator[None]:
-    """Collect the warnings of the block in `notes`."""
+def collect_warnings(notes: list[str]) -> Iterator[list[str]]:
+    """Collect the warnings of the block in `notes`, which it hands on."""
     token = _notes.set(notes)
     try:
-        yield
+        yield notes
     finally:
         _notes.reset(token)

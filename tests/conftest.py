@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -58,6 +60,17 @@ class Raytraced:
             if (folder / rig).is_dir():
                 return folder / rig
         pytest.skip(f"the ray-traced rig {rig} is not in {SHARED / 'raytraced'}")
+
+
+def python(
+    *words: object, code: int = 0, cwd: Path | None = None, **environment: object
+) -> subprocess.CompletedProcess[str]:
+    """Run Python in a process of its own, which has to end with that code."""
+    command = [sys.executable, *map(str, words)]
+    env = {**os.environ, **{name: str(value) for name, value in environment.items()}}
+    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=600)
+    assert done.returncode == code, done.stdout + done.stderr
+    return done
 
 
 def real_data(name: str) -> Path:
@@ -122,6 +135,25 @@ def made_once(once: Path) -> MadeOnce:
     return make
 
 
+def images_of(rig: Path) -> dict[str, object]:
+    """What calibrates a ray-traced rig: one ball and the flat frame."""
+    known = {"ball_radius_mm": 7.0, "pixel_size_mm": RIG_PIXEL_MM[rig.name]}
+    return {"capture": str(rig / "calibration"), "flat": str(rig / "flat"), **known}
+
+
+def simulated_sensor(folder: Path, *, radius_mm: float = 5.0, **rig: float) -> Path:
+    """A folder with a ball's press, the flat frame and the calibration of a simulated sensor."""
+    ball, flat = str(folder / "ball"), str(folder / "flat")
+    known = {"ball_radius_mm": radius_mm, "pixel_size_mm": rig["pixel_size_mm"]}
+    for graph, given in (
+        ("simulate", {"radius_mm": radius_mm, "seed": 1, "out": ball, **rig}),
+        ("simulate_flat", {"seed": 2, "out": flat, **rig}),
+        ("calibrate", {"capture": ball, "flat": flat, "out": str(folder / "cal.npz"), **known}),
+    ):
+        list(open_pipeline(without_pictures(read_graph(graph)), given).items())
+    return folder
+
+
 @pytest.fixture(scope="session")
 def calibration(raytraced: Raytraced, made_once: MadeOnce) -> Calibration:
     """The calibration of a ray-traced rig: one ball and the flat frame; the LEDs are found."""
@@ -130,13 +162,7 @@ def calibration(raytraced: Raytraced, made_once: MadeOnce) -> Calibration:
         rig = raytraced / name
 
         def write(file: Path) -> None:
-            given = {
-                "capture": str(rig / "calibration"),
-                "flat": str(rig / "flat"),
-                "ball_radius_mm": 7.0,
-                "pixel_size_mm": RIG_PIXEL_MM[name],
-                "out": str(file),
-            }
+            given = images_of(rig) | {"out": str(file)}
             list(open_pipeline(without_pictures(read_graph("calibrate")), given).items())
 
         return str(made_once(f"{name}.npz", write))

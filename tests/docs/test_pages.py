@@ -28,7 +28,7 @@ from markdown_it import MarkdownIt
 from tactograph.graph.command import COMMANDS, run_command
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tests.conftest import ROOT, MadeOnce
+from tests.conftest import ROOT, MadeOnce, python
 
 PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))
 RUN = ("sh", "python", "yaml")
@@ -202,8 +202,7 @@ def _run_shell(text: str, where: str, folder: Path, environment: dict[str, str])
 
 
 @pytest.mark.parametrize(
-    ("where", "line"),
-    [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")],
+    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")]
 )
 def test_a_command_that_is_only_shown_exists(
     where: str, line: str, capsys: pytest.CaptureFixture[str]
@@ -221,8 +220,7 @@ def test_a_command_that_is_only_shown_exists(
 
 
 @pytest.mark.parametrize(
-    ("where", "line"),
-    [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")],
+    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")]
 )
 def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     words = shlex.split(line.partition("  #")[0])[1:]
@@ -235,10 +233,7 @@ def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
 @cache
 def help_of(script: str) -> str:
     """What a script says of its options."""
-    command = [sys.executable, str(ROOT / script), "--help"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return python(ROOT / script, "--help").stdout
 
 
 def _check_options(where: str, help_text: str, words: list[str]) -> None:
@@ -248,9 +243,5 @@ def _check_options(where: str, help_text: str, words: list[str]) -> None:
 
 @pytest.mark.slow
 def test_the_site_builds_without_a_broken_link(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(tmp_path)],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    python("-m", "mkdocs", "build", "--strict", "--quiet", "-d", tmp_path, cwd=ROOT)
     assert (tmp_path / "nodes" / "flat_field" / "index.html").is_file()

@@ -42,6 +42,9 @@ nodes:
 outputs: {light: light, score: score}
 """
 
+WAITING = STREAM.replace(", default: 3}", "}")
+"""The same, whose images the caller hands in."""
+
 Write = Callable[..., str]
 
 
@@ -54,6 +57,28 @@ class Outcome(NamedTuple):
 
 
 Command = Callable[..., Outcome]
+
+
+def one_line(done: Outcome, code: int = 2) -> str:
+    """The line on stderr of a command that failed as it should."""
+    assert done.code == code
+    assert "Traceback" not in done.out + done.err
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("tactograph: ")
+    return done.err
+
+
+def added(nodes: str, outputs: str, text: str = STREAM) -> str:
+    """The stream with more nodes, and with outputs of theirs."""
+    return text.replace("  score:", f"{nodes}\n  score:").replace(
+        "{light: light,", f"{{light: light, {outputs},"
+    )
+
+
+def lit_by(op: str, text: str = STREAM) -> str:
+    """The stream whose light another node makes, of the images alone."""
+    light = "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}"
+    return text.replace(light, f"op: {op}, in: {{image: frames.image}}")
 
 
 @pytest.fixture

@@ -23,7 +23,8 @@ from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write
+from tests.conftest import python
+from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, lit_by, one_line
 
 WRITING = """
 format: 1
@@ -59,15 +60,6 @@ def captures(tmp_path: Path) -> Path:
             image = random.integers(50, 200, (24, 32)).astype(np.uint8)
             cv2.imwrite(str(folder / name / f"led{led}.png"), image)
     return folder
-
-
-def one_line(done: Outcome, code: int = 2) -> str:
-    """The line on stderr of a command that failed as it should."""
-    assert done.code == code
-    assert "Traceback" not in done.out + done.err
-    assert done.err.count("\n") == 1
-    assert done.err.startswith("tactograph: ")
-    return done.err
 
 
 def test_help_lists_every_command(tactograph: Command) -> None:
@@ -244,8 +236,7 @@ def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> N
 
 
 def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: Write) -> None:
-    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
-    assert tactograph("run", write(text)).err == "warning: a warning\n"
+    assert tactograph("run", write(lit_by("noticed"))).err == "warning: a warning\n"
 
 
 def test_a_fallback_is_one_line_on_the_terminal(
@@ -342,35 +333,8 @@ def test_a_folder_that_cannot_be_written_is_the_users_error(
 def test_a_node_that_fails_is_exit_code_1_and_one_line(
     toys: list[str], tactograph: Command, write: Write
 ) -> None:
-    text = STREAM.replace("flat_field", "failing").replace(", flat: cal.flat, dark: cal.dark", "")
-    said = one_line(tactograph("run", write(text)), code=1)
+    said = one_line(tactograph("run", write(lit_by("failing"))), code=1)
     assert "node 'light' (failing) failed: RuntimeError: a careless node" in said
-
-
-def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*args: object, **keywords: object) -> None:
-        raise RuntimeError("two\nlines")
-
-    monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
-    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
-    said = one_line(tactograph("check", "paper"), code=1)
-    assert "internal error: RuntimeError: two lines" in said
-
-
-def test_a_full_disk_is_told_as_such(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch, toys: list[str], write: Write
-) -> None:
-    def full(*args: object, **keywords: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device", "/tmp/x")
-
-    text = STREAM.replace("flat_field", "crowded").replace(", flat: cal.flat, dark: cal.dark", "")
-    said = one_line(tactograph("run", write(text)), code=2)
-    assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
-    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", full)
-    said = one_line(tactograph("check", "paper"), code=2)
-    assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in said
 
 
 class Mute(BaseException):
@@ -380,31 +344,47 @@ class Mute(BaseException):
         raise ValueError
 
 
-def test_an_error_of_any_kind_is_one_line(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*args: object) -> None:
-        raise Mute
+def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Have the engine fail as it reads a graph."""
 
-    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
-    said = one_line(tactograph("check", "paper"), code=1)
-    assert "internal error: Mute: its message cannot be read (ValueError)" in said
-
-
-@pytest.mark.parametrize(("error", "code"), [(MemoryError, 1), (KeyboardInterrupt, 130)])
-def test_an_end_from_outside_shows_no_traceback(
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    error: type[BaseException],
-    code: int,
-) -> None:
-    def fail(*args: object, **keywords: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise error
 
     monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (RuntimeError("two\nlines"), "internal error: RuntimeError: two lines"),
+        (Mute(), "internal error: Mute: its message cannot be read (ValueError)"),
+        (BrokenPipeError("a worker's"), "internal error: BrokenPipeError: a worker's"),
+        (MemoryError(), "memory"),
+    ],
+)
+def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, said: str
+) -> None:
+    monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
+    failing(monkeypatch, error)
+    assert said in one_line(tactograph("check", "paper"), code=1)
+
+
+def test_ctrl_c_says_how_to_go_on(tactograph: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    failing(monkeypatch, KeyboardInterrupt())
     done = tactograph("check", "paper")
-    assert done.code == code
-    assert "Traceback" not in done.err
+    assert done.code == 130
+    assert done.err.strip() == command.STOPPED_MESSAGE
+
+
+def test_a_full_disk_is_told_as_such(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch, toys: list[str], write: Write
+) -> None:
+    said = one_line(tactograph("run", write(lit_by("crowded"))))
+    assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
+    failing(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
+    said = one_line(tactograph("check", "paper"))
+    assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in said
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -625,24 +605,12 @@ def test_a_resolved_graph_is_plain_yaml(tactograph: Command) -> None:
 
 def test_device_takes_part_of_a_name(write: Write, tactograph: Command, height_file: str) -> None:
     name = open_pipeline(read_graph(write(SLOPES)), {"file": height_file}).plan.device
-    assert name is not None
     done = tactograph("explain", write(SLOPES), "--device", name[:8].upper())
     assert done.code == 0, done.err
 
 
-def process(*words: str, **more: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "tactograph.graph.command", *words],
-        env={**os.environ, **more},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 def test_the_process_ends_with_the_code_and_the_line() -> None:
-    done = process("run", "nowhere.yaml")
-    assert done.returncode == 2
+    done = python("-m", "tactograph.graph.command", "run", "nowhere.yaml", code=2)
     assert done.stdout == ""
     assert done.stderr == "tactograph: nowhere.yaml: there is no such graph file\n"
 
@@ -670,27 +638,19 @@ def test_what_cannot_be_printed_is_told_in_one_line() -> None:
     )
 
 
-def test_a_pipe_of_the_engine_s_own_that_breaks_is_an_internal_error(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*args: object) -> None:
-        raise BrokenPipeError("a worker's")
-
-    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", fail)
-    said = one_line(tactograph("check", "paper"), code=1)
-    assert "internal error: BrokenPipeError: a worker's" in said
-
-
-def test_help_loads_neither_numpy_nor_the_planner() -> None:
+def after_help(told: str, **more: str) -> str:
+    """What a process tells once it has shown the help."""
     code = (
         "import sys, tactograph.graph.command as c\n"
         "sys.argv = ['tactograph', '--help']\n"
-        "try: c.main()\n"
-        "except SystemExit: pass\n"
-        "print(sorted({'networkx', 'pydantic', 'pyopencl', 'cv2'} & set(sys.modules)))"
+        f"try: c.main()\nexcept SystemExit: pass\n{told}"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
+    return python("-c", code, **more).stdout.splitlines()[-1]
+
+
+def test_help_loads_neither_numpy_nor_the_planner() -> None:
+    slow = {"networkx", "pydantic", "pyopencl", "cv2"}
+    assert after_help(f"print(sorted({slow} & set(sys.modules)))") == "[]"
 
 
 def test_an_escape_in_a_graph_file_is_no_text(tactograph: Command, write: Write) -> None:
@@ -734,20 +694,8 @@ def test_a_tilde_is_the_user_s_home(
 
 
 def test_what_matplotlib_is_told_to_draw_with_does_not_matter() -> None:
-    code = (
-        "import sys, tactograph.graph.command as c\n"
-        "sys.argv = ['tactograph', '--help']\n"
-        "try: c.main()\n"
-        "except SystemExit: import matplotlib; print(matplotlib.rcParams['backend'])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env={**os.environ, "MPLBACKEND": "nonsense"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout.splitlines()[-1] == "agg", done.stderr
+    told = "import matplotlib; print(matplotlib.rcParams['backend'])"
+    assert after_help(told, MPLBACKEND="nonsense") == "agg"
 
 
 @pytest.mark.parametrize(
@@ -797,15 +745,3 @@ def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
     done = tactograph("run", write(text), "--backend", "numpy")
     assert (done.code, done.err.strip()) == (0, "stopped")
     assert [call for call in toys if "noted" in call] == ["noted 1"]
-
-
-def test_ctrl_c_says_how_to_go_on(
-    tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stop(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("tactograph.graph.files.read_graph.read_graph", stop)
-    done = tactograph("check", write(SLOPES))
-    assert done.code == 130
-    assert done.err.strip() == command.STOPPED_MESSAGE

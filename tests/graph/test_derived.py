@@ -14,18 +14,11 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
-from tests.graph.conftest import STREAM, Write
+from tests.graph.conftest import STREAM, Write, added
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
-
-
-def added(nodes: str, outputs: str) -> str:
-    """The stream of touches with more nodes."""
-    return STREAM.replace("  score:", f"{nodes}\n  score:").replace(
-        "{light: light,", f"{{light: light, {outputs},"
-    )
 
 
 def first(file: str, backend: str) -> Result:

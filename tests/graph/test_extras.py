@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Callable
@@ -12,12 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.errors import InputError
+from tactograph.graph import InputError, Session
+from tactograph.nodes.contact.surface_texture import surface_texture
 from tactograph.nodes.files.height_files import write_mesh
 from tactograph.nodes.show.show_file import show_file
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tests.conftest import ROOT
-from tests.graph.conftest import Command
+from tactograph.nodes.write.export_height import export_height
+from tests.conftest import ROOT, python
+from tests.graph.conftest import Command, one_line
+from tests.nodes.recording.recordings import make_cycle, record_touch
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
 BATCH = ["batch", "paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr"]
@@ -50,17 +52,30 @@ def test_a_command_names_the_extra_and_does_nothing(
     tactograph: Command, hide: Callable[[str], None], package: str, extra: str, words: list[str]
 ) -> None:
     hide(package)
-    outcome = tactograph(*words)
-    assert outcome.code == 2
-    assert outcome.err.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
-    assert outcome.err.count("\n") == 1
+    said = one_line(tactograph(*words))
+    assert said.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
     assert not [*Path().iterdir()]
 
 
-def test_a_shape_from_a_mesh_names_the_extra(hide: Callable[[str], None]) -> None:
-    hide("trimesh")
-    with pytest.raises(InputError, match=r"shape_mesh needs trimesh: .*\[mesh\]"):
-        shape_mesh(file=Path("a.stl"))
+HEIGHT = np.sin(np.arange(400, dtype=np.float32)).reshape(20, 20)
+SUR = {"folder": Path(), "formats": ("sur",)}
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "use"),
+    [
+        ("trimesh", "mesh", lambda: shape_mesh(file=Path("a.stl"))),
+        ("mcap", "mcap", lambda: record_touch(Session(), make_cycle(0), "0", folder=Path())),
+        ("surfalize", "metrology", lambda: surface_texture(HEIGHT, 0.1)),
+        ("surfalize", "metrology", lambda: export_height(HEIGHT, 0.1, **SUR)),
+    ],
+)
+def test_a_node_names_the_extra(
+    hide: Callable[[str], None], package: str, extra: str, use: Callable[[], object]
+) -> None:
+    hide(package)
+    with pytest.raises(InputError, match=rf"needs {package}: pip install 'tactograph\[{extra}\]'"):
+        use()
 
 
 def test_showing_a_store_names_the_extra(hide: Callable[[str], None]) -> None:
@@ -93,5 +108,4 @@ def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:
         "from tactograph.graph.command import run_command\n"
         "run_command(['nodes'])\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert python("-c", script, cwd=tmp_path).stderr == ""

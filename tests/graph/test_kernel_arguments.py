@@ -99,9 +99,7 @@ def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: 
 
 
 @pytest.mark.parametrize("name", [n for n in builtin_names() if find_node(n).has_kernel])
-def test_every_kernel_that_ships_has_a_signature_with_known_types(
-    name: str,
-) -> None:
+def test_every_kernel_that_ships_has_a_signature_with_known_types(name: str) -> None:
     node = find_node(name)
     signatures = kernel_signatures(kernel_source(node))
     assert signatures

@@ -14,14 +14,17 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import fold
-from tests.graph.conftest import STREAM, Command, Write
+from tests.graph.conftest import STREAM, Command, Write, added, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
-SUMMED = STREAM.replace(
-    "  score:",
-    "  sum:    {op: summed, in: {image: light, before: previous.sum}}\n  score:",
-).replace("{light: light,", "{light: light, sum: sum,")
+SUMMED = added("  sum:    {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
+DOUBLED = """
+format: 1
+extends: base.yaml
+patch:
+  - {insert: twice, op: doubled, in: {image: light}, after: light}
+"""
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
@@ -63,10 +66,8 @@ def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(write: W
 
 @BOTH
 def test_images_of_another_size_start_afresh_and_say_so(write: Write, backend: str) -> None:
-    text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches").replace(
-        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
-        "op: doubled, in: {image: frames.image}",
-    )
+    text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches")
+    text = lit_by("doubled", text)
     results = list(opened(write(text), backend).items())
     assert [float(result["sum"].mean()) for result in results] == [2, 4, 2]
     assert ["another size" in " ".join(r.warnings) for r in results] == [False, False, True]
@@ -130,8 +131,7 @@ def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
 
 
 def test_a_warning_belongs_to_its_item(write: Write) -> None:
-    text = STREAM.replace("  score:", "  told: {op: warns_once, in: {image: light}}\n  score:")
-    text = text.replace("score: score}", "score: score, told: told}")
+    text = added("  told: {op: warns_once, in: {image: light}}", "told: told")
     assert [result.warnings for result in opened(write(text)).items()] == [[], ["two"], []]
 
 
@@ -147,13 +147,7 @@ def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
 def test_an_inserted_node_is_read_by_those_who_name_the_output_too(write: Write) -> None:
     base = STREAM.replace("image: light, truth", "image: light.flat_field, truth")
     write(base, "base.yaml")
-    patch = """
-format: 1
-extends: base.yaml
-patch:
-  - {insert: twice, op: doubled, in: {image: light}, after: light}
-"""
-    results = opened(write(patch, "variant.yaml")).items()
+    results = opened(write(DOUBLED, "variant.yaml")).items()
     assert [result["score"]["mean"] for result in results] == [2, 4, 6]
 
 
@@ -183,11 +177,5 @@ def test_a_stream_that_a_sink_ended_can_run_again(write: Write) -> None:
 
 def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(write: Write) -> None:
     write(SUMMED.replace("before: previous.sum", "before: previous.light"), "base.yaml")
-    patch = """
-format: 1
-extends: base.yaml
-patch:
-  - {insert: twice, op: doubled, in: {image: light}, after: light}
-"""
-    results = opened(write(patch, "variant.yaml")).items()
+    results = opened(write(DOUBLED, "variant.yaml")).items()
     assert [float(result["sum"].mean()) for result in results] == [2, 6, 10]

@@ -18,6 +18,7 @@ from tactograph.graph import (
     FRACTIONS,
     EndOfStream,
     InputError,
+    Node,
     NodeCall,
     Parts,
     Port,
@@ -469,13 +470,4 @@ def choosy(
     return np.full((2, 2), level, np.float32)
 
 
-TOYS = (
-    "touches", "at_rest", "doubled", "watched", "noted", "noticed", "failing", "refusing",
-    "forgetful", "listing", "doubtful", "three_planes", "many_planes", "in_metres",
-    "choosy", "endless_touches", "shrinking_touches", "summed", "counted", "kept", "warns_once",
-    "cut_touches", "stored",
-    "filed", "strips", "halves", "bright", "enough", "crowded",
-    "labelled", "bits", "byte_touches", "glared", "opens_once", "passed_on", "scribbling",
-    "scribbled", "gated", "leaned", "remembered", "refilled_touches", "struck", "camera_lens",
-    "whole_touches", "talking", "lower_half",
-)  # fmt: skip
+TOYS = tuple(name for name, toy in [*vars().items()] if isinstance(toy, Node))

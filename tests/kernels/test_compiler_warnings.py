@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import python
 
 SCRIPT = """
 import pyopencl as cl
@@ -19,8 +18,8 @@ context = cl.Context([choose_device("Portable")[0].handle])
 sources = [kernel_source(n) for n in map(find_node, builtin_names()) if n.has_kernel]
 sources += ["__kernel void unclear(__global int *a) { if (a[0] = 1) a[1] = 2; }"]
 for source in sources:
-    constants = ["-DLANES=16", "-DLEDS=4", "-DTALL=4", "-DCOATED=1", "-DSTRETCH=64"]
-    constants += ["-DAZIMUTHS=32"]
+    constants = ["-DLANES=16", "-DLEDS=4", "-DTALL=4", "-DCOATED=1", "-DSTRETCH_PX=64"]
+    constants += ["-DAZIMUTHS=32", "-DITEM_ROWS=4"]
     cl.Program(context, source).compile(["-cl-opt-disable", *constants])
 """
 
@@ -28,12 +27,6 @@ for source in sources:
 @pytest.mark.slow
 def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
     """But for one that is written for this test, last, so that a warning is known to be seen."""
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", SCRIPT],
-        env={**os.environ, "POCL_CACHE_DIR": str(tmp_path), "PYOPENCL_NO_CACHE": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    afresh = {"POCL_CACHE_DIR": tmp_path, "PYOPENCL_NO_CACHE": "1"}
+    done = python("-W", "ignore", "-c", SCRIPT, **afresh)
     assert done.stderr == "1 warning generated.\n"

@@ -42,7 +42,6 @@ def one_lane(request: pytest.FixtureRequest) -> OpenCL | None:
     groups have those.
     """
     found, _ = choose_device(request.config.getoption("--device"))
-    assert found is not None
     if usual_lanes(found) == 1 or "PoCL 5.0" in found.handle.platform.version:
         return None
     return OpenCL(found, lanes=1)

@@ -112,7 +112,6 @@ def simulate(simulator: subprocess.Popen[str], tmp_path: Path) -> Simulate:
             "OCLGRIND_LOG": str(log),
         }
         job = {"name": name, "lanes": lanes, "shape": shape, "before": before, "after": after}
-        assert simulator.stdin is not None
         assert simulator.stdout is not None
         simulator.stdin.write(json.dumps({**job, "checks": checks}) + "\n")
         simulator.stdin.flush()

@@ -16,7 +16,14 @@ from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced, without_pictures
+from tests.conftest import (
+    RIG_PIXEL_MM,
+    Calibration,
+    MadeOnce,
+    Raytraced,
+    images_of,
+    without_pictures,
+)
 
 
 def run(
@@ -158,15 +165,8 @@ def test_three_lights_are_enough(raytraced: Raytraced, tmp_path: Path) -> None:
     rig = raytraced / "near33"
     three = {"frames.leds": [1, 2, 3]}
     calibrated = tmp_path / "three.npz"
-    run(
-        "calibrate",
-        calibrated,
-        changes={"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]},
-        capture=rig / "calibration",
-        flat=rig / "flat",
-        ball_radius_mm=7.0,
-        pixel_size_mm=RIG_PIXEL_MM["near33"],
-    )
+    taken = {"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]}
+    run("calibrate", calibrated, changes=taken, **images_of(rig))
     given = {"capture": rig / "sphere_film", "calibration": calibrated}
     found = run("reconstruct", changes=three, **given)["metrics"]
     assert found["rmse_px"] < 0.3
@@ -176,13 +176,8 @@ def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None
     """Without a flat frame the fall-off is modelled; vignetting and dirt stay."""
     rig = raytraced / "near33"
     calibrated = tmp_path / "ball.npz"
-    run(
-        "calibrate",
-        calibrated,
-        capture=rig / "calibration",
-        ball_radius_mm=7.0,
-        pixel_size_mm=RIG_PIXEL_MM["near33"],
-    )
+    without_flat = {name: v for name, v in images_of(rig).items() if name != "flat"}
+    run("calibrate", calibrated, **without_flat)
     given = {"capture": rig / "sphere_film", "calibration": calibrated}
     assert run("reconstruct", **given)["metrics"]["rmse_px"] < 1.0
 

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.conftest import without_pictures
+from tests.conftest import simulated_sensor
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 
@@ -18,22 +16,8 @@ SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a simulated ball, small and quick."""
-    folder = tmp_path_factory.mktemp("small")
-    made = {
-        "simulate": {"radius_mm": 7.0, "seed": 1, "out": str(folder / "ball"), **SIZE},
-        "simulate_flat": {"seed": 2, "out": str(folder / "flat"), **SIZE},
-        "calibrate": {
-            "capture": str(folder / "ball"),
-            "flat": str(folder / "flat"),
-            "ball_radius_mm": 7.0,
-            "pixel_size_mm": 0.25,
-            "out": str(folder / "cal.npz"),
-        },
-    }
-    for graph, given in made.items():
-        for _ in open_pipeline(without_pictures(read_graph(graph)), given).items():
-            pass
-    return folder / "cal.npz"
+    small = simulated_sensor(tmp_path_factory.mktemp("small"), radius_mm=7.0, **SIZE)
+    return small / "cal.npz"
 
 
 @pytest.mark.slow

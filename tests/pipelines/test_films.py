@@ -73,6 +73,7 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475
+BALL = {"ball_radius_mm": RADIUS_MM, "pixel_size_mm": PIXEL_MM}
 BALL_PX = RADIUS_MM / PIXEL_MM
 
 
@@ -99,16 +100,9 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Sensor:
             size = fine.shape[1] // SCALE, fine.shape[0] // SCALE
             small = cv2.resize(fine, size, interpolation=cv2.INTER_AREA)
             cv2.imwrite(str(folder / name / image.name), np.round(small * 257).astype(np.uint16))
-    run(
-        "calibrate",
-        folder / "cal.npz",
-        capture=folder / "balls_1",
-        flat=folder / "flat",
-        ball_radius_mm=RADIUS_MM,
-        pixel_size_mm=PIXEL_MM,
-        ball_center_px=[253.2, 255.4],
-        ball_contact_px=65 / SCALE,
-    )
+    images = {"capture": folder / "balls_1", "flat": folder / "flat"}
+    ball = {"ball_center_px": [253.2, 255.4], "ball_contact_px": 65 / SCALE}
+    run("calibrate", folder / "cal.npz", **images, **BALL, **ball)
     centres = (marked(data / f"{name}.csv") for name in ("balls_2", "balls_1"))
     return Sensor(folder / "balls_2", folder / "cal.npz", *centres)
 
@@ -157,15 +151,8 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(sensor: Sensor) -> 
     grid is like the next.
     """
     folder = sensor.scan.parent
-    run(
-        "calibrate",
-        folder / "scan.npz",
-        capture=folder / "balls_1",
-        flat=folder / "flat",
-        ball_radius_mm=RADIUS_MM,
-        pixel_size_mm=PIXEL_MM,
-        ball_pitch_mm=1.0,
-    )
+    images = {"capture": folder / "balls_1", "flat": folder / "flat"}
+    run("calibrate", folder / "scan.npz", **images, **BALL, ball_pitch_mm=1.0)
     first, second = (
         run("reconstruct", capture=folder / name, calibration=folder / "scan.npz")
         for name in ("balls_1", "balls_2")

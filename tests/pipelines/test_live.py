@@ -16,6 +16,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import load, open_pipeline
+from tests.conftest import simulated_sensor
 
 pytestmark = pytest.mark.realtime
 
@@ -33,22 +34,12 @@ def run(graph: str, **values: object) -> None:
 @pytest.fixture(scope="module")
 def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the calibration of the simulated sensor."""
-    folder = tmp_path_factory.mktemp("live")
-    ball, flat = str(folder / "ball"), str(folder / "flat")
-    run("simulate", out=ball, radius_mm=5, seed=1, **SIZE, **RIG)
-    run("simulate_flat", out=flat, seed=2, **SIZE, **RIG)
-    known = {"ball_radius_mm": 5, "pixel_size_mm": 1 / 7}
-    run("calibrate", capture=ball, flat=flat, out=str(folder / "cal.npz"), **known)
-    return folder
+    return simulated_sensor(tmp_path_factory.mktemp("live"), **SIZE, **RIG)
 
 
 def given(sensor: Path, **more: object) -> dict[str, object]:
-    return {
-        "calibration": str(sensor / "cal.npz"),
-        "camera": CAMERA,
-        "out": str(sensor / "out"),
-        **more,
-    }
+    cal, out = str(sensor / "cal.npz"), str(sensor / "out")
+    return {"calibration": cal, "camera": CAMERA, "out": out, **more}
 
 
 @pytest.mark.parametrize("port", ["none", "simulated"])
@@ -93,7 +84,6 @@ def test_ctrl_c_ends_it_in_order(sensor: Path) -> None:
     words = ["calibration=cal.npz", f"camera={CAMERA}", "port=simulated", "out=stopped"]
     pipe = subprocess.PIPE
     process = subprocess.Popen([*command, *words], cwd=sensor, stdout=pipe, stderr=pipe, text=True)
-    assert process.stdout is not None
     assert "ms on" in process.stdout.readline()
     time.sleep(2.5)
     process.send_signal(signal.SIGINT)

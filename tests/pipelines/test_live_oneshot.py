@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -15,7 +13,7 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import load, open_pipeline
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
-from tests.conftest import MadeOnce
+from tests.conftest import MadeOnce, python
 from tests.nodes.live.oneshot import BALL_MM, BY_HAND, MOVING, PIXEL_MM, calibrated
 
 pytestmark = pytest.mark.realtime
@@ -120,11 +118,10 @@ def test_rerun_gets_one_picture_in_colour(mini: Path, tmp_path: Path) -> None:
 def guided(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The calibration of a guided session of four presses."""
     file = tmp_path_factory.mktemp("guided") / "mini.npz"
-    command = [sys.executable, "-m", "tactograph.graph.command", "run", "calibrate_live_oneshot"]
+    command = ["-m", "tactograph.graph.command", "run", "calibrate_live_oneshot"]
     command += [f"camera={BY_HAND}", f"ball_radius_mm={BALL_MM}", f"pixel_size_mm={PIXEL_MM}"]
     command += [f"out={file}", "presses_at_most=4", "--set", "presses.still_s=0.15"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
+    done = python(*command)
     file.with_suffix(".out").write_text(done.stdout)
     file.with_suffix(".err").write_text(done.stderr)
     return file

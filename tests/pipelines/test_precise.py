@@ -60,12 +60,7 @@ REACHED = [
 
 @pytest.mark.parametrize(("rig", "shape", "rmse", "largest", "over"), REACHED)
 def test_precise_reaches_its_error_on_every_shape(
-    metrics: Figures,
-    rig: str,
-    shape: str,
-    rmse: float,
-    largest: float,
-    over: float,
+    metrics: Figures, rig: str, shape: str, rmse: float, largest: float, over: float
 ) -> None:
     found = metrics("precise", rig, shape)
     assert found["rmse_px"] <= rmse

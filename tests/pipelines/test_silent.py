@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, python
 
 TOLD = (
     "swapped_neighbours",
@@ -30,9 +28,7 @@ def rows(once: Path) -> list[Row]:
     script, table = ROOT / "benchmarks" / "silent.py", once / "silent.csv"
     kinds = ["--kind", "right", *TOLD, *UNTOLD]
     kept = ["--csv", str(table), "--cache", str(once / "silent")]
-    command = [sys.executable, str(script), "--small", *kinds, *kept]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    python(script, "--small", *kinds, *kept)
     with table.open(newline="") as file:
         return list(csv.DictReader(file))
 

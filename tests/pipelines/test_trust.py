@@ -16,7 +16,7 @@ from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced, real_data
+from tests.conftest import Calibration, MadeOnce, Raytraced, images_of, real_data
 from tests.nodes.live.oneshot import calibrated, pressed
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -309,9 +309,6 @@ def test_wrong_pictures_of_a_real_sensor_are_told(mini: Pipeline, what: str) -> 
 def test_a_good_calibration_raises_no_warning(
     raytraced: Raytraced, tmp_path: Path, rig: str
 ) -> None:
-    folder = raytraced / rig
-    given = {"capture": str(folder / "calibration"), "flat": str(folder / "flat")}
-    scale = {"ball_radius_mm": 7.0, "pixel_size_mm": RIG_PIXEL_MM[rig]}
-    values = {**given, **scale, "out": str(tmp_path / "cal.npz")}
-    (result,) = open_pipeline(read_graph("calibrate"), values).items()
+    given = images_of(raytraced / rig) | {"out": str(tmp_path / "cal.npz")}
+    (result,) = open_pipeline(read_graph("calibrate"), given).items()
     assert not result.warnings

@@ -10,21 +10,14 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, without_pictures
+from tests.conftest import Calibration, Raytraced, images_of, without_pictures
 
 RIG = "near33"
 
 
 def calibrate(rig: Path, out: Path, **given: object) -> Result:
     """Calibrate with the diameter of the ball, 14 mm, for its radius."""
-    words = {
-        "capture": str(rig / "calibration"),
-        "flat": str(rig / "flat"),
-        "ball_radius_mm": 14.0,
-        "pixel_size_mm": RIG_PIXEL_MM[rig.name],
-        "out": str(out),
-        **given,
-    }
+    words = images_of(rig) | {"ball_radius_mm": 14.0, "out": str(out), **given}
     (result,) = open_pipeline(without_pictures(read_graph("calibrate")), words).items()
     return result
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tactograph import ctrl_c
+from tests.conftest import python
 
 
 @pytest.fixture
@@ -69,5 +69,4 @@ def test_while_the_command_line_is_imported_it_ends_in_one_line() -> None:
         "from tactograph.__main__ import main\n"
         "main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (130, "tactograph: stopped\n")
+    assert python("-c", code, code=130).stderr == "tactograph: stopped\n"

@@ -113,7 +113,8 @@ def guide_presses(
             frames = {frame.led: frame.data for frame in press.new}
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
             tell(f"Press {count} is taken: let go.")
-            taken = GuidedPresses(*read_balls(folder=pressed), *film)
+            image, first, radius, known, names, *_ = read_balls(folder=pressed)
+            taken = GuidedPresses(image, first, radius, known, names, *film)
             yield taken._replace(serial=driver.serial or None)
         if not count:
             raise InputError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 
 from tactograph.graph.backends import devices as opencl_devices
 from tactograph.graph.backends.intel_runtime import listed
+from tests.conftest import python
 
 POCL = [*Path("/usr/lib").glob("*/libpocl.so.*"), *Path("/usr/lib64").glob("libpocl.so.*")]
 METADATA = "Metadata-Version: 2.1\nName: intel-opencl-rt\nVersion: 2026.2.0"
@@ -37,14 +37,7 @@ def package(tmp_path: Path) -> Path:
 
 def devices(**environment: object) -> str:
     """The drivers that a fresh process finds, and the environment that it leaves."""
-    done = subprocess.run(
-        [sys.executable, "-c", PLATFORMS],
-        env={**os.environ, **{name: str(value) for name, value in environment.items()}},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout
+    return python("-c", PLATFORMS, **environment).stdout
 
 
 def test_it_is_found_where_the_system_lists_no_driver(package: Path, tmp_path: Path) -> None:

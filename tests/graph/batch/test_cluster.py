@@ -147,10 +147,7 @@ def test_another_program_at_the_address_is_no_scheduler(
 
 
 def test_a_worker_with_other_code_is_refused(
-    write: Write,
-    tmp_path: Path,
-    captures: list[Path],
-    monkeypatch: pytest.MonkeyPatch,
+    write: Write, tmp_path: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
     other = replace(store.origin, code={**store.origin.code, "label_lit": "other"})

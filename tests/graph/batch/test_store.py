@@ -33,12 +33,7 @@ def test_larger_maps_are_written_fewer_at_a_time(size: tuple[int, int], together
 
 @pytest.mark.parametrize(
     ("shape", "chunk", "together"),
-    [
-        ((240, 320), 16, 4),
-        ((240, 320), 7, 1),
-        ((480, 640), 16, 1),
-        ((2, 3), 16, 16),
-    ],
+    [((240, 320), 16, 4), ((240, 320), 7, 1), ((480, 640), 16, 1), ((2, 3), 16, 16)],
 )
 def test_small_maps_are_compressed_together(
     tmp_path: Path, shape: tuple[int, int], chunk: int, together: int

@@ -21,7 +21,7 @@ from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.show.views import View
 from tests.conftest import MadeOnce
-from tests.graph.conftest import Command, Write
+from tests.graph.conftest import Command, Write, one_line
 
 ONE = """
 format: 1
@@ -181,7 +181,6 @@ def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
     picture, page = tmp_path / "page.png", report / "report.html"
     chromium(f"--screenshot={picture}", "--window-size=1300,2400", page.as_uri())
     pixels = cv2.imread(str(picture))
-    assert pixels is not None
     assert pixels.shape[1] == 1300
     assert (pixels < 128).mean() > 0.01
     assert len(np.unique(pixels @ np.array([1, 256, 65536]))) > 1000
@@ -225,18 +224,6 @@ def test_what_was_done_is_not_done_again_until_something_changes(
     assert after[1] == before[1]
 
 
-def test_one_failing_run_does_not_end_the_rest(
-    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
-) -> None:
-    (captures[0] / "led2.png").write_bytes(b"no image")
-    words = ("compare", write(OVER), "--over", captures[0], captures[1], "--out", tmp_path / "r")
-    done = tactograph(*words)
-    assert done.code == 0
-    assert "failed: graph on left" in done.out
-    assert [bool(row["error"]) for row in rows_of(tmp_path / "r")] == [True, False]
-    assert "failed: " in (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
-
-
 def test_again_repeats_what_was_recorded(tactograph: Command, swept: Path, tmp_path: Path) -> None:
     """The names in a folder that holds a report alone."""
     again = tactograph("compare", "--again", swept)
@@ -268,27 +255,19 @@ def test_again_says_what_changed(
         (("table1", "--sweep", "lights.slant=1,2"), "has no parameter 'slant'"),
         (("table1", "--sweep", "lights.slant_deg=1"), "at least two values"),
         (("table1", "--seed", "camera.sed"), "has no parameter 'sed'"),
-        (
-            ("table1", "--seed", "camera.seed", "--sweep", "camera.seed=1,2"),
-            "only once",
-        ),
+        (("table1", "--seed", "camera.seed", "--sweep", "camera.seed=1,2"), "only once"),
     ],
 )
 def test_a_wrong_comparison_is_refused_in_one_line(
     tactograph: Command, words: tuple[object, ...], said: str
 ) -> None:
-    refused = tactograph("compare", *words)
-    assert refused.code == 2
-    assert said in refused.err
-    assert refused.err.count("\n") == 1
+    assert said in one_line(tactograph("compare", *words))
 
 
 def test_a_graph_that_was_tampered_with_is_not_run_again(tactograph: Command, report: Path) -> None:
     file = report / "graphs" / "one.yaml"
     file.write_text(file.read_text().replace("0.8", "0.7"))
-    refused = tactograph("compare", "--again", report)
-    assert refused.code == 2
-    assert "was changed since" in refused.err
+    assert "was changed since" in one_line(tactograph("compare", "--again", report))
 
 
 def test_differences_are_told_node_by_node() -> None:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
-from tests.graph.conftest import Command
+from tests.conftest import ROOT, python
+from tests.graph.conftest import Command, one_line
 
 
 @pytest.fixture
@@ -38,9 +35,7 @@ def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> No
 
 
 def test_a_node_goes_into_a_room(tactograph: Command, clone: Path) -> None:
-    outcome = tactograph("new-node", "brighten")
-    assert outcome.code == 2
-    assert "say ROOM/brighten, with a room of light" in outcome.err
+    assert "say ROOM/brighten, with a room of light" in one_line(tactograph("new-node", "brighten"))
 
 
 @pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
@@ -56,12 +51,7 @@ def test_what_is_written_is_formatted_and_clean(
         # Seen from a package of its own, tactograph is one of the others.
         config = ["--isolated", "--line-length", "100"]
         config += ["--select", "E,F,I,UP"] if check == ["check"] else []
-    done = subprocess.run(
-        [sys.executable, "-m", "ruff", *check, *config, "."],
-        cwd=clone / "my-nodes" if package else clone,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    python("-m", "ruff", *check, *config, ".", cwd=clone / "my-nodes" if package else clone)
 
 
 @pytest.mark.slow
@@ -72,18 +62,10 @@ def test_a_package_brings_a_node_whose_own_tests_pass(
     assert tactograph("new-node", "brighten", "--package", "my-nodes").code == 0
     site = tmp_path / "site"
     install = ["pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    done = subprocess.run(
-        [sys.executable, "-m", *install, "--target", str(site), "./my-nodes"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    python("-m", *install, "--target", site, "./my-nodes")
     # Away from the sources, so that the installed files are what is tested.
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests"],
-        capture_output=True, text=True, check=False,
-        env={**os.environ, "PYTHONPATH": str(site)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    tests = ("-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests")
+    done = python(*tests, PYTHONPATH=site)
     assert "passed" in done.stdout
     assert "skipped" not in done.stdout
 
@@ -110,17 +92,13 @@ def test_a_second_node_of_a_package_says_what_to_register(
 def test_a_name_that_cannot_be_is_refused(
     tactograph: Command, clone: Path, words: list[str], message: str
 ) -> None:
-    outcome = tactograph("new-node", *words)
-    assert outcome.code == 2
-    assert message in outcome.err
+    assert message in one_line(tactograph("new-node", *words))
     assert not [f for f in clone.rglob("*") if f.is_file() and f.name != "__init__.py"]
 
 
 def test_nothing_is_overwritten(tactograph: Command, clone: Path) -> None:
     (clone / "kernels" / "light" / "brighten.cl").write_text("mine")
-    outcome = tactograph("new-node", "light/brighten")
-    assert outcome.code == 2
-    assert "nothing was written" in outcome.err
+    assert "nothing was written" in one_line(tactograph("new-node", "light/brighten"))
     assert not (clone / "nodes" / "brighten.py").exists()
 
 
@@ -128,6 +106,4 @@ def test_outside_a_clone_a_package_must_be_named(
     tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    outcome = tactograph("new-node", "brighten")
-    assert outcome.code == 2
-    assert "--package FOLDER" in outcome.err
+    assert "--package FOLDER" in one_line(tactograph("new-node", "brighten"))

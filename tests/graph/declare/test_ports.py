@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypeAliasType
 
 from tactograph.graph import GraphError, Port
-from tactograph.graph.declare.ports import (
-    is_record,
-    make_record,
-    read_port,
-    record_ports,
-    record_values,
-)
+from tactograph.graph.declare.ports import is_record, read_port, record_ports, record_values
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
 from tests.graph.conftest import SLOPES, Write
@@ -84,13 +78,6 @@ class Outer(NamedTuple):
     name: str
     inner: Inner
     gain: float
-
-
-def test_a_record_in_a_record_is_as_if_its_fields_stood_there() -> None:
-    assert list(record_ports(Outer)) == ["name", "low", "high", "gain"]
-    made = Outer("x", Inner(1.0, 2.0), 3.0)
-    assert record_values(Outer, made) == ("x", 1.0, 2.0, 3.0)
-    assert make_record(Outer, record_values(Outer, made)) == made
 
 
 @pytest.mark.parametrize("made", [("x",), ("x", 1.0, 2.0, 3.0), {"a": 1, "b": 2}, None, "ab"])

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tactograph.graph import GraphError
-from tactograph.graph.disk.strict_yaml import parse_yaml
-
-
-def refusal(text: str) -> str:
-    with pytest.raises(GraphError) as error:
-        parse_yaml(text, "g.yaml")
-    return str(error.value)
+from tests.graph.disk.test_strict_yaml import refusal
 
 
 @pytest.mark.parametrize("text", ["nodes:\n\tx: 1", "nodes:\n  x: 1\n\ty: 1"])

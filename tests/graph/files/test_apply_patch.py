@@ -100,19 +100,10 @@ def test_a_verb_whose_target_is_absent_is_an_error(write: Write, verb: str) -> N
     assert "variant.yaml:4:5:" in said
 
 
-def test_insert_takes_no_name_that_is_taken(write: Write) -> None:
-    said = refusal(write, "{insert: slope, op: pixel_size}")
-    assert "insert: there is a node 'slope' already" in said
-
-
-def test_insert_after_what_nobody_reads_is_an_error(write: Write) -> None:
-    said = refusal(write, "{insert: rest, op: rest_at_border, after: slope.nothing}")
-    assert "insert: after: nothing reads 'slope.nothing'; of this node 'slope.slope'" in said
-
-
 @pytest.mark.parametrize(
     ("after", "message"),
     [
+        ("slope.nothing", "nothing reads 'slope.nothing'; of this node 'slope.slope'"),
         ("slope", "nothing reads 'slope'; of this node 'slope.slope', 'slope.mask' can be named"),
         ("slop", "there is no node 'slop'; did you mean 'slope'?"),
         ("hieght.read_height", "there is no node 'hieght'; did you mean 'height'?"),
@@ -126,6 +117,10 @@ def test_insert_after_says_what_can_be_named(write: Write, after: str, message: 
     ("change", "message"),
     [
         ("{set: slope}", "set needs 'with' or 'in'"),
+        ("{set: slope, with: null}", "set needs 'with' or 'in'"),
+        ("{set: null, in: {height: again}}", "this one has none"),
+        ("{replace: slope, op: pixel_size, in: {height: null}}", "only 'set' takes an input away"),
+        ("{insert: slope, op: pixel_size}", "insert: there is a node 'slope' already"),
         ("{set: slope, with: {a: 1}, op: x}", "set takes no 'op'"),
         ("{replace: slope}", "replace needs 'op'"),
         ("{replace: slope, op: x, after: height}", "replace takes no 'after'"),
@@ -159,8 +154,7 @@ def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
-    ["{set: pixel, with: {other: 1}}", "{backend: pixel, to: numpy}", "{neutral: pixel}"],
+    "change", ["{set: pixel, with: {other: 1}}", "{backend: pixel, to: numpy}", "{neutral: pixel}"]
 )
 def test_an_error_in_what_a_patch_left_alone_is_placed_in_the_base(
     write: Write, change: str
@@ -202,9 +196,7 @@ def test_an_output_that_a_removed_node_made_is_told_at_the_change_too(write: Wri
 
 def test_a_removed_node_that_is_put_in_again_is_there(write: Write) -> None:
     graph = patched(
-        write,
-        "{remove: again}",
-        "{insert: again, op: rest_at_border, in: {height: height}}",
+        write, "{remove: again}", "{insert: again, op: rest_at_border, in: {height: height}}"
     )
     make_plan(graph, graph.placeholders, device=None)
 

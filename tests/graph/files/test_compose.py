@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,12 +11,7 @@ import pytest
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.graph_places import shipped_graphs, shipped_overlays, shipped_studies
-from tactograph.graph.files.read_graph import (
-    read_graph,
-    read_graphs,
-    shipped_names,
-    with_overlays,
-)
+from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names, with_overlays
 from tactograph.graph.plan.make_plan import make_plan
 from tests.graph.conftest import SLOPES, Write
 
@@ -188,21 +184,6 @@ def test_set_changes_inputs_and_takes_them_away(write: Write) -> None:
     )
     assert graph.nodes["slope"].inputs == {"height": "rest"}
     assert graph.nodes["slope"].settings == {"steepest": 2}
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ("{set: slope}", "set needs 'with' or 'in'"),
-        ("{set: slope, with: null}", "set needs 'with' or 'in'"),
-        ("{set: null, in: {height: again}}", "this one has none"),
-        ("{replace: slope, op: pixel_size, in: {height: null}}", "only 'set' takes an input away"),
-    ],
-)
-def test_what_set_alone_can_is_said(write: Write, change: str, message: str) -> None:
-    file = write(f"format: 1\nextends: base.yaml\npatch:\n  - {change}")
-    assert message in refusal(file)
-    assert refusal(file).startswith(f"{file}:4:")
 
 
 def test_a_variant_is_named_behind_its_file(write: Write) -> None:
@@ -399,6 +380,4 @@ def test_a_source_fits_both_kinds_of_sensor(overlay: str) -> None:
 
 
 def _to_plan(graph: Graph) -> tuple[Graph, dict[str, object]]:
-    from dataclasses import replace
-
     return replace(graph, prefer=("numpy",)), graph.placeholders

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
 from pathlib import Path
 
 import pytest
@@ -10,7 +10,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names
 from tests.graph.conftest import SLOPES, Write
 
@@ -41,11 +40,6 @@ def test_a_shipped_graph_is_found_by_its_bare_name(name: str) -> None:
 def test_a_shipped_graph_is_found_by_its_file_name_too(name: str) -> None:
     assert read_graph(f"{name}.yaml").hash == read_graph(name).hash
     assert [graph.hash for graph in read_graphs(f"{name}.yaml")] == [read_graph(name).hash]
-
-
-def test_a_misspelt_name_is_met_with_the_one_that_was_meant() -> None:
-    with pytest.raises(InputError, match="did you mean 'reconstruct'"):
-        read_graph("reconstrukt")
 
 
 @pytest.mark.parametrize(
@@ -201,6 +195,9 @@ def test_the_hash_is_of_what_is_computed_not_of_words_for_people(write: Write) -
     assert read_graph(write(SLOPES.replace("0.1", "0.11"))).hash != plain
 
 
+patient = settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 TREES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
     | st.sampled_from(["paper", "pixel_size", "opencl", "cal.flat", "$x", "graph.yaml"]),
@@ -216,10 +213,7 @@ TREES = st.recursive(
 )  # fmt: skip
 
 
-@settings(
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+@patient
 @given(
     st.dictionaries(
         st.sampled_from(["title", "extends", "params", "prefer", "nodes", "patch", "outputs"])
@@ -229,25 +223,17 @@ TREES = st.recursive(
     )
 )
 def test_any_mapping_is_a_graph_or_an_input_error(write: Write, content: dict[str, object]) -> None:
-    import json
-
     text = json.dumps({"format": 1, **content})
     _graph_or_error(write(text))
 
 
-@settings(
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+@patient
 @given(st.text(max_size=100))
 def test_any_text_is_a_graph_or_an_input_error(write: Write, text: str) -> None:
     _graph_or_error(write(f"format: 1\n{text}"))
 
 
-@settings(
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+@patient
 @given(st.data())
 def test_a_graph_file_with_a_slip_is_a_graph_or_an_input_error(
     write: Write, data: st.DataObject
@@ -258,10 +244,7 @@ def test_a_graph_file_with_a_slip_is_a_graph_or_an_input_error(
     _graph_or_error(write(SLOPES[:start] + slip + SLOPES[start + length :]))
 
 
-@settings(
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+@patient
 @given(content=st.binary(max_size=100))
 def test_any_bytes_are_a_graph_or_an_input_error(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "graph.yaml"
@@ -269,8 +252,8 @@ def test_any_bytes_are_a_graph_or_an_input_error(tmp_path: Path, content: bytes)
     _graph_or_error(str(file))
 
 
-def _graph_or_error(file: str, check: Callable[[Graph], object] = lambda g: g.hash) -> None:
+def _graph_or_error(file: str) -> None:
     try:
-        check(read_graph(file))
+        assert read_graph(file).hash
     except InputError as error:
         assert str(error)  # noqa: PT017

@@ -54,10 +54,7 @@ def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
         graph = changed(graph, f"{name}.label", settings=settings)
     graph = changed(graph, "pass_2.bounce", neutral=True)
     changes = changes_between(base, graph, {})
-    assert changes == [
-        {"set": "pass.label", "with": {"dark": 0}},
-        {"neutral": "pass_2.bounce"},
-    ]
+    assert changes == [{"set": "pass.label", "with": {"dark": 0}}, {"neutral": "pass_2.bounce"}]
     saved = write_variant(tmp_path / "v.yaml", base, "reconstruct", changes, "lit")
     assert saved.nodes == graph.nodes
     graph = changed(graph, "pass_3.label", settings={"steepest": 4.0, "dark": 1})

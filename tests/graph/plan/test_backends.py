@@ -72,9 +72,7 @@ def test_a_node_without_a_kernel_runs_on_numpy_and_that_is_no_fallback(
 def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Write) -> None:
     plan = planned(write(SLOPES), None)
     assert {p.backend for p in plan.placements.values()} == {"numpy"}
-    assert plan.fallbacks == [
-        f"slope, again run on numpy: opencl is preferred, but {ABSENT}",
-    ]
+    assert plan.fallbacks == [f"slope, again run on numpy: opencl is preferred, but {ABSENT}"]
 
 
 def test_few_nodes_that_fall_back_are_all_named_on_a_terminal(write: Write) -> None:

@@ -61,9 +61,6 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
         (", with: {file: $file}", "",
          "nodes.height.with.file: node 'read_height' needs the parameter"),
-
-
-        (", with: {file: $file}", "", "with.file: node 'read_height' needs the parameter"),
         ("file: $file", "file: $fiel", "the graph has no param 'fiel'; did you mean 'file'?"),
         ("height: again", "height: agian",
          "11:11: outputs.height: there is no node 'agian'; did you mean 'again'?"),

@@ -63,16 +63,6 @@ def test_a_fixed_size_that_a_node_does_not_take_is_refused_before_anything_runs(
         planned(write(text))
 
 
-def test_a_size_that_clashes_in_the_data_names_both_ports(write: Write) -> None:
-    plan = planned(write(STREAM))
-    known: dict[Symbol, Bound] = {}
-    plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
-    with pytest.raises(
-        InputError, match=r"the size H is 7 in frames.image but 4 in cal.flat; they have to be"
-    ):
-        plan.sizes.bind(known, plan.tasks["frames"], "image", (3, 7, 5))
-
-
 @pytest.mark.parametrize(
     ("shape", "words"),
     [((6, 4, 5), "6 and 3 lights"), ((3, 7, 5), "7 and 4 rows"), ((3, 4, 9), "9 and 5 columns")],

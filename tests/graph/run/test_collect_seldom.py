@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import gc
-import subprocess
-import sys
 import weakref
 from collections.abc import Iterator
 
 import pytest
 
 from tactograph.graph.run.collect_seldom import MIDDLE_THRESHOLD, YOUNG_THRESHOLD, collect_seldom
+from tests.conftest import python
 
 
 @pytest.fixture
@@ -54,6 +53,5 @@ collect_seldom()
 
 
 def test_a_process_that_ends_looks_through_nothing() -> None:
-    said = subprocess.run([sys.executable, "-c", ENDS], check=True, capture_output=True, text=True)
-    looked_through, left = map(int, said.stdout.split())
+    looked_through, left = map(int, python("-c", ENDS).stdout.split())
     assert looked_through < 100 < left

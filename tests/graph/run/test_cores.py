@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 
 import pytest
 
 from tactograph.graph.run.cores import cores, environment, share_of
+from tests.conftest import python
 
 TOLD = "from tactograph.graph.run.cores import cores; print(cores())"
 
 
 def told() -> int:
-    return int(subprocess.run([sys.executable, "-c", TOLD], capture_output=True, check=True).stdout)
+    return int(python("-c", TOLD).stdout)
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be bound here")

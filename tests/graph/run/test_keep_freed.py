@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import platform
-import subprocess
-import sys
 
 import pytest
+
+from tests.conftest import python
 
 CHAIN = """
 import resource
@@ -27,9 +27,5 @@ KEEP = "from tactograph.graph.run.keep_freed import keep_freed; keep_freed()"
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries take no note")
 def test_what_a_node_frees_serves_the_next() -> None:
-    without, kept = (
-        int(subprocess.run([sys.executable, "-c", CHAIN.format(keep=keep)], check=True,
-                           capture_output=True, text=True).stdout)
-        for keep in ("", KEEP)
-    )  # fmt: skip
+    without, kept = (int(python("-c", CHAIN.format(keep=keep)).stdout) for keep in ("", KEEP))
     assert kept < 100 < without

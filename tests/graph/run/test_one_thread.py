@@ -11,12 +11,11 @@ from tactograph.graph import InputError, load
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import STREAM, Write
+from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
 from tests.graph.toys import Gate
 
 pytestmark = pytest.mark.usefixtures("toys")
 
-WAITING = STREAM.replace(", default: 3}", "}")
 STACK = np.ones((3, 4, 5), np.float32)
 
 
@@ -25,11 +24,7 @@ def opened(graph: str) -> Pipeline:
 
 
 def test_a_second_thread_is_refused_while_the_first_is_at_work(write: Write) -> None:
-    text = WAITING.replace(
-        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
-        "op: gated, in: {image: frames.image}",
-    )
-    pipeline = load(write(text), backend="numpy")
+    pipeline = load(write(lit_by("gated", WAITING)), backend="numpy")
     found: list[float] = []
     Gate.close()
     thread = threading.Thread(target=lambda: found.append(pipeline(frames=STACK)["light"].max()))
@@ -81,10 +76,7 @@ def test_an_item_that_fails_leaves_the_pipeline_free(write: Write) -> None:
 def test_what_runs_once_and_keeps_something_opens_it_again_with_each_stream(
     toys: list[str], write: Write
 ) -> None:
-    text = STREAM.replace("  save:", "  once: {op: opens_once}\n  save:").replace(
-        "score: score}", "score: score, once: once}"
-    )
-    pipeline = opened(write(text))
+    pipeline = opened(write(added("  once: {op: opens_once}", "once: once")))
     for _ in range(2):
         list(pipeline.items())
     diary = [line for line in toys if "once" in line or "diary" in line]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +11,11 @@ import pytest
 from tactograph.graph import GraphError, InputError, load
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import STREAM, Write
+from tests.conftest import python
+from tests.graph.conftest import STREAM, WAITING, Write
 
 pytestmark = pytest.mark.usefixtures("toys")
-
-WAITING = STREAM.replace(", default: 3}", "}")
 
 
 def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
@@ -52,15 +48,6 @@ def test_a_loaded_pipeline_does_not_list_many_nodes_in_its_warning(no_device: No
     with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
         load("reconstruct", calibration="no.npz")
     assert len(told) == 1
-
-
-def test_what_falls_back_for_one_reason_is_one_line() -> None:
-    given = {"capture": "x", "calibration": "x"}
-    plan = make_plan(read_graph("paper"), given, device=None, no_device="none")
-    whole = [line for line in plan.fallbacks if "run on numpy" in line]
-    assert len(plan.fallbacks) <= 2
-    assert len(whole) == 1
-    assert whole[0].count(",") > 3
 
 
 @pytest.mark.parametrize("outputs", ["height", [], [1]])
@@ -183,5 +170,4 @@ def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> No
         "open_pipeline(graph, graph.placeholders);"
         "print(sorted({'matplotlib', 'trimesh', 'scipy.fft', 'scipy.spatial'} & set(sys.modules)))"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.stdout == "[]\n", done.stderr
+    assert python("-c", script).stdout == "[]\n"

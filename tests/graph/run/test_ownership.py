@@ -12,15 +12,13 @@ from tactograph.graph import NodeError, load
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import STREAM, Write
+from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
-WAITING = STREAM.replace(", default: 3}", "}")
-SUMMED = WAITING.replace(
-    "  score:", "  sum: {op: summed, in: {image: light, before: previous.sum}}\n  score:"
-).replace("{light: light,", "{light: light, sum: sum, flat: cal.flat,")
+SUM = "  sum: {op: summed, in: {image: light, before: previous.%s}}"
+SUMMED = added(SUM % "sum", "sum: sum, flat: cal.flat", WAITING)
 
 
 def opened(graph: str, backend: str = "numpy") -> Pipeline:
@@ -59,11 +57,8 @@ outputs: {shadow: shadow}
 def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
     write: Write, backend: str
 ) -> None:
-    text = WAITING.replace(
-        "  score:",
-        "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n"
-        "  same: {op: passed_on, in: {image: frames.image}}\n  score:",
-    ).replace("{light: light,", "{sum: sum, same: same,")
+    nodes = SUM % "frames.image" + "\n  same: {op: passed_on, in: {image: frames.image}}"
+    text = added(nodes, "sum: sum, same: same", WAITING)
     with load(write(text), backend=backend) as pipeline:
         buffer = level(1)
         first = pipeline(frames=buffer)
@@ -77,12 +72,8 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
 
 @pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
 def test_whatever_the_caller_hands_in_is_not_what_comes_out(write: Write, make: Any) -> None:
-    text = WAITING.replace(
-        "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}",
-        "op: passed_on, in: {image: frames.image}",
-    )
     buffer = level(1)
-    result = load(write(text), backend="numpy")(frames=make(buffer))
+    result = load(write(lit_by("passed_on", WAITING)), backend="numpy")(frames=make(buffer))
     buffer[...] = 2
     assert result["light"].max() == 1
 
@@ -100,26 +91,17 @@ def test_a_node_that_writes_into_its_input_is_named(write: Write) -> None:
 
 
 def test_figures_that_one_reader_changes_are_whole_for_the_others(write: Write) -> None:
-    text = STREAM.replace(
-        "  save:",
-        "  changed: {op: scribbled, in: {figures: score}}\n"
-        "  last: {op: remembered, in: {figures: score, before: previous.score}}\n  save:",
-    ).replace("score: score}", "changed: changed, last: last, score: score}")
+    nodes = """  changed: {op: scribbled, in: {figures: score}}
+  last: {op: remembered, in: {figures: score, before: previous.score}}"""
     found = []
-    for result in opened(write(text)).items():
+    for result in opened(write(added(nodes, "changed: changed, last: last"))).items():
         found.append((result["last"]["before"], result["last"]["now"], result["score"]["mean"]))
         result["score"]["mean"] = 100.0
     assert found == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
 
 
 def test_a_source_may_refill_its_own_buffer(write: Write) -> None:
-    text = (
-        STREAM.replace("op: touches", "op: refilled_touches")
-        .replace(
-            "  score:",
-            "  sum: {op: summed, in: {image: light, before: previous.frames.image}}\n  score:",
-        )
-        .replace("{light: light,", "{light: light, sum: sum,")
-    )
+    text = STREAM.replace("op: touches", "op: refilled_touches")
+    text = added(SUM % "frames.image", "sum: sum", text)
     results = [float(result["sum"].mean()) for result in opened(write(text)).items()]
     assert results == [1, 3, 5]

@@ -18,12 +18,11 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.source_stream import SourceStream
-from tests.graph.conftest import SLOPES, STREAM, Write
+from tests.graph.conftest import SLOPES, STREAM, WAITING, Write, added, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
-WAITING = STREAM.replace(", default: 3}", "}")
 
 
 def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
@@ -151,12 +150,6 @@ def test_a_result_is_not_overwritten_by_the_next_one(write: Write) -> None:
         first = pipeline(frames=np.full((3, 4, 5), 0.5, np.float32))
         pipeline(frames=np.full((3, 4, 5), 0.25, np.float32))
         assert float(first["light"].max()) == 0.5
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_unsigned_integers_count_as_fractions_of_full_scale(write: Write, dtype: type) -> None:
-    stack = np.full((3, 4, 5), np.iinfo(dtype).max, dtype)
-    assert float(load(write(WAITING), backend="numpy")(frames=stack)["light"].min()) == 1
 
 
 def test_a_stack_may_be_a_view_in_any_order(write: Write) -> None:
@@ -381,18 +374,12 @@ def test_nodes_of_one_kernel_keep_to_their_own_settings(write: Write, backend: s
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
         for floor in (2, 4)
     )
-    text = WAITING.replace("  score:", f"{more}\n  score:")
-    pipeline = load(
-        write(text.replace("{light: light,", "{light: light, half: n2, quarter: n4,")),
-        backend=backend,
-    )
+    text = added(more, "half: n2, quarter: n4", WAITING)
+    pipeline = load(write(text), backend=backend)
     for level in (1.0, 0.5):
         found = pipeline(frames=np.full((3, 4, 5), level, np.float32))
-        assert [float(found[n].max()) / level for n in ("light", "half", "quarter")] == [
-            1,
-            0.5,
-            0.25,
-        ]
+        shares = [float(found[name].max()) / level for name in ("light", "half", "quarter")]
+        assert shares == [1, 0.5, 0.25]
 
 
 @BACKENDS
@@ -430,9 +417,8 @@ def test_a_once_only_step_that_failed_is_tried_afresh(write: Write, height_file:
 def test_a_node_that_fails_is_named(
     toys: list[str], write: Write, op: str, kind: type[Exception], message: str
 ) -> None:
-    text = STREAM.replace("flat_field", op).replace(", flat: cal.flat, dark: cal.dark", "")
     with pytest.raises(kind, match=message):
-        list(opened(write(text)).items())
+        list(opened(write(lit_by(op))).items())
     assert not [word for word in toys if word.startswith("noted")]
 
 
@@ -453,12 +439,6 @@ def test_a_failure_is_not_tried_again_elsewhere(
     monkeypatch.setattr(Prepared, "launch", fail)
     with pytest.raises(NodeError, match=r"'light' \(flat_field\) failed: .* the device is gone"):
         next(pipeline.items())
-
-
-def test_a_warning_is_in_the_result_and_said_once(write: Write) -> None:
-    text = STREAM.replace("flat_field", "noticed").replace(", flat: cal.flat, dark: cal.dark", "")
-    results = list(opened(write(text)).items())
-    assert [result.warnings for result in results] == [["a warning"]] * 3
 
 
 def test_pipelines_of_several_threads_do_not_disturb_one_another(write: Write) -> None:
@@ -521,23 +501,20 @@ def test_images_of_another_type_are_taken_from_call_to_call(write: Write, backen
 
 @BACKENDS
 def test_labels_of_three_axes_are_no_fractions_of_full_scale(write: Write, backend: str) -> None:
-    text = WAITING.replace(
-        "  score:",
-        "  labels: {op: labelled, in: {image: frames.image}}\n"
-        "  number: {op: bits, in: {labels: labels}}\n  score:",
-    )
-    pipeline = load(write(text.replace("{light: light,", "{light: number,")), backend=backend)
+    nodes = """  labels: {op: labelled, in: {image: frames.image}}
+  number: {op: bits, in: {labels: labels}}"""
+    pipeline = load(write(added(nodes, "number: number", WAITING)), backend=backend)
     stack = np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5)
-    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack > 0.5)
+    np.testing.assert_array_equal(pipeline(frames=stack)["number"], stack > 0.5)
 
 
 def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(write: Write) -> None:
-    text = WAITING.replace("  save:", "  hit: {op: struck, in: {image: light}}\n  save:")
-    pipeline = load(write(text.replace("{light: light", "{light: hit")), backend="opencl")
+    text = added("  hit: {op: struck, in: {image: light}}", "hit: hit", WAITING)
+    pipeline = load(write(text), backend="opencl")
     one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
     with pytest.raises(DeviceError, match=r"failed at 'hit' \(struck\)"):
         pipeline(frames=two)
-    np.testing.assert_array_equal(pipeline(frames=one)["light"], one)
+    np.testing.assert_array_equal(pipeline(frames=one)["hit"], one)
 
 
 def test_a_device_without_memory_is_named_with_the_transfer(
@@ -555,10 +532,10 @@ def test_a_device_without_memory_is_named_with_the_transfer(
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_an_absent_input_with_a_size_of_its_own_is_nothing(write: Write, backend: str) -> None:
-    text = WAITING.replace("  save:", "  more: {op: leaned, in: {image: light}}\n  save:")
-    pipeline = load(write(text.replace("{light: light", "{light: more")), backend=backend)
+    text = added("  more: {op: leaned, in: {image: light}}", "more: more", WAITING)
     stack = np.ones((3, 4, 5), np.float32)
-    np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack)
+    found = load(write(text), backend=backend)(frames=stack)
+    np.testing.assert_array_equal(found["more"], stack)
 
 
 @pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
@@ -584,9 +561,6 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
 def test_an_error_names_the_item_at_which_it_was_raised(
     write: Write, node: str, error: type[InputError | NodeError]
 ) -> None:
-    text = STREAM.replace("op: flat_field,", f"op: {node},").replace(
-        "in: {image: frames.image, flat: cal.flat, dark: cal.dark}", "in: {image: frames.image}"
-    )
     with pytest.raises(error, match=r"^touch\d: ") as told:
-        list(opened(write(text)).items())
+        list(opened(write(lit_by(node))).items())
     assert str(told.value).startswith(f"{told.value.item}: ")

@@ -133,11 +133,7 @@ def count_runs(tactograph: Command, *words: object) -> int:
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["helper", "kernel", "version", "file of the graph", "nothing"])
 def test_a_comparison_runs_again_whatever_changed(
-    plug_in: Path,
-    write: Write,
-    tactograph: Command,
-    monkeypatch: pytest.MonkeyPatch,
-    what: str,
+    plug_in: Path, write: Write, tactograph: Command, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     words = write(GRAPH.replace("capture: {kind: path, default: null}, ", "")), "--out", "report"
     assert count_runs(tactograph, *words) == 1

@@ -200,7 +200,6 @@ def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
         for count in ("10000", "4")
     ]
     for writer in writers:
-        assert writer.stdout is not None
         writer.stdout.readline()
     time.sleep(0.1)
     writers[0].kill()
@@ -211,7 +210,6 @@ def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
     image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
     recall_or_make(tabled, {}, [image], lambda: pytest.fail("no whole file was left"))
     for writer in writers:
-        assert writer.stdout is not None
         writer.stdout.close()
 
 
@@ -222,8 +220,7 @@ def test_what_came_with_a_warning_is_made_and_told_anew(folder: Path) -> None:
         return result
 
     for _ in range(2):
-        told: list[str] = []
-        with collect_warnings(told):
+        with collect_warnings([]) as told:
             recall_or_make(tabled, {}, [IMAGE], make)
         assert told == ["half of it is dark"]
 
@@ -233,7 +230,6 @@ def test_what_fails_still_tells_its_warnings(folder: Path) -> None:
         warn("half of it is dark")
         raise InputError("and the rest is too bright")
 
-    told: list[str] = []
-    with collect_warnings(told), pytest.raises(InputError):
+    with collect_warnings([]) as told, pytest.raises(InputError):
         recall_or_make(tabled, {}, [IMAGE], make)
     assert told == ["half of it is dark"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -18,6 +17,7 @@ from tactograph.graph import GraphError, InputError, NodeError, load, node, pari
 from tactograph.graph.files import graph_places
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.nodes import Light
+from tests.conftest import python
 from tests.graph.conftest import STREAM, Write
 
 KERNEL = """
@@ -240,5 +240,5 @@ def test_a_cell_is_named_as_the_notebook_names_it(monkeypatch: pytest.MonkeyPatc
 
 def test_looking_for_a_pipeline_needs_no_notebook() -> None:
     code = "import json, sys; import tactograph.graph; print(json.dumps(sorted(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert not {"IPython", "matplotlib", "networkx"} & {*json.loads(done.stdout)}
+    loaded = json.loads(python("-c", code).stdout)
+    assert not {"IPython", "matplotlib", "networkx"} & {*loaded}

@@ -61,7 +61,6 @@ def page(
         # NiceGUI behaves differently below pytest.
         env={name: value for name, value in os.environ.items() if "PYTEST" not in name},
     )
-    assert server.stdout is not None
     address = server.stdout.readline().strip()
     browser = Browser(folder / "profile")
     try:

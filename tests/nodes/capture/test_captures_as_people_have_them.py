@@ -31,8 +31,7 @@ def write(folder: Path, names: list[str], images: NDArray[np.integer] = IMAGES) 
 
 
 def read_one(folder: Path, **settings: object) -> tuple[Capture, list[str]]:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         (capture,) = read_capture(folder=folder, **settings)
     return capture, notes
 

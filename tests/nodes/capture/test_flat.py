@@ -51,8 +51,7 @@ def test_the_untouched_film_is_read_and_its_noise_smoothed(tmp_path: Path) -> No
 
 
 def test_without_a_flat_frame_the_light_is_uniform_and_a_warning_says_so() -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         flat = read_flat(UNEVEN)
     assert (flat.flat == 1).all()
     assert "no flat frame was given" in notes[0]

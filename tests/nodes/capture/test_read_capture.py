@@ -121,15 +121,13 @@ def test_the_truth_beside_the_images_comes_along(tmp_path: Path) -> None:
 def test_saturation_is_a_warning_with_its_share(tmp_path: Path) -> None:
     images = IMAGES.copy()
     images[1, :3] = 255
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         read_one(write(tmp_path, images))
     assert "led2.png: 25.0% of the pixels are saturated" in notes[0]
 
 
 def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES.astype(np.uint16) * 16))
     assert "bits: 12" in notes[0]
 
@@ -260,8 +258,7 @@ def test_what_is_dark_for_its_container_is_told_of_bits(
 def test_a_dim_led_among_bright_ones_does_not_look_like_fewer_bits(tmp_path: Path) -> None:
     images = IMAGES.astype(np.uint16) * 256
     images[1] //= 16
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         read_one(write(tmp_path, images))
     assert notes == []
 
@@ -276,8 +273,7 @@ def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:
     smooth = [np.full((16, 16), 40 * k, np.uint8) for k in range(1, 5)]
     write(tmp_path, smooth[:3])
     cv2.imwrite(str(tmp_path / "led4.jpg"), smooth[3])
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         capture = read_one(tmp_path)
     assert np.allclose(255 * capture.image[3], 160, atol=2)
     assert any("JPEG compression costs accuracy" in note for note in notes)

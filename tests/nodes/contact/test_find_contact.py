@@ -89,8 +89,7 @@ def test_specks_are_no_contact() -> None:
 
 def test_more_contacts_than_may_be_numbered_are_told() -> None:
     height = bump(12, 24, 8, 0.2) + bump(31, 24, 9, 0.2) + bump(50, 24, 7, 0.2)
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = find_contact(height, most=2)
     assert (found[24, 31], found[24, 12], found[24, 50]) == (1, 2, 0)
     (note,) = notes

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.contact.surface_texture import surface_texture
@@ -82,14 +79,7 @@ def test_where_nothing_touches_there_is_no_texture() -> None:
 def test_too_few_points_have_no_figures_and_a_warning(size: tuple[int, int]) -> None:
     contact = np.zeros((ROWS, COLUMNS), np.uint8)
     contact[: size[0], : size[1]] = 1
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = surface_texture(WAVES, PIXEL_MM, contact, edge_px=0)
     assert set(found) == {"texture_area_mm2/c1"}
     assert "too few" in notes[0]
-
-
-def test_without_surfalize_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "surfalize", None)
-    with pytest.raises(InputError, match=r"pip install 'tactograph\[metrology\]'"):
-        surface_texture(WAVES, PIXEL_MM)

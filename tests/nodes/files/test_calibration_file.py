@@ -56,7 +56,6 @@ def drawn(value: Value) -> np.ndarray | float:
 
 FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
 FILM = FILM._replace(lights=random(4, 3))
-AREA = np.ones((6, 8), np.uint8)
 NOISE, LENS, MISFIT = random(2), random(8) / 100, random(5)
 AREA = RNG.integers(0, 2, (6, 8)).astype(np.uint8)
 
@@ -80,8 +79,7 @@ def write(
 
 def told_by(file: Path, lights: Literal["leds", "bgr", "rgb"] | None = None) -> list[str]:
     """The warnings of a graph that uses a calibration."""
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         read_calibration(file=file, lights=lights)
     return notes
 
@@ -184,8 +182,7 @@ def test_every_array_of_a_calibration_has_a_range() -> None:
 
 def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
     change(file, others=None)
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = read_calibration(file=file)
         read_calibration(file=file, wanted=Wanted(frozenset({"lights"})))
     assert (found.film.others == found.film.lights).all()

@@ -31,10 +31,7 @@ def distance() -> NDArray[np.float64]:
 
 
 def displacement(
-    thickness: float,
-    poisson: float,
-    r: NDArray[np.float64] | None = None,
-    radius: float = RADIUS,
+    thickness: float, poisson: float, r: NDArray[np.float64] | None = None, radius: float = RADIUS
 ) -> NDArray[np.float64]:
     """Of the layer's face under that pressure: its Hankel transform times the compliance."""
     k = np.linspace(1e-3, 150 / radius, 60_001)

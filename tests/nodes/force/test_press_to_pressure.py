@@ -95,9 +95,8 @@ def test_the_moduluss_error_is_part_of_the_forces() -> None:
 
 
 def test_limits_of_the_model_are_told() -> None:
-    told: list[str] = []
     everywhere = np.ones(SHAPE, np.uint8)
-    with collect_warnings(told):
+    with collect_warnings([]) as told:
         press_to_pressure(height(2.5, 0.48), everywhere, PIXEL, modulus_kpa=1, thickness_mm=0.4)
     assert "no longer linear" in told[0]
     assert "reaches the image's border" in told[1]

@@ -10,14 +10,7 @@ from tactograph.nodes import ShadowRises
 from tactograph.nodes.height.height_equations import STATE_AWAY, STATE_REST
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
 from tests.nodes.error.test_height_error import stated_error
-from tests.nodes.height.test_precise_nodes import (
-    PIXEL,
-    SHAPE,
-    at_rest,
-    dome,
-    equations,
-    plateau,
-)
+from tests.nodes.height.test_precise_nodes import PIXEL, SHAPE, at_rest, dome, equations, plateau
 
 
 def test_the_window_has_all_that_is_touched_and_a_margin() -> None:

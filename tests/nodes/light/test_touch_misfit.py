@@ -28,8 +28,7 @@ def touch(
     else:
         light *= 1 + departure
     light += rng.normal(0, noise, light.shape).astype(np.float32)
-    told: list[str] = []
-    with collect_warnings(told):
+    with collect_warnings([]) as told:
         found = touch_misfit(light, slope, height, used, LIGHTS, left, PIXEL, uneven)
     return found, light, told
 

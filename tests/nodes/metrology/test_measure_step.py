@@ -46,8 +46,7 @@ def test_a_groove_has_its_depth_width_and_walls(
 
 
 def test_walls_that_reach_into_the_levels_are_told() -> None:
-    told: list[str] = []
-    with collect_warnings(told):
+    with collect_warnings([]) as told:
         measure_step(groove(0.3, 0.5, 32), PIXEL)
     assert "too narrow for its walls" in told[0]
 

@@ -106,9 +106,8 @@ def test_each_touch_has_its_part(whole: StitchedSurface) -> None:
 def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4]) -> None:
     rng = np.random.default_rng(8)
     other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)[0]
-    told: list[str] = []
     heights = np.stack([*touches[0][:2], other])
-    with collect_warnings(told):
+    with collect_warnings([]) as told:
         found = stitch(heights, touches[1][:3], PIXEL, ["one", "two", "stranger"])
     assert found.figures["stitched_touches"] == 2
     assert told == ["stitch: touches that fit no other are left out: stranger"]

@@ -98,8 +98,7 @@ def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
 )
 def test_a_motion_that_leaves_no_trace_is_told(shape: Shape, still: set[str]) -> None:
     _, surfaces = way(shape, np.array([0.1, 0.1, 0.02, 0, 0, 1.1]), 1)
-    told: list[str] = []
-    with collect_warnings(told):
+    with collect_warnings([]) as told:
         _, found = track(surfaces)
     assert "leaves motions open" in told[0]
     assert {name for name in found.figures if "/" in name} == {f"pose_open/{n}" for n in still}

@@ -6,8 +6,6 @@ import errno
 import json
 import os
 import queue
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -24,7 +22,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.files import mcap_log
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile
-from tests.conftest import ROOT
+from tests.conftest import ROOT, python
 from tests.nodes.recording.recordings import (
     LEDS,
     SIZE,
@@ -43,7 +41,6 @@ def test_a_recording_is_read_by_the_libraries_of_ros_as_standard_images(tmp_path
         summary = reader.get_summary()
         found = list(reader.iter_decoded_messages())
         assert reader.get_header().profile == "ros2"
-    assert summary is not None
     assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
     images = [(c.topic, m.sequence, d) for _, c, m, d in found if c.topic != "/touch"]
     assert [number for _, number, _ in images] == [frame.number for frame in frames]
@@ -169,8 +166,7 @@ def test_the_oldest_files_go_where_the_folder_is_full(tmp_path: Path) -> None:
 
 
 def test_or_the_recording_stops_with_one_line(tmp_path: Path) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         make_recording(tmp_path, 60, total_gb=5e-5)
     assert len(notes) == 1
     assert "limit; recording has stopped" in notes[0]
@@ -293,12 +289,9 @@ def test_the_disk_is_asked_to_keep_every_touch(
 def test_every_touch_is_there_after_a_kill(tmp_path: Path) -> None:
     script = ROOT / "benchmarks" / "kill_recording.py"
     sizes = ["--kills", "10", "--longest", "0.2", "--size", "60", "80"]
-    done = subprocess.run(
-        [sys.executable, script, *sizes], capture_output=True, text=True, timeout=100
-    )
-    table = dict(line.strip("| ").split(" | ") for line in done.stdout.splitlines())
+    lines = python(script, *sizes).stdout.splitlines()
+    table = dict(line.strip("| ").split(" | ") for line in lines)
     figures = {name.strip(): int(value.replace(",", "")) for name, value in table.items()}
-    assert done.returncode == 0, done.stderr
     assert figures["touches promised before a kill"] >= 10
     assert figures["of those not readable"] == 0
 
@@ -341,11 +334,3 @@ def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> N
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be written"):
         record_touch(Session(), make_cycle(0), "0", folder=tmp_path / "file")
-
-
-def test_without_the_libraries_the_error_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "mcap", None)
-    with pytest.raises(InputError, match=r"pip install 'tactograph\[mcap\]'"):
-        record_touch(Session(), make_cycle(0), "0", folder=tmp_path)

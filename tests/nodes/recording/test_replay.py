@@ -146,8 +146,7 @@ def test_a_torn_end_is_told_once_and_everything_before_it_replayed(tmp_path: Pat
     make_recording(tmp_path, 3)
     (path,) = log_files(tmp_path)
     path.write_bytes(path.read_bytes()[:-5000])
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         touches = list(replay(recording=tmp_path, speed=0))
     assert len(notes) == 1
     assert path.name in notes[0]
@@ -165,8 +164,7 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
         opcode, length = mcap_read._OPCODE_AND_LENGTH.unpack_from(content, at)
         at += mcap_read._OPCODE_AND_LENGTH.size + length
     path.write_bytes(content[:end])
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         list(replay(recording=tmp_path, speed=0))
     assert notes == [
         f"{path}: ends early, as after a power cut: 0 bytes cannot be read; 12 frames can"
@@ -175,8 +173,7 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
 
 def test_a_whole_recording_gives_no_warning(tmp_path: Path) -> None:
     make_recording(tmp_path, 2)
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         list(replay(recording=tmp_path, speed=0))
     assert notes == []
 
@@ -184,8 +181,7 @@ def test_a_whole_recording_gives_no_warning(tmp_path: Path) -> None:
 def test_an_empty_file_beside_others_does_not_hurt(tmp_path: Path) -> None:
     make_recording(tmp_path, 1)
     (tmp_path / "000002_now.mcap").write_bytes(b"")
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         assert len(list(replay(recording=tmp_path, speed=0))) == 1
     assert len(notes) == 1
 

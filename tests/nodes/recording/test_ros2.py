@@ -30,7 +30,7 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.recording._ros_node import RosNode
 from tactograph.nodes.recording.read_ros2 import RosTouches
-from tests.conftest import MadeOnce
+from tests.conftest import MadeOnce, simulated_sensor
 from tests.nodes.live import oneshot
 
 PEER = Path(__file__).with_name("ros2_peer.py")
@@ -118,24 +118,14 @@ def test_height_contact_markers_and_diagnostics_are_heard_on_topics(tmp_path: Pa
     assert heard["/pad/touch"]["data"] == "000007"
 
 
-def simulated(graph: str, out: Path, **given: object) -> Path:
-    with open_pipeline(read_graph(graph), {"out": str(out), **given}) as pipeline:
-        list(pipeline.items())
-    return out
-
-
 @pytest.fixture
 def sensor(made_once: MadeOnce) -> Path:
     """A calibration and a touch of a small simulated sensor."""
 
     def make(folder: Path) -> None:
-        flat = simulated("simulate_flat", folder / "flat", seed=1, **SIZE)
-        ball = simulated("simulate", folder / "ball", radius_mm=5.0, seed=2, **SIZE)
-        known = {"ball_radius_mm": 5.0, "pixel_size_mm": 2 / 7}
-        simulated(
-            "calibrate", folder / "cal.npz", capture=str(ball), flat=str(flat), **known
-        )  # fmt: skip
-        simulated("simulate_press", folder / "touch", radius_mm=5.0, rise_mm=1.5, **SIZE)
+        simulated_sensor(folder, **SIZE)
+        touch = {"radius_mm": 5.0, "rise_mm": 1.5, "out": str(folder / "touch"), **SIZE}
+        list(open_pipeline(read_graph("simulate_press"), touch).items())
 
     return made_once("ros2_sensor", make)
 
@@ -244,7 +234,6 @@ def test_a_touch_is_whole_when_every_led_has_an_image(dtype: type, top: int) -> 
     made = touches()
     came = [made.take(image(np.full((4, 5), 10 * k, dtype), f"led{k}")) for k in (2, 3, 1)]
     assert came[:2] == [None, None]
-    assert came[2] is not None
     np.testing.assert_allclose(came[2].image[:, 0, 0] * top, [10, 20, 30], rtol=1e-6)
     assert came[2].name == "000001"
 
@@ -254,14 +243,12 @@ def test_of_a_one_shot_sensor_every_image_is_a_touch() -> None:
     blue[..., 0] = 255
     for encoding, lit in (("bgr8", 0), ("rgb8", 2)):
         touch = touches(one_shot=True).take(image(blue, "camera", encoding))
-        assert touch is not None
         assert touch.image[:, 0, 0].argmax() == lit
 
 
 def test_a_camera_that_fills_12_of_16_bits_reaches_full_scale() -> None:
     made = touches(1, bits=12)
     touch = made.take(image(np.full((4, 5), 4095, np.uint16), "led1"))
-    assert touch is not None
     assert touch.image.max() == 1
 
 
@@ -279,8 +266,7 @@ def test_a_camera_that_fills_12_of_16_bits_reaches_full_scale() -> None:
 def test_what_is_no_image_of_an_led_is_left_out_and_told(
     data: np.ndarray, frame: str, encoding: str | None, says: str
 ) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         assert touches().take(image(data, frame, encoding)) is None
     assert says in notes[0]
     assert "\n" not in notes[0]

@@ -67,8 +67,7 @@ def test_a_model_of_another_sensor_is_told(tmp_path: Path) -> None:
         "1.5 times as bright": 1.5 * light,
     }
     for words, images in kinds.items():
-        told: list[str] = []
-        with collect_warnings(told):
+        with collect_warnings([]) as told:
             found = light_model_slope(np.float32(images), model)
             judge_light_model(found.brightness, found.residual)
         assert words in told[0] if words else not told

@@ -140,8 +140,7 @@ def test_a_press_that_shows_something_else_is_left_out_and_named() -> None:
     images[7] = images[7][:, :, ::-1]
     circle = np.array([(*c, CONTACT) for c in CENTERS], np.float32)
     names = [f"press{i}" for i in range(len(CENTERS))]
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = fit_reflectance_map(images, FLAT, names, circle, PIXEL, radius_mm=RADIUS_MM)
     assert list(np.flatnonzero(found.kept == 0)) == [7]
     assert notes == ["press press7 is left out: its light does not fit that of the others"]
@@ -150,8 +149,7 @@ def test_a_press_that_shows_something_else_is_left_out_and_named() -> None:
 def test_an_empty_film_is_left_out_and_named() -> None:
     images = presses(CENTERS[5:10])
     images[2] = 0.4
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = find_presses(images, FLAT, list("abcde"), PIXEL, radius_mm=RADIUS_MM)
     assert notes == ["press c is left out: no ball of radius 2.5 mm in it"]
     assert found.circle[2, 2] == 0 == found.goodness[2]

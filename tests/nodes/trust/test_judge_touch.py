@@ -28,8 +28,7 @@ def judged(curl: float, rest: float = 1.0, light: float | None = None, **given: 
 
 
 def told(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> list[str]:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         judged(curl, rest, light, **given)
     return notes
 

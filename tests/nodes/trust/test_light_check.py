@@ -113,7 +113,6 @@ def test_two_leds_tell_no_brightness() -> None:
 @pytest.mark.parametrize(("cells", "is_dirt"), [(3, False), (8, True)])
 def test_film_that_all_leds_leave_dark_is_dirt(cells: int, is_dirt: bool) -> None:
     what = darker(0.0)
-    assert what.light is not None
     what.light[:, 12, 12 : 12 + cells] *= np.float32(0.5)
     check = told(what)
     assert "dirt and hairs" in check.cause

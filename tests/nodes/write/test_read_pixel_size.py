@@ -85,8 +85,7 @@ def test_a_result_that_is_cut_off_states_nothing(tmp_path: Path) -> None:
 def test_a_given_size_wins_and_a_contradiction_is_told(
     tmp_path: Path, suffix: str, mm: float, warned: str
 ) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = read_pixel_size(height=stored(tmp_path, suffix, {"pixel_size_mm": PIXEL}), mm=mm)
     assert found == mm
     assert bool(notes) == bool(warned)

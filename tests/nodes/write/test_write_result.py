@@ -44,8 +44,7 @@ def write(
     touch = flat(
         image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored, **parts
     )
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         write_result(touch, folder=folder, mesh=False, pictures=False, provenance=MADE)
     return notes
 
@@ -211,7 +210,6 @@ def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: 
             tmp_path / f"{name}.png",
         )  # fmt: skip
         picture = cv2.imread(str(tmp_path / f"{name}.png"))
-        assert picture is not None
         shades.append(float(picture[200:300, 200:300].mean()))
     assert shades[1] < 128 < shades[0]
 

@@ -55,10 +55,7 @@ def normalized(rig, thing):
 
 @settings(deadline=None, max_examples=3)
 @given(
-    x=st.floats(45, 115),
-    y=st.floats(45, 75),
-    contact=st.floats(22, 32),
-    lights=st.integers(3, 6),
+    x=st.floats(45, 115), y=st.floats(45, 75), contact=st.floats(22, 32), lights=st.integers(3, 6)
 )
 def test_ball_in_soft_film_is_found_to_a_fraction_of_a_pixel(x, y, contact, lights):
     found = find_ball(pressed((x, y), contact, 40, lights), PIXEL, radius_mm=4.0)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -25,6 +23,7 @@ from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
+from tests.conftest import python
 from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)
@@ -101,8 +100,7 @@ def test_part_of_a_grid_with_holes_and_dirt_is_enough() -> None:
     lost = (np.rint(i) == 2) & (np.rint(j) == 1)
     dirt = np.hypot(i - 5.4, j - 3.6) < 0.15
     image = pixels(np.where(dirt, 0.15, np.where(near & ~lost, dots(i, j), 0.8)))
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = camera_of(image)
     assert found.pixel == pytest.approx(PITCH_MM / 20, rel=1e-3)
     assert any("of the way to the corners" in note for note in notes)
@@ -190,8 +188,7 @@ def test_a_whole_dot_on_no_place_of_the_grid_is_counted_and_named() -> None:
     samples = dots(i, j)
     samples[np.hypot(i - 1.5, j - 2.5) < 0.2] = 0.15
     samples[np.hypot(i + 3.5, j + 1.5) < 0.2] = 0.15
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         found = camera_of(pixels(samples))
     clean = camera_of(pixels(dots(i, j)))
     assert (found.quality["left_out"], clean.quality["left_out"]) == (2, 0)
@@ -270,8 +267,7 @@ def test_a_calibration_is_no_camera(tmp_path: Path) -> None:
 
 def test_the_cameras_pixel_size_goes_before_a_stated_one_and_says_so(tmp_path: Path) -> None:
     file = stored(tmp_path / "camera.npz", NONE)
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         assert pixel_size(mm=0.0701, camera=file) == pytest.approx(0.07)
         assert not notes
         assert pixel_size(mm=0.08, camera=file) == pytest.approx(0.07)
@@ -299,9 +295,7 @@ def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     image = pixels(dots(*on_film(SHAPE, NONE, 20, 0.1, (0, 0))))
     cv2.imwrite(str(tmp_path / "grid.png"), np.uint8(255 * image))
     words = ["calibrate_camera", "image=grid.png", "pitch_mm=1.5", "out=camera.npz"]
-    command = [sys.executable, "-m", "tactograph.graph.command", "run", *words]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = python("-m", "tactograph.graph.command", "run", *words, cwd=tmp_path)
     assert "pixel_size_mm" in done.stdout
     assert cv2.imread(str(tmp_path / "camera.png")) is not None
     assert pixel_size(camera=tmp_path / "camera.npz") == pytest.approx(0.075, rel=1e-3)

@@ -32,8 +32,7 @@ def old() -> FilmFit:
 
 def told_of(old: FilmFit, rim: float) -> list[str]:
     circle = np.array([[63.5, 47.5, rim / PIXEL]], np.float32)
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         refit_film(
             *(press(MATT, (0, 0), 9), FLAT, FLAT, circle, np.float32([RADIUS]), np.int32([0])),
             *(old.film, old.misfit, NOISE, PIXEL, PIXEL),

@@ -32,9 +32,8 @@ def told(
     force: bool = False,
     **film: Any,
 ) -> list[str]:
-    notes: list[str] = []
     variance = np.array([0, noise**2], np.float32)
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         rated = rate_calibration(
             left, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, left, **film), None, flat,
             variance, pixel, radius, others, force=force,

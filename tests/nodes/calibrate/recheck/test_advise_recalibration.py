@@ -16,8 +16,7 @@ SAME, LEVEL = np.ones(4, np.float32), np.zeros((6, 8), np.float32)
     [(0.4, 0.3, False), (2.9, 0.3, False), (34.7, 0.3, True), (3.5, 3.0, False)],
 )
 def test_a_press_that_cannot_be_right_is_a_warning(error: float, full: float, warned: bool) -> None:
-    notes: list[str] = []
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         advise_recalibration(
             SAME, LEVEL, 0.1, {"check_deg/held_out": error}, {"film_heldout_deg": full}
         )

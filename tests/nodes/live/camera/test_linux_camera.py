@@ -111,9 +111,7 @@ def test_lost_frames_are_counted_by_the_kernels_numbers(driver: Driver) -> None:
     assert camera.faults["lost"] == 4
 
 
-def test_without_the_library_one_line_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_the_library_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "linuxpy", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[linux\]'"):
         LinuxCapture("/dev/video0", colour=True)
@@ -124,7 +122,6 @@ def test_grey_of_10_to_16_bits_keeps_all_of_them(bits: int) -> None:
     top = 2**bits - 1
     values = np.array([[0, 1, top // 2], [top - 1, top, 7]], "<u2")
     found = decode(values.tobytes(), f"Y{bits} ", 3, 2, 6)
-    assert found is not None
     assert found.dtype == np.uint16
     assert found[1, 1] == 65535
     np.testing.assert_array_equal(found >> (16 - bits), values)
@@ -145,5 +142,4 @@ def test_half_a_frame_is_none() -> None:
 def test_red_and_blue_are_not_taken_for_one_another() -> None:
     blue = struct.pack("3B", 0, 0, 200) * 4
     found = decode(blue, "RGB3", 2, 2, 6)
-    assert found is not None
     np.testing.assert_array_equal(found[0, 0], [200, 0, 0])

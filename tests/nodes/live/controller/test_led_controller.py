@@ -146,7 +146,6 @@ def test_a_port_taken_by_another_program_is_named_with_the_program(
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
-        assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         said = refusal(board.port)
         name = Path(f"/proc/{other.pid}/comm").read_text().strip()

@@ -18,6 +18,7 @@ from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.live.guide.end_when_good import end_when_good
 from tactograph.nodes.live.guide.guide_presses import guide_presses
+from tests.conftest import python
 
 pytestmark = pytest.mark.realtime
 
@@ -39,12 +40,11 @@ GOOD: Metrics = {
 def guided(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The calibration of a session that ended by itself."""
     file = tmp_path_factory.mktemp("guided") / "cal.npz"
-    command = [sys.executable, "-m", "tactograph.graph.command", "run", "calibrate_live"]
+    command = ["-m", "tactograph.graph.command", "run", "calibrate_live"]
     command += [f"{name}={value}" for name, value in GIVEN.items()]
     command += [f"camera={SCENE}", f"out={file}", "--set", "end.film_percent=10"]
     command += ["--set", "end.presses=2"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
+    done = python(*command)
     file.with_suffix(".out").write_text(done.stdout)
     file.with_suffix(".err").write_text(done.stderr)
     return file

@@ -20,12 +20,7 @@ from tactograph.nodes.simulate.render import render
 pytestmark = pytest.mark.realtime
 
 SCENE = Scene(
-    width_px=160,
-    height_px=120,
-    pixel_size_mm=1 / 7,
-    slant_deg=33,
-    distance_mm=60,
-    exposure_s=0.01,
+    width_px=160, height_px=120, pixel_size_mm=1 / 7, slant_deg=33, distance_mm=60, exposure_s=0.01
 )
 SENSOR = SimulatedSensor(SCENE, start=0.0)
 

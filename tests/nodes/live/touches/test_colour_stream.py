@@ -20,11 +20,7 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.live.touches import colour_stream
-from tactograph.nodes.live.touches.colour_stream import (
-    ColourStream,
-    open_colour_sensor,
-    planes_of,
-)
+from tactograph.nodes.live.touches.colour_stream import ColourStream, open_colour_sensor, planes_of
 from tactograph.nodes.live.touches.read_camera import read_camera
 from tactograph.nodes.live.touches.read_colour_camera import read_colour_camera
 from tactograph.nodes.stream.frames import ALL_LIT
@@ -53,8 +49,7 @@ def table(stream: ColourStream) -> SimulatedColourSensor:
 
 def told(stream: ColourStream, touches: int = 3) -> list[str]:
     """What is said until so many touches have come."""
-    lines: list[str] = []
-    with collect_warnings(lines):
+    with collect_warnings([]) as lines:
         list(stream.touches(items=stream.state.touches + touches))
     return lines
 
@@ -118,8 +113,7 @@ def test_what_shows_no_film_is_discarded_and_told(
 ) -> None:
     told(stream)
     spoil(table(stream))
-    lines: list[str] = []
-    with collect_warnings(lines):
+    with collect_warnings([]) as lines:
         list(stream.touches(timeout=0.1, seconds=0.4))
         film = table(stream)
         film.flooded, film.covered, film.size = False, False, None

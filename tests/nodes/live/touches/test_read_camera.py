@@ -298,8 +298,7 @@ def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
 def test_an_led_that_is_not_as_bright_as_calibrated_is_named() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
     assert sensor.table is not None
-    lines: list[str] = []
-    with collect_warnings(lines):
+    with collect_warnings([]) as lines:
         touches = Stream(sensor).touches()
         next(touches)
         assert not lines
@@ -314,7 +313,6 @@ def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
     sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
     (touch,) = Stream(sensor).touches(items=1)
     sensor.close()
-    assert touch.truth is not None
     assert touch.truth.shape == (HEIGHT, WIDTH)
     assert 0 < touch.truth.max() < 0.8
 

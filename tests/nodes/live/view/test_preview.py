@@ -31,9 +31,8 @@ def touch(**parts: Any) -> Touch:
 
 def show(session: Session, name: str = "000001", **settings: Any) -> list[str]:
     """Preview one touch; what the user is told."""
-    notes: list[str] = []
     settings = {"rate_hz": 1e9, **settings}
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         preview(touch(name=name), session=session, **settings)
     return notes
 

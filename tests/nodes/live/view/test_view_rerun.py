@@ -52,12 +52,7 @@ def view(
             tracks=tracks,
             pose=pose,
         )
-        view_rerun(
-            shown,
-            provenance=PROVENANCE,
-            session=session,
-            **{"rate_hz": 1e9, **settings},
-        )
+        view_rerun(shown, provenance=PROVENANCE, session=session, **{"rate_hz": 1e9, **settings})
 
 
 def rerun_program(*words: object) -> str:
@@ -154,9 +149,8 @@ def test_touches_beyond_the_rate_are_left_out(tmp_path: Path) -> None:
 
 
 def test_the_file_does_not_grow_beyond_its_limit(tmp_path: Path) -> None:
-    notes: list[str] = []
     session = Session()
-    with collect_warnings(notes):
+    with collect_warnings([]) as notes:
         for _ in range(20):
             view(session, 1, viewer="none", file=tmp_path / "live.rrd", file_gb=1e-7)
             time.sleep(0.02)
@@ -173,9 +167,7 @@ def test_a_viewer_that_is_not_there_is_missed_at_once() -> None:
 
 
 def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
-    tmp_path: Path,
-    viewer: tuple[subprocess.Popen[bytes], str],
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, viewer: tuple[subprocess.Popen[bytes], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(view_rerun_module, "CHECK_EVERY_S", 0.0)
     (program, url), file = viewer, tmp_path / "live.rrd"
