@@ -19,6 +19,9 @@ PARTS_PER_SIDE = 3
 MAX_PART_CURL, MAX_PART_SHARE = 3.0, 0.4
 """Curl over its expected size, and the share of the cells of a part that right touches have above
 it at most."""
+MIN_TESTED_SHARE = 0.25
+"""Share of a part's cells that are taken to be tested at least: of few cells many may curl by
+chance."""
 
 
 def check_curl(curl: F4) -> Check:
@@ -48,5 +51,6 @@ def _worst_part(curl: F4) -> float:
         return cv2.boxFilter(plane, -1, part, normalize=False, borderType=cv2.BORDER_CONSTANT)
 
     tested = count(curl >= 0)
-    share = count(curl > MAX_PART_CURL**2) / np.maximum(tested, MIN_CELLS)
+    least = max(MIN_CELLS, MIN_TESTED_SHARE * part[0] * part[1])
+    share = count(curl > MAX_PART_CURL**2) / np.maximum(tested, least)
     return float(share[tested >= MIN_CELLS].max(initial=0))
