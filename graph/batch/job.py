@@ -163,11 +163,13 @@ def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:
         name: draft.tasks[value.node].node.outputs[value.port]
         for name, value in draft.outputs.items()
     }
-    arrays = [name for name, port in ports.items() if port.kind == "array"]
+    conditional = [name for name, v in draft.outputs.items() if draft.tasks[v.node].conditions]
+    arrays = [n for n, port in ports.items() if port.kind == "array" and n not in conditional]
     for name in wanted or ():
         if name not in arrays:
             raise InputError(
-                f"--maps: {graph.name} puts out no array '{name}'{did_you_mean(name, arrays)} "
+                f"--maps: {graph.name} puts out no array '{name}' of every capture"
+                f"{did_you_mean(name, arrays)} "
                 f"(it puts out: {', '.join(arrays)})"
             )
     maps = wanted or (name for name in arrays if len(ports[name].dims) == 2)

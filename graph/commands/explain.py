@@ -113,6 +113,8 @@ def _when(step: Step, task: Task | None) -> str:
     """Occasion of a step's run, and whether an earlier result may stand for it."""
     from tactograph.graph.run.store import has_stored
 
+    if task is not None and task.conditions:
+        return f"if {' and '.join(map(str, task.conditions))}"
     if step.stream:
         return "every item"
     if task is None or step.on_device or task.looks_outside or not has_stored(task.node):

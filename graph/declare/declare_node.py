@@ -11,6 +11,7 @@ from typing import Any
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import (
+    CONDITION_INPUT,
     PortType,
     is_record,
     optional_record,
@@ -108,6 +109,8 @@ def _declare(
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
+        if name == CONDITION_INPUT:
+            raise TypeError(f"{function.__name__}: every node has an input '{name}' already")
         if argument.kind is argument.KEYWORD_ONLY:
             if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
                 by_engine[annotation] = name

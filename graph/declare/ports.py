@@ -24,6 +24,9 @@ Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
 """The sizes of a stack of images in words, for messages."""
 
+CONDITION_INPUT = "when"
+"""The input that every node takes besides its own: it runs where that value is not zero."""
+
 
 @dataclass(frozen=True)
 class Port:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.declare.ports import CONDITION_INPUT
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
@@ -94,6 +95,9 @@ def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
         port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"))
         for port, reference in entry.inputs.items()
     }
+    around = graph.uses[scope].inputs.get(CONDITION_INPUT) if scope else None
+    if around is not None and inputs.setdefault(CONDITION_INPUT, around) != around:
+        raise GraphError(f"{entry.where('in.when')}: '{scope}', around it, has a condition already")
     return replace(
         entry,
         inputs={port: flat for port, flat in inputs.items() if flat is not None},
@@ -223,7 +227,7 @@ def _check_given(
     use: Use, key: str, word: str, given: Mapping[str, Any], taken: Mapping[str, Param]
 ) -> None:
     for name in given:
-        if name not in taken:
+        if name not in taken and (key, name) != ("in", CONDITION_INPUT):
             has = did_you_mean(name, taken) or f" (it takes: {', '.join(taken) or 'none'})"
             raise GraphError(
                 f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
@@ -247,6 +251,7 @@ def _bound(graph: Graph, use: Use, scope: str) -> Use:
             flat = default and flat_reference(graph, default, "", where)
         if flat is not None:
             inputs[name] = flat
+    inputs |= {name: flat for name, flat in own.inputs.items() if name == CONDITION_INPUT}
     settings = {name: p.default for name, p in group.body.params.items()} | {**own.settings}
     return Use(use.group, inputs, settings, own.places)
 

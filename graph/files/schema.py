@@ -11,6 +11,7 @@ from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import builtin_names, find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
+from tactograph.graph.declare.ports import CONDITION_INPUT
 from tactograph.graph.files.graph_model import GraphModel, GroupFileModel, StudyModel
 from tactograph.graph.files.read_graph import shipped_names
 
@@ -75,6 +76,12 @@ def _rule(node: Node) -> dict[str, Any]:
                     "description": f"{about.arguments[name]} ({node.inputs.get(name, 'a record')})",
                 }
                 for name in node.input_names
+            }
+            | {
+                CONDITION_INPUT: {
+                    "type": "string",
+                    "description": "Run only where this is not zero.",
+                }
             },
             "additionalProperties": {"type": "string"} if node.repeated else False,
         },

@@ -24,7 +24,8 @@ class Value(NamedTuple):
 class Task:
     """A node of the graph with its references and settings resolved.
 
-    `reads` are values of the same item, `recalls` those of the item before.
+    `reads` are values of the same item, `recalls` those of the item before.  It runs where all
+    its `conditions` hold: its own `when`, and those of the nodes whose values it needs.
     """
 
     id: str
@@ -35,6 +36,8 @@ class Task:
     recalls: dict[str, Value] = field(default_factory=dict)
     stream: bool = False
     stand_in: bool = False
+    when: Value | None = None
+    conditions: tuple[Value, ...] = ()
 
     @property
     def filled(self) -> bool:

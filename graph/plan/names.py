@@ -10,7 +10,7 @@ import networkx as nx
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.ports import record_ports
+from tactograph.graph.declare.ports import CONDITION_INPUT, record_ports
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS_ITEM,
@@ -49,7 +49,8 @@ def bind(
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
     edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
-    dag, needs = _dags(edges)
+    whens = {name: _condition(names, name) for name in edges}
+    dag, needs = _dags(edges, whens)
     _refuse_cycles(graph, dag)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
@@ -63,8 +64,12 @@ def bind(
         node, entry = names.nodes[name], graph.nodes[name]
         handed_in = name in stand_ins and not has_stream
         settings = {} if handed_in else settings_of(entry, graph, node, given)
-        tasks[name] = Task(name, node, entry, settings, *edges[name], stand_in=handed_in)
+        tasks[name] = Task(
+            name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
+        )
     _mark_streams(tasks, dag)
+    for name in filter(tasks.__contains__, nx.topological_sort(dag)):
+        tasks[name].conditions = _conditions(tasks, tasks[name])
     _check_recalls(tasks)
     return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
 
@@ -114,7 +119,9 @@ def _find(graph: Graph, node_id: str) -> Node:
     if PREVIOUS_ITEM in node_id.split("."):
         raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS_ITEM}'")
     try:
-        return find_node(entry.op, graph.own).with_inputs(entry.inputs)
+        return find_node(entry.op, graph.own).with_inputs(
+            n for n in entry.inputs if n != CONDITION_INPUT
+        )
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
 
@@ -165,6 +172,8 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
     reads: dict[str, Value] = {}
     recalls: dict[str, Value] = {}
     for name, reference in entry.inputs.items():
+        if name == CONDITION_INPUT:
+            continue
         where = entry.where(f"in.{name}")
         bare, previous = split_previous(reference)
         if previous and name not in node.optional_inputs:
@@ -186,6 +195,36 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
     return reads, recalls
 
 
+def _condition(names: _Names, node_id: str) -> Value | None:
+    """The value that decides whether a node runs, if there is one."""
+    entry = names.graph.nodes[node_id]
+    if CONDITION_INPUT not in entry.inputs:
+        return None
+    where, (bare, previous) = entry.where("in.when"), split_previous(entry.inputs[CONDITION_INPUT])
+    value = names.resolve(bare, where)
+    port = names.nodes[value.node].outputs[value.port]
+    counts = port.kind == "number" or port.python in (bool, int)
+    if not counts and (port.dtype is None or port.dtype.kind == "f"):
+        raise GraphError(
+            f"{where}: a condition is a count, true or false, or an array of integers; {value} is "
+            f"{port}"
+        )
+    if previous or names.nodes[node_id].stream:
+        why = "a condition is of the same item" if previous else "a stream has no condition"
+        raise GraphError(f"{where}: {why}")
+    return value
+
+
+def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
+    """The conditions of a task, and of those that make what it cannot do without."""
+    found = dict.fromkeys([task.when] if task.when else [])
+    for name, value in task.reads.items():
+        optional = {name, name.partition(".")[0]} & task.node.optional_inputs
+        needed = not (optional or task.node.inputs[name].optional)
+        found |= dict.fromkeys(tasks[value.node].conditions) if needed else {}
+    return tuple(found)
+
+
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
     known = node.input_names
     for name in entry.inputs:
@@ -194,7 +233,7 @@ def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}' any more: "
                 f"{node.former[name]}"
             )
-        if name not in known:
+        if name not in known and name != CONDITION_INPUT:
             raise GraphError(
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"
                 f"{did_you_mean(name, known)} (it takes: {', '.join(known) or 'none'})"
@@ -239,11 +278,13 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
 
 def _dags(
     edges: Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]],
+    whens: Mapping[str, Value | None],
 ) -> tuple[nx.DiGraph[str], nx.DiGraph[str]]:
     """The graph of all reads, and that of all reads and recalls."""
     dag: nx.DiGraph[str] = nx.DiGraph()
     dag.add_nodes_from(edges)
     dag.add_edges_from((v.node, n) for n, (reads, _) in edges.items() for v in reads.values())
+    dag.add_edges_from((value.node, n) for n, value in whens.items() if value)
     needs = dag.copy()
     needs.add_edges_from((v.node, n) for n, (_, recalls) in edges.items() for v in recalls.values())
     return dag, needs

@@ -75,7 +75,9 @@ class Plan:
 
     def wanted(self, node: str) -> Wanted:
         """The outputs of a node that nodes or the caller read, or that are inspected."""
-        edges = [value for task in self.tasks.values() for value in task.edges.values()]
+        edges = [
+            v for task in self.tasks.values() for v in (*task.edges.values(), *task.conditions)
+        ]
         read = {v.port for v in (*edges, *self.outputs.values(), *self.inspected) if v.node == node}
         return Wanted(frozenset(read))
 

@@ -34,7 +34,7 @@ def _edges(plan: Plan) -> list[Edge]:
     return [
         (value.node, name, value.port)
         for name, task in plan.tasks.items()
-        for value in dict.fromkeys(task.reads.values())
+        for value in dict.fromkeys([*task.reads.values(), *filter(None, [task.when])])
     ]
 
 

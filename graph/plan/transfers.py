@@ -26,7 +26,7 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
                 name=task.id,
                 backend=placement.backend,
                 # A constant depends on its inputs' sizes, not on the inputs.
-                reads=() if task.filled else tuple(dict.fromkeys(task.reads.values())),
+                reads=() if task.filled else _reads(task),
                 writes=tuple(Value(task.id, port) for port in task.node.outputs),
                 stream=task.stream,
                 why=placement.why,
@@ -37,6 +37,9 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
             moves = task.node.inputs[name].kind == "array" and not task.filled
             there = placements[task.id].on_device if moves else None
             _connect(dag, draft, placements, value, there, task.id)
+        for value in task.conditions:
+            array = draft.tasks[value.node].node.outputs[value.port].kind == "array"
+            _connect(dag, draft, placements, value, False if array else None, task.id)
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Moved at the end of an item, for the reader of the next one.
@@ -45,6 +48,10 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
         if draft.tasks[value.node].node.outputs[value.port].kind == "array":
             _connect(dag, draft, placements, value, False, None)
     return dag
+
+
+def _reads(task: Task) -> tuple[Value, ...]:
+    return tuple(dict.fromkeys((*task.reads.values(), *task.conditions)))
 
 
 def _connect(

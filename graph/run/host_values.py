@@ -56,6 +56,12 @@ class HostValues:
         """Ask a node for the outputs that the plan reads of it now."""
         self._wanted[node] = self._plan.wanted(node)
 
+    def holds(self, condition: Value) -> bool:
+        """Return whether a number, or a number of an array, is not zero; what is absent is."""
+        if condition in self._arriving:
+            self._arriving.pop(condition).wait()
+        return self._values[condition] is not None and bool(np.any(self._values[condition]))
+
     def put(self, value: Value, content: Any) -> None:
         """Enter a value that was made before."""
         self._arriving.pop(value, None)

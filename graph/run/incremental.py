@@ -292,6 +292,7 @@ class OnlyChanged(Executor):
             step.kind,
             sorted(task.settings.items()),
             [(name, self._keys[value.node], value.port) for name, value in reads.items()],
+            [(self._keys[value.node], value.port) for value in task.conditions],
             [(name, self._before.get(value)) for name, value in task.recalls.items()],
             sources if is_free else (),
         )

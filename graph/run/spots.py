@@ -21,10 +21,11 @@ def read_by(plan: Plan, step: Step) -> list[Spot]:
     """The spots of this item that a step reads."""
     if step.is_transfer:
         return [Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
+    conditions = [Spot(value, "host") for value in plan.tasks[step.name].conditions]
     if step.kind == "fill":
-        return []
+        return conditions
     ports = plan.tasks[step.name].node.inputs
-    return [
+    return conditions + [
         Spot(value, _side(ports[name].kind, step.on_device))
         for name, value in plan.tasks[step.name].reads.items()
         if not (step.on_device and ports[name].kind == "object")

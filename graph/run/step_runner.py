@@ -95,6 +95,9 @@ class StepRunner:
             self.device.transfer(step)
             return known
         task = self.plan.tasks[step.name]
+        if not all(map(self.host.holds, task.conditions)):
+            self._leave_out(step)
+            return known
         sized = self._around(task, known)
         if step.kind == "fill":
             shapes = self._fill(task, step, sized)
@@ -106,6 +109,14 @@ class StepRunner:
         else:
             shapes = self._call(task, step, sized)
         return self.plan.sizes.behind(task, sized, shapes)
+
+    def _leave_out(self, step: Step) -> None:
+        """Let the outputs of a step be absent from this item."""
+        self._sized.pop(step.name, None)
+        self.times[step.name] = 0.0
+        for value in step.writes:
+            side = self.device if step.on_device and self.device is not None else self.host
+            side.put(value, None)
 
     def release(self, step: Step) -> None:
         """Give back the buffers that a step was the last to read."""

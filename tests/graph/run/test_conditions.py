@@ -1,0 +1,122 @@
+"""Nodes that run only where a condition holds, and what needs them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tactograph.graph import Cache, GraphError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.pipeline import Pipeline
+from tests.graph.conftest import Command, Write
+
+pytestmark = pytest.mark.usefixtures("toys")
+
+# Of the items 1, 2 and 3 the first is not bright.
+TOUCHED = """
+format: 1
+params:
+  count: {kind: integer, default: 3}
+prefer: [opencl, numpy]
+nodes:
+  frames: {op: touches, with: {count: $count}}
+  cal:    {op: at_rest}
+  found:  {op: bright, in: {image: frames.image}}
+  light:
+    op: flat_field
+    in: {image: frames.image, flat: cal.flat, dark: cal.dark, when: found.pixel}
+  more:   {op: doubled, in: {image: light}}
+  sum:    {op: summed, in: {image: frames.image, before: more}}
+  save:   {op: noted, in: {image: more}}
+  always: {op: kept, in: {image: sum}}
+  joined: {op: join_metrics, in: {one: score, when: found.pixel}}
+  score:  {op: watched, in: {image: frames.image}}
+outputs: {light: light, more: more, sum: sum, score: joined}
+"""
+
+
+def opened(graph: str, backend: str = "numpy", cache: Cache | None = None) -> Pipeline:
+    return open_pipeline(read_graph(graph), {}, backend=backend, cache=cache)
+
+
+def means(results: list[Any], name: str) -> list[float | None]:
+    return [None if item[name] is None else float(item[name].mean()) for item in results]
+
+
+@pytest.mark.parametrize("cached", [False, True])
+@pytest.mark.parametrize("backend", ["numpy", "opencl"])
+def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
+    toys: list[str], write: Write, backend: str, cached: bool
+) -> None:
+    pipeline = opened(write(TOUCHED), backend, Cache() if cached else None)
+    for _ in range(2):
+        toys.clear()
+        results = list(pipeline.items())
+        assert means(results, "light") == [None, 2, 3]
+        assert means(results, "more") == [None, 4, 6]
+        assert means(results, "sum") == [1, 6, 9], "an input that may be left out is absent"
+        assert [call for call in toys if call.startswith(("noted", "kept"))] == [
+            "kept 1", "noted 4", "kept 6", "noted 6", "kept 9",
+        ]  # fmt: skip
+        assert results[0]["score"] is None
+        assert results[1]["score"]["mean"] == 2, "of any number of inputs it is none"
+        assert results[0].times["more"] == 0
+
+
+def test_what_is_kept_follows_the_condition(toys: list[str], write: Write) -> None:
+    pipeline = opened(write(TOUCHED.replace("default: 3", "default: 1")), cache=Cache())
+    (first,) = pipeline.items()
+    assert first["light"] is None
+    pipeline.set("found", above=0.5)
+    assert float(pipeline.again()["more"].mean()) == 2
+    pipeline.set("found", above=1.5)
+    assert pipeline.again()["more"] is None
+    assert toys.count("doubled") == 1
+
+
+def test_a_condition_of_a_group_is_one_of_all_its_nodes(write: Write) -> None:
+    text = TOUCHED.replace(", when: found.pixel", "").replace(
+        "  more:   {op: doubled, in: {image: light}}",
+        "  twice:  {group: double, in: {image: light, when: found.pixel}}",
+    )
+    text = text.replace(": more}", ": twice}").replace("more: more", "more: twice.more")
+    group = """groups:
+  double:
+    inputs: {image: }
+    nodes:
+      rest: {op: at_rest}
+      more: {op: doubled, in: {image: image}}
+    outputs: {more: more}
+nodes:"""
+    results = list(opened(write(text.replace("nodes:", group, 1))).items())
+    assert means(results, "light") == [1, 2, 3]
+    assert means(results, "more") == [None, 4, 6]
+    group = group.replace("{image: image}}", "{image: image, when: image}}")
+    with pytest.raises(GraphError, match="'twice', around it, has a condition already"):
+        read_graph(write(text.replace("nodes:", group, 1)))
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        (
+            "frames.image",
+            "true or false, or an array of integers; frames.image is float32 K x H x W",
+        ),
+        ("previous.found.pixel", "a condition is of the same item"),
+        ("nothing", "nothing"),
+    ],
+)
+def test_what_is_no_condition_is_refused(write: Write, condition: str, message: str) -> None:
+    with pytest.raises(GraphError, match=message):
+        opened(write(TOUCHED.replace("when: found.pixel", f"when: {condition}")))
+
+
+def test_explain_and_draw_show_it(tactograph: Command, write: Write) -> None:
+    graph = write(TOUCHED)
+    told = tactograph("explain", graph, "--backend", "numpy").out
+    assert told.count("if found.pixel") == 4, "two nodes, one that needs them, and its sink"
+    drawn = tactograph("draw", graph, "--backend", "numpy").out
+    assert '"found" -> "light" [label="pixel"]' in drawn
