@@ -26,6 +26,12 @@ MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.99, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
 
+MAX_ADDED, MIN_ADDED_EXPLAINED = 0.02, 0.5
+"""Other light over that of the film at rest, where it explains this share of the light's changes
+beside each LED's own."""
+ADDED_ROUNDS, ADDED_NOISE = 10, 1e-3
+"""Rounds of robust least squares, and departure of the light that counts as noise."""
+
 
 class Rest(NamedTuple):
     """The light without the LEDs' drift, and the share of it that is at rest."""
@@ -49,7 +55,13 @@ def find_rest(light: F4, drift: Drift | None) -> Rest:
     return Rest(level, shape, float((np.abs(light - 1) < CALM_DEPARTURE).all(axis=0).mean()))
 
 
-def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = None) -> Check:
+def check_rest(
+    light: F4,
+    drift: Drift | None,
+    height: F4,
+    lights: F4 | None = None,
+    flat: F4 | None = None,
+) -> Check:
     """Return the departure of film at rest from the flat frame (T3 of ``docs/model.md``).
 
     Parameters
@@ -62,6 +74,8 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
         H x W in mm.
     lights
         K x 3 in mm; None: a tilt of the film is not looked for.
+    flat
+        K x h x w, the film at rest; None: light that was added is not looked for.
     """
     dark = float((light < DARK_LIGHT).all(axis=0).mean())
     level, shape, calm = find_rest(light, drift)
@@ -103,6 +117,8 @@ def check_rest(light: F4, drift: Drift | None, height: F4, lights: F4 | None = N
     ]
     if lights is not None and float(np.ptp(height)) < FLAT_MM:
         checks.append(_tilt(change, lights))
+    if flat is not None:
+        checks.append(_added(light, flat))
     return max(checks, key=lambda check: check.figure)
 
 
@@ -118,4 +134,27 @@ def _tilt(change: F4, lights: F4) -> Check:
         figure,
         "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
         "known zero and tilt; if nothing touches, check the LEDs)",
+    )
+
+
+def _added(light: F4, flat: F4) -> Check:
+    """Return whether the same light was added everywhere: dim film departs more than bright."""
+    seen = light.reshape(len(light), -1).astype(np.float64)
+    by_added = 1 / np.maximum(flat.reshape(len(flat), -1), DARK_LIGHT).astype(np.float64)
+    weight = np.ones(seen.shape[1])
+    for _ in range(ADDED_ROUNDS):
+        shape, change = (a - np.average(a, 1, weight)[:, None] for a in (by_added, seen))
+        square = np.average((shape * shape).mean(axis=0), weights=weight)
+        added = np.average((shape * change).mean(axis=0), weights=weight) / max(square, 1e-12)
+        left = np.square(change - added * shape).mean(axis=0)
+        noise = 1.4826**2 * np.median(left) + ADDED_NOISE**2
+        weight = 1 / (1 + left / noise) ** 2
+    explained = added**2 * square
+    known = explained > MIN_ADDED_EXPLAINED * (explained + np.average(left, weights=weight))
+    share = abs(float(added)) * float(np.average(by_added.mean(axis=0), weights=weight))
+    cause = "other light was added to the touch" if added > 0 else "the touch lacks light"
+    return Check(
+        share / MAX_ADDED if known else 0.0,
+        f"{cause}, the same everywhere (keep other light out of touch and flat frame; or the "
+        "camera's black level has changed)",
     )

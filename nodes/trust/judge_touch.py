@@ -61,6 +61,7 @@ def judge_touch(
     shadow: Labels | None = None,
     film: FilmErrors | None = None,
     pixel: PixelSize | None = None,
+    flat: CoarseLight | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
@@ -96,6 +97,9 @@ def judge_touch(
     pixel
         mm per pixel of `slope`; with it, and with `matt`, `used`, `film` and a height of the
         slope's size, the brightness of the touched film is checked.
+    flat
+        K x h x w, the film at rest on the same cells as `light`; with it, light that was added
+        to the touch alone is looked for.
     least
         Trust below which there is a warning.
     rim_height
@@ -122,7 +126,8 @@ def judge_touch(
     lights, misfit, uneven = film or FilmErrors()
     checks = {"curl": check_curl(_thinned(curl))}
     if not filled:
-        checks["rest"] = check_rest(_thinned(light), drift, height, lights)
+        rest = None if flat is None else _thinned(flat)
+        checks["rest"] = check_rest(_thinned(light), drift, height, lights, rest)
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)

@@ -34,6 +34,7 @@ LIMITS = {
         _rest_check.MAX_DARK_SHARE,
         _rest_check.MAX_DEPTH,
         _rest_check.MAX_TILT,
+        _rest_check.MAX_ADDED,
     ),
     "T4": (_light_check.DIRTY_CELLS,),
 }

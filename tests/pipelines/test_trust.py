@@ -243,6 +243,7 @@ COLOURS: dict[str, Wrong] = {
     "gamma 1/2.2": gamma(1 / 2.2),
     "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
     "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
+    "other light": lambda touch, _: np.minimum(touch, 250) + np.uint8(5),
     "grey": lambda touch, _: np.repeat(touch.mean(axis=0, keepdims=True), 3, axis=0).astype(
         np.uint8
     ),

@@ -153,3 +153,26 @@ def test_black_images_are_told_without_dividing_by_them() -> None:
     check = told(np.zeros((4, *SHAPE), np.float32), height=np.zeros(SHAPE, np.float32))
     assert np.isfinite(check.figure)
     assert "without light" in check.cause
+
+
+FALLING = np.linspace(0.25, 0.7, SHAPE[1], dtype=np.float32)
+UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0.6 * FALLING)])
+"""Film at rest under three LEDs."""
+
+
+@pytest.mark.parametrize("added", [0.015, -0.015])
+def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
+    faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
+    levels = drifted(1, 1, 1)
+    assert check_rest(faded, levels, risen(), flat=UNEVEN).figure < 0.5
+    assert check_rest(faded + added / UNEVEN, levels, risen()).figure < 1
+    check = check_rest(faded + np.float32(added) / UNEVEN, levels, risen(), flat=UNEVEN)
+    assert check.figure > 1
+    assert ("added" if added > 0 else "lacks light") in check.cause
+
+
+def test_film_that_is_equally_bright_everywhere_tells_no_added_light() -> None:
+    """There light that was added is an LED that is brighter."""
+    even = np.full_like(UNEVEN, 0.5)
+    check = check_rest(pressed()[:3] + 0.03, drifted(1, 1, 1), risen(), flat=even)
+    assert "added" not in check.cause
