@@ -26,7 +26,7 @@ from rich.table import Table
 from tactograph.graph import TactographError, load
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.typed_values import read_words
+from tactograph.graph.files.typed_values import read_words
 
 Launches = list[tuple[str, cl.Event]]
 SHOWN = 25

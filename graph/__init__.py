@@ -37,7 +37,7 @@ from tactograph.graph.errors import (
 if TYPE_CHECKING:
     from tactograph.graph.backends import parity
     from tactograph.graph.batch.batch_maps import BatchMaps
-    from tactograph.graph.run.cache import Cache
+    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
 

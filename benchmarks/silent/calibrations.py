@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, load
+from tactograph.graph.cache.result_origin import digest, find_origin
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.run.result_origin import digest, find_origin
 
 F4 = NDArray[np.float32]
 

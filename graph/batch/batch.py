@@ -11,8 +11,8 @@ from tactograph.graph.batch.job import Job, identity_of, store_place
 from tactograph.graph.batch.map_types import MapType, captures_together
 from tactograph.graph.batch.store import Store, create_store, open_store
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, find_map_types, folder_name
+from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError, TactographError
-from tactograph.graph.run.result_origin import Origin
 
 MAX_TRIED_CAPTURES = 20
 """Captures that are tried to learn the types of the maps."""

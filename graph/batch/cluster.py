@@ -17,9 +17,9 @@ from typing import Any
 
 from tactograph.graph.batch.open_job import graph_of
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk, store_of
+from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.errors import InputError, message_of
 from tactograph.graph.extras import need
-from tactograph.graph.run.result_origin import find_origin
 
 MAX_WORKER_DEATHS = 3
 """Times that Dask may give up a chunk because its workers died."""

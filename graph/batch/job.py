@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.cache.result_origin import Origin, named_files
 from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.disk.text_names import refuse_other_names
@@ -15,7 +16,6 @@ from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
-from tactograph.graph.run.result_origin import Origin, named_files
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,8 @@ from tactograph.graph.batch.map_types import (
     axes_of,
     captures_in_one,
 )
+from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
-from tactograph.graph.run.result_origin import Origin
 
 STORE_FORMAT = 3
 MAX_CAPTURES = 10**7

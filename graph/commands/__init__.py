@@ -15,8 +15,8 @@ from tactograph.graph.errors import printable
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.files.flat_graph import Graph
-    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
 
 
@@ -123,7 +123,7 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     """Apply ``--with`` and ``--set`` to a graph."""
     from tactograph.graph.files.changes import with_changes
     from tactograph.graph.files.read_graph import with_overlays
-    from tactograph.graph.run.typed_values import read_settings
+    from tactograph.graph.files.typed_values import read_settings
 
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
 

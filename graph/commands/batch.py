@@ -86,7 +86,7 @@ def command(
             _start_importing(workers, len(captures))
         read = options.read(graph)
         from tactograph.graph.batch.job import make_job, store_place
-        from tactograph.graph.run.typed_values import read_words
+        from tactograph.graph.files.typed_values import read_words
 
         job = make_job(
             read,
@@ -109,8 +109,8 @@ def command(
             run_batch,
         )
         from tactograph.graph.batch.store_lock import alone_in
+        from tactograph.graph.cache.result_origin import find_origin
         from tactograph.graph.errors import a_few
-        from tactograph.graph.run.result_origin import find_origin
 
         origin = find_origin(read, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, place, job.folders)]

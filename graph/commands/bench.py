@@ -41,7 +41,7 @@ def command(
     """
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
-    from tactograph.graph.run.typed_values import read_words
+    from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
     given = read_words(read, values)

@@ -97,7 +97,7 @@ def _read_study(
     from tactograph.graph.errors import InputError
     from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
-    from tactograph.graph.run.typed_values import read_words
+    from tactograph.graph.files.typed_values import read_words
 
     values = [word for word in words if "=" in word]
     others = [word for word in words if "=" not in word]
@@ -168,8 +168,8 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     from rich.console import Console
     from rich.progress import Progress
 
+    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.compare.compare import make_jobs, run_job
-    from tactograph.graph.run.cache import Cache
 
     cache = Cache()
     jobs = make_jobs(study)

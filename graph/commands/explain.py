@@ -35,7 +35,7 @@ def command(
 
     Params that are not given do not matter to the plan.
     """
-    from tactograph.graph.run.typed_values import read_words
+    from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
     given = {**read.placeholders, **read_words(read, values)}
@@ -111,7 +111,7 @@ def _print_steps(title: str, plan: Plan, steps: Iterable[Step], known: Mapping[s
 
 def _when(step: Step, task: Task | None) -> str:
     """Occasion of a step's run, and whether an earlier result may stand for it."""
-    from tactograph.graph.run.store import has_stored
+    from tactograph.graph.cache.store import has_stored
 
     if task is not None and task.conditions:
         return f"if {' and '.join(map(str, task.conditions))}"

@@ -18,9 +18,9 @@ from tactograph.graph.commands import RunOptions, graph_command, run_options, sa
 if TYPE_CHECKING:
     from types import FrameType
 
+    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.commands.progress_line import ProgressLine
     from tactograph.graph.files.flat_graph import Graph
-    from tactograph.graph.run.cache import Cache
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
@@ -70,7 +70,7 @@ def command(
     if not watch:
         _run(wanted)
         return
-    from tactograph.graph.run.cache import Cache
+    from tactograph.graph.cache.cache import Cache
 
     cache = Cache()
     try:
@@ -98,8 +98,8 @@ def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
     """Run once, print any error, and wait until a file changes."""
     from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import graph_file
-    from tactograph.graph.run.typed_values import read_words
-    from tactograph.graph.run.watch import files_of, stamp, wait_for_change
+    from tactograph.graph.files.typed_values import read_words
+    from tactograph.graph.files.watch import files_of, stamp, wait_for_change
 
     files = {graph_file(wanted.graph)}
     before = stamp(files)
@@ -123,9 +123,9 @@ def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
 
 
 def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
+    from tactograph.graph.cache.keys import key_of
+    from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_kept
-    from tactograph.graph.run.keys import key_of
-    from tactograph.graph.run.typed_values import read_words
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)

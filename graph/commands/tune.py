@@ -35,7 +35,7 @@ def command(
     """
     from tactograph.graph.extras import need
     from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.run.typed_values import read_words
+    from tactograph.graph.files.typed_values import read_words
 
     given = read_words(read_graph(graph), values)
     need("tune", "tune", "nicegui")

@@ -12,6 +12,8 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from tactograph.graph.cache.cache import Cache
+from tactograph.graph.cache.result_origin import digest, find_origin, named_files
 from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.declare.node import Node
@@ -22,10 +24,8 @@ from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tactograph.graph.run.result_origin import digest, find_origin, named_files
 
 REPEATS_PER_ITEM = 3
 """Times that an item is computed, for the median of its times."""

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.sweep import read_sweep
 from tactograph.graph.declare.provenance import versions
@@ -18,8 +19,7 @@ from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.result_origin import find_origin
-from tactograph.graph.run.typed_values import read_words
+from tactograph.graph.files.typed_values import read_words
 
 RECORD_FILE = "report.json"
 RECORD_FORMAT = 1

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import Event
+from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.declare.engine_arguments import Session
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import NodeError
@@ -21,7 +22,6 @@ from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
-from tactograph.graph.run.store import recall_or_make
 from tactograph.graph.run.whole_images import as_fractions, goes_up, is_whole, may_be_whole
 
 

@@ -14,13 +14,13 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from tactograph.graph.cache.cache import Cache, Kept, Run
+from tactograph.graph.cache.keys import content_key, key_of
 from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Known
-from tactograph.graph.run.cache import Cache, Kept, Run
 from tactograph.graph.run.executor import Executor, Part, part_of
-from tactograph.graph.run.keys import content_key, key_of
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.spots import Spot, read_by, recalled_by, written_by
 from tactograph.graph.run.step_runner import StepRunner

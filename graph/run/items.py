@@ -8,10 +8,10 @@ from typing import Any
 from threadpoolctl import ThreadpoolController
 
 from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.executor import EveryStep, Executor, Part, part_of
 from tactograph.graph.run.incremental import OnlyChanged
 from tactograph.graph.run.result import Result

@@ -11,6 +11,7 @@ from typing import Any
 
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.device_backend import open_device
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.declare.find_node import find_node, own_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError, did_you_mean
@@ -18,7 +19,6 @@ from tactograph.graph.files.changes import plain, with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import Source, read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.pipeline import Pipeline
 
 

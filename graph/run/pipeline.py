@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import InputError, TactographError, collect_warnings
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.keep_freed import keep_freed
 from tactograph.graph.run.node_errors import Blaming

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.changes import plain
@@ -21,12 +22,11 @@ from tactograph.graph.files.flat_graph import Entry, Graph
 from tactograph.graph.files.groups import alike
 from tactograph.graph.files.read_graph import graph_file, read_graph
 from tactograph.graph.files.variant import Change, changes_between, write_variant
+from tactograph.graph.files.watch import Stamp, files_of, stamp
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.result import Result
-from tactograph.graph.run.watch import Stamp, files_of, stamp
 from tactograph.graph.tune.captures import captures_of
 from tactograph.graph.tune.runner import Runner
 

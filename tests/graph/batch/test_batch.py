@@ -39,9 +39,9 @@ from tactograph.graph.batch.serial import Serial
 from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
 from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
+from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.pipeline import Pipeline
-from tactograph.graph.run.result_origin import find_origin
 from tests.graph.conftest import Command, Outcome, Write, one_line
 
 Batch = Callable[..., tuple[int, str]]

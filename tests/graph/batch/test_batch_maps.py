@@ -13,7 +13,7 @@ from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.store import create_store
-from tactograph.graph.run.result_origin import Origin
+from tactograph.graph.cache.result_origin import Origin
 
 HEIGHTS = np.arange(4 * 2 * 3, dtype=np.float32).reshape(4, 2, 3)
 

@@ -15,8 +15,8 @@ from tactograph.graph.batch.entry import DONE, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType, captures_together
 from tactograph.graph.batch.store import create_store, open_store
+from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
-from tactograph.graph.run.result_origin import Origin
 
 JOB = Job("", "", "", {}, {}, "capture", ("height",))
 ORIGIN = Origin({}, {}, "")

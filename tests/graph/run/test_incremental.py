@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError, NodeError, load
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.conftest import Calibration, Raytraced
 from tests.graph.conftest import STREAM, Write

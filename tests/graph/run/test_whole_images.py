@@ -10,8 +10,8 @@ import pytest
 
 from tactograph.graph import load
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.cache.cache import Cache
 from tactograph.graph.compare.stored_views import views_of
-from tactograph.graph.run.cache import Cache
 from tactograph.graph.run.host_values import HostValues
 from tests.graph.conftest import Write
 from tests.graph.toys import WHOLE

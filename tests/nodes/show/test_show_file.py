@@ -17,9 +17,9 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.store import create_store
+from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
-from tactograph.graph.run.result_origin import Origin
 from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tactograph.graph.run.cache import MAX_RUNS, Cache, Kept, Run
+from tactograph.graph.cache.cache import MAX_RUNS, Cache, Kept, Run
 
 
 def kept(name: str) -> Kept:

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Port, node
+from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.disk import disk_cache
 from tactograph.graph.errors import InputError, collect_warnings, warn
-from tactograph.graph.run import store
-from tactograph.graph.run.store import recall_or_make
+from tactograph.graph.cache import store
 from tactograph.nodes import F4
 
 
@@ -83,7 +83,7 @@ def test_other_inputs_or_settings_are_made_anew(folder: Path) -> None:
 
 def test_other_code_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(made_now=True)
-    monkeypatch.setattr("tactograph.graph.run.result_origin.code_of", lambda node: "another")
+    monkeypatch.setattr("tactograph.graph.cache.result_origin.code_of", lambda node: "another")
     made(made_now=True)
 
 
@@ -179,9 +179,9 @@ def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
 
 WRITER = """
 import sys
-from tests.graph.run.test_store import tabled
+from tests.graph.cache.test_store import tabled
 from tactograph.graph.disk import disk_cache
-from tactograph.graph.run import store
+from tactograph.graph.cache import store
 import numpy as np
 store.MIN_STORED_MS = -1.0
 image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)

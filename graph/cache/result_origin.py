@@ -18,13 +18,13 @@ from typing import Any
 import tactograph.graph
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
+from tactograph.graph.cache.module_imports import keep_imports, module_imports
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
-from tactograph.graph.run.module_imports import keep_imports, module_imports
 
 ENGINE_PACKAGE = "tactograph.graph"
 PACKAGE_FOLDERS = ("site-packages", "dist-packages")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tactograph.graph.run.keys import content_key
+from tactograph.graph.cache.keys import content_key
 
 VALUES: list[Any] = [
     None, 0, 0.0, False, "", b"", (), [], {}, "0", (0,), ((0,), 1), (0, (1,)), {"a": 1},

@@ -13,12 +13,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.cache.keys import content_key, key_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.errors import collect_warnings, warn
-from tactograph.graph.run.keys import content_key, key_of
 
 MIN_STORED_MS = 200.0
 """The least time that justifies a file."""
@@ -61,7 +61,7 @@ def has_stored(node: Node) -> bool:
 
 
 def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:
-    from tactograph.graph.run.result_origin import code_of
+    from tactograph.graph.cache.result_origin import code_of
 
     key = key_of(
         code_of(node), sorted(versions().items()), sorted(settings.items()), content_key(*arguments)
