@@ -10,10 +10,10 @@ import pytest
 from tactograph.graph import Node, NodeError, load
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.cache import result_origin, store
 from tactograph.graph.cache.result_origin import code_of
 from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.disk import disk_cache
-from tactograph.graph.cache import result_origin, store
 from tactograph.nodes.light.film_bounce import film_bounce
 from tests.graph.conftest import Write
 from tests.graph.plan.test_backends import ABSENT, planned

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tactograph.graph.cache import module_imports as module
 from tactograph.graph.cache.module_imports import keep_imports, module_imports
 from tactograph.graph.disk.disk_cache import write_cached
-from tactograph.graph.cache import module_imports as module
 
 
 @pytest.fixture(autouse=True)

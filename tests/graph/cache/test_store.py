@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Port, node
+from tactograph.graph.cache import store
 from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.disk import disk_cache
 from tactograph.graph.errors import InputError, collect_warnings, warn
-from tactograph.graph.cache import store
 from tactograph.nodes import F4
 
 
