@@ -65,8 +65,9 @@ def find_slip(
     `slip_mm`, and its end after `hold_frames`; a slower slip comes in steps.
 
     A contact slips partly from a tenth of its markers on, and two at least; wholly from nine
-    tenths; back below 0.05 and 0.8.  Contacts of fewer than 3 markers, those whose motion the shape leaves open (a
-    ball that rolls, or slips?), and the first frame of a touch have no figures.
+    tenths; back below 0.05 and 0.8.  Contacts of fewer than 3 markers, those whose motion the
+    shape leaves open (a ball that rolls, or slips?), and the first frame of a touch have no
+    figures.
 
     Parameters
     ----------
