@@ -137,7 +137,7 @@ def _fit(key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px:
 def _shared(fit: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
     """Share of the smaller contact that both frames see."""
     before, now = int(np.isfinite(key).sum()), int(touched.sum())
-    return fit.overlap * before / max(min(before, now), 1)
+    return min(1.0, fit.overlap * before / max(min(before, now), 1))
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:

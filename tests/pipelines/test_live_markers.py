@@ -46,6 +46,26 @@ def printed(made_once: MadeOnce) -> Path:
     return made_once("live_markers", make) / "cal.npz"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("drag", "slips"), [(1.0, 0.0), (0.0, 2.0)], ids=["with", "without"])
+def test_a_pyramid_that_is_pushed_with_its_film_is_stuck_and_without_slips(
+    printed: Path, tmp_path: Path, drag: float, slips: float
+) -> None:
+    step_mm = 0.05  # the simulated film is dragged less away from its middle
+    for n in range(3):
+        pyramid = {"inradius_mm": 4.0, "rise_mm": 1.5, "offset_mm": [step_mm * n, 0.0], **SIZE}
+        shape = {"replace": "shape", "op": "shape_pyramid", "with": pyramid}
+        pushed = {"format": 1, "extends": "simulate_markers", "title": "pushed", "patch": [shape]}
+        given = {"out": str(tmp_path / f"{n}"), "drag_x_mm": drag * step_mm * n, **PRINT, **RIG}
+        list(open_pipeline(read_graph(pushed), given).items())
+    given = {"calibration": str(printed), "capture": str(tmp_path)}
+    graph = read_graph("reconstruct_slip")
+    *_, last = [result["metrics"] for result in open_pipeline(graph, given, sinks=False).items()]
+    assert last["pose_x_mm"] == pytest.approx(2 * step_mm, abs=0.02)
+    assert last["contact_slip/c1"] == slips
+    assert last["contact_slip_markers/c1"] > 5
+
+
 def truth_of(result: Result) -> np.ndarray:
     return next(made for value, made in result.item.items() if value.port == "truth")
 
