@@ -13,7 +13,7 @@ from multiprocessing import forkserver, resource_tracker
 from typing import Any, TypeVar
 
 from tactograph import ctrl_c
-from tactograph.graph.batch.cores import cores, environment, share_of, take_over
+from tactograph.graph.cores import cores, environment, share_of, take_over
 
 Given = TypeVar("Given")
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}

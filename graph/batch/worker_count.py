@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tactograph.graph.backends.device_backend import open_device
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 
 MIN_CAPTURES_PER_PROCESS = 256
 """Captures that justify the start of a process, which takes a second."""

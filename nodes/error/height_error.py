@@ -19,7 +19,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, SizeLimit, node
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.nodes import (
     F4,
     Film,

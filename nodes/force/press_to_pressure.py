@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 
 from tactograph.graph import Port, node, warn
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.nodes import F4, Contacts, Height, HeightError, Metrics, PixelSize
 from tactograph.nodes.force.elastic_layer import layer_compliance, wave_numbers
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import cosine_transform, missing_vkfft

@@ -11,7 +11,7 @@ from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import (

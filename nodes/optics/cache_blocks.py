@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 
 T = TypeVar("T")
 

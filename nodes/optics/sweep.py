@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.nodes import F4
 from tactograph.nodes.optics.film import to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 
 LEAF_ENTRIES = 8

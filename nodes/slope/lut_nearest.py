@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.graph.batch.cores import cores
+from tactograph.graph.cores import cores
 from tactograph.nodes import F4, U1, Labels, Light, Slope
 from tactograph.nodes.slope.index_lut import TOP_ENTRIES, LutIndex, index_lut
 

@@ -6,10 +6,10 @@ import os
 
 import pytest
 
-from tactograph.graph.batch.cores import cores, environment, share_of
+from tactograph.graph.cores import cores, environment, share_of
 from tests.conftest import python
 
-TOLD = "from tactograph.graph.batch.cores import cores; print(cores())"
+TOLD = "from tactograph.graph.cores import cores; print(cores())"
 
 
 def told() -> int:
@@ -28,7 +28,7 @@ def test_a_process_bound_to_one_core_starts_one_thread() -> None:
 
 
 def test_processes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tactograph.graph.batch.cores._bound_to", lambda: 8)
+    monkeypatch.setattr("tactograph.graph.cores._bound_to", lambda: 8)
     before = dict(os.environ)
     with environment(share_of(4)):
         assert os.environ["TACTOGRAPH_CORES"] == "2"
