@@ -26,7 +26,7 @@ MAX_TILT, MIN_EXPLAINED, FLAT_MM = 0.042, 0.99, 0.05
 """Half the range of changes that a tilt of the film would explain to this share, where nothing
 stands out by this height."""
 
-MAX_ADDED, MIN_ADDED_EXPLAINED = 0.02, 0.5
+MAX_ADDED, MIN_ADDED_EXPLAINED = 0.02, 0.7
 """Other light over that of the film at rest, where it explains this share of the light's changes
 beside each LED's own."""
 ADDED_ROUNDS, ADDED_NOISE = 10, 1e-3
