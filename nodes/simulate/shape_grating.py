@@ -58,11 +58,15 @@ def shape_grating(
         From ridge to ridge.
     rise_mm
         Height of the ridges; the grooves reach down to the plane.
-    ridge
-        ``profile``, the cross-section of a ridge; ``duty``, the share of a period that it takes,
-        the rest is flat groove; ``wall_deg``, the angle of the walls of square ridges, and of the
-        patch, where 90 is vertical and widths hold at half the height; ``middle``, what lies in
-        the middle of the patch.
+    profile
+        Cross-section of a ridge.
+    duty
+        Share of a period that the ridge takes; the rest is flat groove.
+    wall_deg
+        Angle of the walls of square ridges, and of the patch; 90 is vertical.  Widths hold at half
+        the height.
+    middle
+        What lies in the middle of the patch.
     side_mm
         Side of the square patch that the grating fills.
     angle_deg
