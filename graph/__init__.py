@@ -74,7 +74,7 @@ __all__ = [
 
 _LATE_MODULES = {
     "BatchMaps": "batch.batch_maps",
-    "Cache": "run.cache",
+    "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",
     "parity": "backends.parity",
