@@ -144,11 +144,11 @@ def _slide(
     slides[judged, COLUMN_STILL] += 1
     slides[slips, COLUMN_STILL] = 0
     rests = judged & (state == STATE_SLIPPING) & (slides[:, COLUMN_STILL] >= hold_frames)
-    again = slips | rests | (judged & (lost | (state == STATE_FREE)))
+    renewed = slips | rests | (judged & (lost | (state == STATE_FREE)))
     slides[judged & (state == STATE_FREE) | rests, COLUMN_STATE] = STATE_HELD
     slides[slips, COLUMN_STATE] = STATE_SLIPPING
-    held = np.column_stack([on_object[:, :2], variance])[again]
-    slides[again, : COLUMN_VARIANCE + 1] = held
+    held = np.column_stack([on_object[:, :2], variance])[renewed]
+    slides[renewed, : COLUMN_VARIANCE + 1] = held
 
 
 def _places(
