@@ -34,7 +34,10 @@ def test_a_repeated_launch_gives_what_a_first_one_gives(device: OpenCL, name: st
     prepared = device.prepare(node, case.settings, sizes)
     for _ in range(3):
         prepared.launch(inputs)
-    for n, array in there.items():
+    # Two films have different numbers of rises.
+    alike = {n: array for n, array in there.items() if now[n].shape == array.shape}
+    assert alike
+    for n, array in alike.items():
         cl.enqueue_copy(device.queue, array.buffer, np.ascontiguousarray(now[n]))
     repeated = downloaded(device, prepared.launch(inputs)[0])
     expected = downloaded(device, device.prepare(node, case.settings, sizes).launch(inputs)[0])
