@@ -235,9 +235,9 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
 
 
 def _first(plan: Plan) -> dict[str, str]:
-    """The earlier node of the same operation and inputs, by node.
+    """By node, the earlier node that it repeats: the same operation on the same inputs.
 
-    But for arrays that may be absent: without these the node does the same once more.
+    It may read more arrays, if they are optional: it repeats the other where those are absent.
     """
     first: dict[str, str] = {}
     tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]

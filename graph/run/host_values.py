@@ -57,7 +57,7 @@ class HostValues:
         self._wanted[node] = self._plan.wanted(node)
 
     def holds(self, condition: Value) -> bool:
-        """Return whether a number, or a number of an array, is not zero; what is absent is."""
+        """Return whether a condition's value is there, and not zero everywhere."""
         if condition in self._arriving:
             self._arriving.pop(condition).wait()
         return self._values[condition] is not None and bool(np.any(self._values[condition]))
