@@ -1,7 +1,5 @@
 """Shared by all tests: the device, captures of known shapes, and one calibration of each rig."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import subprocess

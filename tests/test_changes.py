@@ -1,7 +1,5 @@
 """The changelog tells of the version, and entries for the next one are where they are found."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

@@ -1,7 +1,5 @@
 """constraints.txt names a version of everything that the project needs, within its bounds."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

@@ -1,7 +1,5 @@
 """The page of equations: code cites what it states, and it states what the code computes."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

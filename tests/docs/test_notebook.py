@@ -1,7 +1,5 @@
 """The notebook of the documentation runs, and says what it says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

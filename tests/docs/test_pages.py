@@ -5,8 +5,6 @@ Commands in other blocks are examples that need a sensor, a cluster or hours: of
 graphs, parameters, options and scripts must be there.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The page of the Python interface names all that there is, and nothing else."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from dataclasses import fields

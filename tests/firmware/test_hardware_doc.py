@@ -1,7 +1,5 @@
 """What docs/hardware.md shows is what the firmware does."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import time

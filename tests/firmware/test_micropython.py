@@ -1,7 +1,5 @@
 """The firmware's logic under MicroPython, which is not quite Python."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import shutil

@@ -1,7 +1,5 @@
 """Graph files, toy nodes and a command line for the tests of the engine."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint

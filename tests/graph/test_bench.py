@@ -1,7 +1,5 @@
 """``tactograph bench``: a user's own graph and values, node by node, and nothing written."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

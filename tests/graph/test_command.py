@@ -1,7 +1,5 @@
 """The command line: exit codes, one clear line, no traceback, nothing half written."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Help of the command line: on graphs, on near misses, and by completion in a shell."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """``--with`` on the command line, and studies among its graphs."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Threads are as many as the cores that a process may use."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

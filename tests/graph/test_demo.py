@@ -1,7 +1,5 @@
 """``tactograph demo`` runs commands that work, in order, in the folder asked for."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

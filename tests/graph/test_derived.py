@@ -1,7 +1,5 @@
 """Sizes that follow from others, and outputs that nobody reads."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

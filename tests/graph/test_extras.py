@@ -1,7 +1,5 @@
 """A feature without its package says in one line which extra brings it."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib

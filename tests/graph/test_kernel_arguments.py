@@ -1,7 +1,5 @@
 """A launch function's arguments are checked and converted by the kernel's own signature."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

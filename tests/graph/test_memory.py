@@ -1,7 +1,5 @@
 """Streams have a memory: values of the item before, and what a node keeps open."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

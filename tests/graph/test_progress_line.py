@@ -1,7 +1,5 @@
 """The present stage is shown on a terminal, and nowhere else."""
 
-from __future__ import annotations
-
 import io
 import sys
 import threading

@@ -1,7 +1,5 @@
 """`run --trace`, `--keep`, `--until` and `--watch`: what happened, looked at from outside."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Nodes for the tests of the engine: small, countable, and some of them broken on purpose."""
 
-from __future__ import annotations
-
 import errno
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The compiler has nothing to say: PoCL prints its warnings on the user's terminal."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A constant that stands in Python and in OpenCL C under one name is the same number in both."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterator

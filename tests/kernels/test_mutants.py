@@ -4,8 +4,6 @@ They stand beside the kernels: ``kernels/light/flat_field.mutants.toml`` holds l
 ``"what is wrong" = ["what flat_field.cl or a header of it says", "what the mutant says"]``.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Every node with a kernel gives the same result on both back ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

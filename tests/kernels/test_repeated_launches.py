@@ -1,7 +1,5 @@
 """A launch enqueued again, its arguments set long ago, works on what its buffers hold now."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels under oclgrind: no race, no access out of bounds, no uninitialised read."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

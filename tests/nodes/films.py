@@ -1,7 +1,5 @@
 """Films that are not matt, each by one of its properties, and samples of balls under them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4, Film

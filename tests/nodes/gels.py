@@ -1,7 +1,5 @@
 """A small simulated sensor whose gel is changed, worn and soiled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Small worlds whose truth is known in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

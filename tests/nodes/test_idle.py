@@ -1,7 +1,5 @@
 """What a node says of when it is idle holds to the bit."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

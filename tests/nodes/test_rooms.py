@@ -3,8 +3,6 @@
 The length of files and the names of constants, those of the engine too.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """A node takes what a reader can hold in mind; what belongs together is a record."""
 
-from __future__ import annotations
-
 import inspect
 
 import pytest

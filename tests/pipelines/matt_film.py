@@ -1,7 +1,5 @@
 """Captures of a matt film under near LEDs, 160 x 120 px of 0.1 mm, whose true heights are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

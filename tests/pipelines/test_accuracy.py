@@ -1,7 +1,5 @@
 """What the shipped graphs find, against the truth of captures by an independent renderer."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

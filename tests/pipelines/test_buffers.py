@@ -1,7 +1,5 @@
 """A steady stream of touches allocates nothing on the device after its first item."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

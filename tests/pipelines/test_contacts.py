@@ -1,7 +1,5 @@
 """A shipped graph says of a simulated touch where it is and how deep; of none, none."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An object that fills the frame: no film is at rest, and its brightness is told by none."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

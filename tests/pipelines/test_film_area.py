@@ -1,7 +1,5 @@
 """Film that does not fill the frame: round views, housings, black frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """True on films that are not matt, under cameras that are near: rigs in the hand, a real sensor."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

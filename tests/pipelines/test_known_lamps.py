@@ -1,7 +1,5 @@
 """Calibrations without a ball: from the places of the lamps, or their directions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

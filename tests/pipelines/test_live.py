@@ -1,7 +1,5 @@
 """The live graph, on a sensor made of software, from the command line as a user runs it."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import signal

@@ -1,7 +1,5 @@
 """Films with markers under a simulated camera, from calibration to heights and shifts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

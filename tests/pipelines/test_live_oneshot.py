@@ -1,7 +1,5 @@
 """A one-shot sensor made of software: live, recorded, replayed, and calibrated by hand."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

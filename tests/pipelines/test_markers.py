@@ -1,7 +1,5 @@
 """A film with markers is calibrated and measured as one without, and its markers are followed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Cameras whose pixels are not square, such as of 11.7 by 10.8 px/mm."""
 
-from __future__ import annotations
-
 import json
 from itertools import product
 from pathlib import Path

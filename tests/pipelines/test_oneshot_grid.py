@@ -1,7 +1,5 @@
 """A one-shot sensor that is calibrated with a grid of balls, under a camera with a lens."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

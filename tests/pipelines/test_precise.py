@@ -1,7 +1,5 @@
 """What `precise` finds, against the truth of captures by an independent renderer."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """After a gel change a flat frame and one press are worth a full calibration."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

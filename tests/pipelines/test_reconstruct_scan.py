@@ -1,7 +1,5 @@
 """A scan, by its sensor's light model alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings in whole graphs: through the engine, with what it keeps and closes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A calibrated sensor forwards: its images of a known height, and the height from its images."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Wrong inputs are told: the benchmark of silent errors at a small size."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The paper's Table 1 from graph files alone (docs/ablation.md)."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph.files.read_graph import read_graph

@@ -1,7 +1,5 @@
 """Wrong input that looks plausible is warned of or refused; right touches are not."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from pathlib import Path

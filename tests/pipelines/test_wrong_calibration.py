@@ -1,7 +1,5 @@
 """A wrong calibration is refused; one that is forced is doubtful wherever it is used."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

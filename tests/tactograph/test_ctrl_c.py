@@ -1,7 +1,5 @@
 """Ctrl-C ends a command in one line, wherever it comes."""
 
-from __future__ import annotations
-
 import importlib
 import signal
 import sys

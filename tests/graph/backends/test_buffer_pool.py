@@ -1,7 +1,5 @@
 """Buffers are lent, taken back, and lent in the same order again."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A back end is a module of its folder and an entry in the list of names."""
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType, SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A node that a node on the host calls runs on the device as it does on the host."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

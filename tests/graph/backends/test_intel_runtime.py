@@ -1,7 +1,5 @@
 """The runtime that a Python package brings is found without root and beside the system's own."""
 
-from __future__ import annotations
-
 import os
 import sys
 from contextlib import nullcontext

@@ -1,7 +1,5 @@
 """Kernel sources: where a compiler's message points, headers of headers, attributes."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A test of one's own node, in a file of its own: what it tells of a kernel that is wrong."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A damaged program of PoCL's ends one run, not all that follow."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

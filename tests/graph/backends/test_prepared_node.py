@@ -1,7 +1,5 @@
 """A launch function is asked anew only where it might do something else."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Programs that one pipeline has built serve the next."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Batches: every capture once and as if it were alone, whatever fails, stops or dies."""
 
-from __future__ import annotations
-
 import csv
 import json
 import multiprocessing

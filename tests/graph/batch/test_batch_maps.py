@@ -1,7 +1,5 @@
 """A training loop's view of a store: whole maps of finished captures, in any process."""
 
-from __future__ import annotations
-
 import multiprocessing
 from pathlib import Path
 

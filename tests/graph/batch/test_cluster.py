@@ -1,7 +1,5 @@
 """A batch on a Dask cluster: workers may die, the scheduler may go, the client may come back."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

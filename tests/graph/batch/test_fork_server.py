@@ -1,7 +1,5 @@
 """A batch's processes: safe in any folder, deaf to Ctrl-C, and gone with the one they work for."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

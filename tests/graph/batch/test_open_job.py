@@ -1,7 +1,5 @@
 """A job's pipeline is opened once for all captures, and may be opened ahead of them."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph.batch.job import Job, make_job

@@ -1,7 +1,5 @@
 """Processes answer and work, in the environment of the one that asks."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The layout of maps in a store: large ones alone, small ones several together."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from pathlib import Path

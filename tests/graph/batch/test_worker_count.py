@@ -1,7 +1,5 @@
 """A batch starts as many processes as are worth their start."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

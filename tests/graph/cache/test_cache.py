@@ -1,7 +1,5 @@
 """A cache holds so many bytes, and lets go of what was used longest ago."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph.cache.cache import MAX_RUNS, Cache, Kept, Run

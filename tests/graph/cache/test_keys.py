@@ -1,7 +1,5 @@
 """Keys are equal for equal content, and for nothing else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The imports of a file are found once, by the first process that looks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A stored result stands in for a new one only if everything that made it is the same."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from importlib.metadata import EntryPoint

@@ -1,7 +1,5 @@
 """Slow results that depend on no stream are kept on disk: whole, checked, bounded, and plain."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import subprocess

@@ -1,7 +1,5 @@
 """Variants side by side: every cell is run, kept, and told."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable, Sequence

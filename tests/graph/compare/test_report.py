@@ -1,7 +1,5 @@
 """The comparison as a user makes it, and its page as a browser shows it."""
 
-from __future__ import annotations
-
 import errno
 import json
 import re

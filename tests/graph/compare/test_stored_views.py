@@ -1,7 +1,5 @@
 """Views of a result, and the truth of each."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph.compare.stored_views import find_truth

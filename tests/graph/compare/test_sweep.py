@@ -1,7 +1,5 @@
 """Sweeps as users write them, and the runs they make."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph import InputError

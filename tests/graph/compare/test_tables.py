@@ -1,7 +1,5 @@
 """Tables: means, intervals, the best value, and every format."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

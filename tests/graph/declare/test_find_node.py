@@ -1,7 +1,5 @@
 """Nodes are found by name: the built-in ones, and those that other packages bring."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path

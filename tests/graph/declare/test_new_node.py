@@ -1,7 +1,5 @@
 """A new node starts as one that works, in the project or in a package beside it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """A node is declared by its function's signature."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, NamedTuple, Unpack
 

@@ -1,7 +1,5 @@
 """A node says of itself what a user has to know."""
 
-from __future__ import annotations
-
 import inspect
 from typing import Annotated, Literal
 

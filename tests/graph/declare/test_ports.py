@@ -1,7 +1,5 @@
 """Ports: what an annotation says about a value, and which ports fit together."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple, Optional, TypeVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The size in an array's header is believed only if the file is that large."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """YAML without surprises."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

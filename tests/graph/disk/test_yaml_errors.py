@@ -1,7 +1,5 @@
 """Errors of YAML are explained in plain words, with the place and the remedy."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.graph.disk.test_strict_yaml import refusal

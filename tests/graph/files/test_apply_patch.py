@@ -1,7 +1,5 @@
 """Patch verbs: what each changes, and what each refuses."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

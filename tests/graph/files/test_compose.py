@@ -1,7 +1,5 @@
 """Graphs that compose: overlays, variants, studies, and groups from files."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

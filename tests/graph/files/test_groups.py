@@ -1,7 +1,5 @@
 """Groups: what a graph with groups means, said as the graph without them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Changes to groups: what a variant can say of one use, of all, and of what they are made of."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

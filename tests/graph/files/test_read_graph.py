@@ -1,7 +1,5 @@
 """Graph files: what they may say, and where they are wrong."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

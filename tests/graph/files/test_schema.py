@@ -1,7 +1,5 @@
 """The JSON schema of graph files: right ones pass, a slip does not."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from functools import cache

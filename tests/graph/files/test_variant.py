@@ -1,7 +1,5 @@
 """A changed graph becomes the shortest variant, which reads back as the graph on the screen."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

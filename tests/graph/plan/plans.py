@@ -1,7 +1,5 @@
 """Plans of graphs, each made once: shipped ones are looked at by several tests."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from tactograph.graph.backends.opencl import OpenCL

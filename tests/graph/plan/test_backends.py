@@ -1,7 +1,5 @@
 """Pass 4: where each node runs, and why; no fallback is silent."""
 
-from __future__ import annotations
-
 import importlib.util
 from importlib.machinery import ModuleSpec
 

@@ -1,7 +1,5 @@
 """Pass 1: every name in a graph means something, and there is no cycle."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

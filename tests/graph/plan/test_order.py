@@ -1,7 +1,5 @@
 """Pass 6: the order of the steps, and when a buffer is free again."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL

@@ -1,7 +1,5 @@
 """Pass 3: sizes bind across the graph, and clash before anything runs."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph import GraphError, InputError

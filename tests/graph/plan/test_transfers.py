@@ -1,7 +1,5 @@
 """Pass 5: an array is moved where it is read, once, and nowhere else."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL

@@ -1,7 +1,5 @@
 """Warnings at a stream's end reach whoever goes through it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

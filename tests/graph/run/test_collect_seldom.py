@@ -1,7 +1,5 @@
 """A process of its own looks for garbage seldom, finds it all the same, and ends without."""
 
-from __future__ import annotations
-
 import gc
 import weakref
 from collections.abc import Iterator

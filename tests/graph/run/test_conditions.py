@@ -1,7 +1,5 @@
 """Nodes that run only where a condition holds, and what needs them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

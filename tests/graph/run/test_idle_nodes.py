@@ -1,7 +1,5 @@
 """A node that returns its input as it is costs a device nothing, and changes nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Only what changed is computed, and what comes out is what a fresh run gives."""
 
-from __future__ import annotations
-
 import gc
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The system hands out the memory of a node's arrays once, not for every array."""
 
-from __future__ import annotations
-
 import platform
 
 import pytest

@@ -1,7 +1,5 @@
 """``explain`` says how long each step took before, where that is known, and runs nothing."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

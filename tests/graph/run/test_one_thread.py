@@ -1,7 +1,5 @@
 """A pipeline belongs to one thread, goes through one stream, and ends when it is closed."""
 
-from __future__ import annotations
-
 import threading
 
 import numpy as np

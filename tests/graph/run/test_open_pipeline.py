@@ -1,7 +1,5 @@
 """Opening a graph: what is wanted of it, changed in it, and where it may run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

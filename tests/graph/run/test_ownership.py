@@ -1,7 +1,5 @@
 """Memory has an owner: nobody can change what the engine, a node or the caller still reads."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Running: streams, stand-ins, buffers, failures, and nothing done behind the user's back."""
 
-from __future__ import annotations
-
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any

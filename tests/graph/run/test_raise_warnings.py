@@ -1,7 +1,5 @@
 """Warnings of nodes are Python warnings too, once per pipeline."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from itertools import cycle

@@ -1,7 +1,5 @@
 """A source may leave images as the camera's integers where the device alone reads them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

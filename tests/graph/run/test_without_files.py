@@ -1,7 +1,5 @@
 """Graphs as plain data and nodes of the program itself: the same checks, the same messages."""
 
-from __future__ import annotations
-
 import json
 import sys
 from importlib.metadata import EntryPoint

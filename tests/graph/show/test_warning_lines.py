@@ -1,7 +1,5 @@
 """Warnings of many runs are told in few lines, and none is passed over without a word."""
 
-from __future__ import annotations
-
 from tactograph.graph.show.warning_lines import warning_lines
 
 

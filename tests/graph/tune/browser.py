@@ -1,7 +1,5 @@
 """A real browser without a window, driven as a person does: mouse, keys, eyes."""
 
-from __future__ import annotations
-
 import base64
 import itertools
 import json

@@ -1,7 +1,5 @@
 """A control reaches what a parameter may be, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, Literal
 

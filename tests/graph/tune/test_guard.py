@@ -1,7 +1,5 @@
 """Only this machine, with the token, and no other page of the same browser."""
 
-from __future__ import annotations
-
 import asyncio
 from typing import Any
 

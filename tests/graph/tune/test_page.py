@@ -1,7 +1,5 @@
 """The page in a real browser, by what a person does."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

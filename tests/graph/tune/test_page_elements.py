@@ -1,7 +1,5 @@
 """The page's elements, without a browser: what they hold, and that two browsers see the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The state behind the page: the latest change wins, a bad one changes nothing."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Names, colours and depths of images as cameras and people make them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Dividing by the untouched film takes uneven light out; it may be read or estimated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

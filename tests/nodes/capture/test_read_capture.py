@@ -1,7 +1,5 @@
 """Captures are read whole and right, or refused with the reason."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """A capture is written whole, or an error says why it is not."""
 
-from __future__ import annotations
-
 import errno
 import re
 from pathlib import Path

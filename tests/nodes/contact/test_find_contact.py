@@ -1,7 +1,5 @@
 """A contact is found where the film is touched, and nowhere else."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Contacts of shapes whose area, volume, place and axes are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

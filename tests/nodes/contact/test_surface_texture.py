@@ -1,7 +1,5 @@
 """Surface parameters of surfaces whose parameters one can work out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

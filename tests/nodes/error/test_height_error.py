@@ -1,7 +1,5 @@
 """The stated error of a height, on surfaces whose heights are known exactly."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

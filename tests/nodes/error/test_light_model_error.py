@@ -1,7 +1,5 @@
 """The stated error of a height by a light model: it grows with what the model does not explain."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

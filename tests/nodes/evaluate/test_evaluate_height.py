@@ -1,7 +1,5 @@
 """Errors as the paper's Table 1 states them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

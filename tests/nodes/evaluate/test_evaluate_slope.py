@@ -1,7 +1,5 @@
 """Slopes and normals against the truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

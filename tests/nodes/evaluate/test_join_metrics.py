@@ -1,7 +1,5 @@
 """Figures of several evaluations together."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.graph import InputError

@@ -1,7 +1,5 @@
 """A calibration is read back as it was written, and refused if it is not whole."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import datetime

@@ -1,7 +1,5 @@
 """Images handed in as arrays are held to the rule of image files."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What is made with one sensor is not read with another's calibration, unless on purpose."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

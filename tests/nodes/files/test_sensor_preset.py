@@ -1,7 +1,5 @@
 """A kind of sensor is a small file that one can copy and change."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

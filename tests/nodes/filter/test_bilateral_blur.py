@@ -1,7 +1,5 @@
 """A bilateral filter takes out noise but no steps."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes.filter.bilateral_blur import bilateral_blur

@@ -1,7 +1,5 @@
 """Two exposures mixed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

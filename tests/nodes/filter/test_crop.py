@@ -1,7 +1,5 @@
 """A window of images."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

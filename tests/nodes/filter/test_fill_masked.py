@@ -1,7 +1,5 @@
 """What lies under a marker is filled from around it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

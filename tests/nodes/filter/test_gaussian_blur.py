@@ -1,7 +1,5 @@
 """A Gaussian takes out noise and keeps the light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A mask hides what it does not show."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes.filter.mask_image import mask_image

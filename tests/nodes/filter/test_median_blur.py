@@ -1,7 +1,5 @@
 """A median takes out what is small and leaves edges where they are."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

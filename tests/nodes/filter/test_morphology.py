@@ -1,7 +1,5 @@
 """What erosion, dilation, opening and closing do to shapes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import U1

@@ -1,7 +1,5 @@
 """OpenCV's functions by name: what a graph may call, and what it is told else."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A rectangle seen askew becomes one of its true size in the middle of the image."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Images with another number of pixels."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """A threshold says where the light is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes.filter.threshold import threshold

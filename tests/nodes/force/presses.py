@@ -1,7 +1,5 @@
 """Presses of a ball on an elastic layer, by integrals that know nothing of pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn

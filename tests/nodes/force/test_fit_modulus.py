@@ -1,7 +1,5 @@
 """A gel's modulus and thickness from presses of known force."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of presses whose pressure is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

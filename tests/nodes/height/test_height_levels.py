@@ -1,7 +1,5 @@
 """The ties of a device's networks, and the order in which they are joined."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

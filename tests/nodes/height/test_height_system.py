@@ -1,7 +1,5 @@
 """What slopes, shadows and film at rest say about the heights inside a window."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Integrators give back the surface that the slopes came from, at its true scale."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

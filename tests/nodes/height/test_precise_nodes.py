@@ -1,7 +1,5 @@
 """Shadows and weights, on surfaces whose heights are known exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The film at rest is at height zero."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

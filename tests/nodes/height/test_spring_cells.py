@@ -1,7 +1,5 @@
 """Networks of springs on cells of 2 x 2 pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Images looked at in cells of several pixels, and heights brought back from there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

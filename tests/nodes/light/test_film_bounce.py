@@ -1,7 +1,5 @@
 """The light that a film throws on itself, where geometry or a ray tracer knows it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """LEDs fade: what the film at rest tells of it, and that no touch means no height."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Any film's light becomes that of a matt film of the same shape."""
 
-from __future__ import annotations
-
 import inspect
 
 import numpy as np

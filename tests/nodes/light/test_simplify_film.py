@@ -1,7 +1,5 @@
 """A film without one of its parts keeps all others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

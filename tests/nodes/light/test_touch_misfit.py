@@ -1,7 +1,5 @@
 """A touch that departs from the film's model more than the calibration's presses did."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

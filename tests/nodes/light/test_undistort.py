@@ -1,7 +1,5 @@
 """Images on an even grid, and results brought back to the pixels of the camera."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A simulated one-shot sensor, and presses of its ball without waiting for them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

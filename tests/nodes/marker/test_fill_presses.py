@@ -1,7 +1,5 @@
 """Presses into a film with markers look as presses into one without."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

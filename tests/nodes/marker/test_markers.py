@@ -1,7 +1,5 @@
 """Markers that are printed on a simulated film, pressed and dragged by a millimetre."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

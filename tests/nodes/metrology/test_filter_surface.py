@@ -1,7 +1,5 @@
 """Waves of known length behind the filters of ISO 25178-3."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

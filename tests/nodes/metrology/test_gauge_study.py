@@ -1,7 +1,5 @@
 """A gauge R&R study tells apart what parts, operators and trials differ by."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Grooves and steps of known depth, width and walls."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

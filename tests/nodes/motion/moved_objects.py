@@ -1,7 +1,5 @@
 """Objects pressed against the film, moved, and seen with the noise of integrated slopes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

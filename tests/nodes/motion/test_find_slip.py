@@ -1,7 +1,5 @@
 """Slip of simulated markers under objects whose motion is known."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

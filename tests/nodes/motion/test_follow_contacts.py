@@ -1,7 +1,5 @@
 """Numbers of contacts that move, split, merge and cross."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A surface larger than the film, from touches of its parts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

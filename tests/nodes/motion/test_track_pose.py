@@ -1,7 +1,5 @@
 """Poses of objects that move by known steps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 

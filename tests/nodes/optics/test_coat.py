@@ -1,7 +1,5 @@
 """A rough coat is as its microfacets are on average."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

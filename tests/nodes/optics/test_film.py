@@ -1,7 +1,5 @@
 """Equation F1 holds what is known of a film without any fit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

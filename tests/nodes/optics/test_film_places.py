@@ -1,7 +1,5 @@
 """Points lie on the film where the camera's rays meet it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Light ends at the terminator: sharply under a point, softly in a gel that scatters."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

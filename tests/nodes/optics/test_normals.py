@@ -1,7 +1,5 @@
 """What the light of near LEDs tells of a normal."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

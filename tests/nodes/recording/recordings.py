@@ -1,7 +1,5 @@
 """Frames, and recordings of them, for the tests of what records, replays and shows streams."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

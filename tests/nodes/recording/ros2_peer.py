@@ -5,8 +5,6 @@
 It prints what it heard as JSON, a key for each topic.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import site

@@ -1,7 +1,5 @@
 """What was recorded is there afterwards, whatever ends the recording."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """A recording gives the touches again that the camera gave."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Topics of ROS 2: heard by a plain node of a real ROS, which publishes camera images, too."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

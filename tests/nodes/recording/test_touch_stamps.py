@@ -1,7 +1,5 @@
 """Stamps of touches where the time of day is set meanwhile."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Results as ROS 2 messages, read back by the format's own libraries."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Scans and light models as GelSight's software writes them, made up for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

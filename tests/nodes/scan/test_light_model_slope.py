@@ -1,7 +1,5 @@
 """Slopes by a light model: what the model lights up is found again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

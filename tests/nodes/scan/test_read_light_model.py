@@ -1,7 +1,5 @@
 """Light models and scans: what their writer means, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

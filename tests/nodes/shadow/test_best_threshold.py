@@ -1,7 +1,5 @@
 """The best threshold of the paper's test, on tables whose shadows are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

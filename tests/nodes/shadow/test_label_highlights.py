@@ -1,7 +1,5 @@
 """Highlights are found where the film mirrors an LED, and nowhere else."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Lights that a normal explains give that normal, and say which LEDs are in shadow."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

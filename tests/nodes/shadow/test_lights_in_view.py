@@ -1,7 +1,5 @@
 """Shadows of what a camera near the film sees end where the film's shadows are seen to end."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """How sure the labels of shadows are: of the middle of a shadow, less of its edge."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4, U1

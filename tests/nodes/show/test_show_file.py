@@ -1,7 +1,5 @@
 """`tactograph show` prints and draws all that is in a file, and refuses what it does not know."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """A lens that is not quite sharp."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

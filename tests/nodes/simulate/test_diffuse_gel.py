@@ -1,7 +1,5 @@
 """Light that comes from all sides."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes.simulate.diffuse_gel import diffuse_gel

@@ -1,7 +1,5 @@
 """A film that lights itself, bounce after bounce."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

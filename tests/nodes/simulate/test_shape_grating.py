@@ -1,7 +1,5 @@
 """A grating repeats."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A size that follows from a user's number has a bound, said in one line before it is taken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

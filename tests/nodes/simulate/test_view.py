@@ -1,7 +1,5 @@
 """What a camera nearby sees, where geometry knows it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

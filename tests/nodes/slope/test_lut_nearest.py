@@ -1,7 +1,5 @@
 """The look-up against a search of all entries, in float32 as it is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

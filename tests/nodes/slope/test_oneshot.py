@@ -1,7 +1,5 @@
 """A sensor whose three colours light every place of the film differently."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

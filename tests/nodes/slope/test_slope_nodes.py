@@ -1,7 +1,5 @@
 """Shadow test, look-up and refinement on a Lambertian ball whose slopes are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

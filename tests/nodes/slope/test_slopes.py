@@ -1,7 +1,5 @@
 """Known slopes: of a ball in closed form, of any height by differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

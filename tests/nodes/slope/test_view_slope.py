@@ -1,7 +1,5 @@
 """A camera near the film sees a projective image of it, and the way back is exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

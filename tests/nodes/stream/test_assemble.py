@@ -1,7 +1,5 @@
 """Frames of single LEDs become touches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """One verdict on a touch, and its cause in words."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

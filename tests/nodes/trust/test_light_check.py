@@ -1,7 +1,5 @@
 """The light of a touch as a whole, from its pixels' departures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Light that a surface explains is told apart from light that it does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

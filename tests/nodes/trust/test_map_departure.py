@@ -1,7 +1,5 @@
 """What a one-shot sensor's three colours leave to check a slope by."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Film at rest is the fingerprint of a sensor: faded LEDs pass, others are told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

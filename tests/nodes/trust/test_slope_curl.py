@@ -1,7 +1,5 @@
 """Slopes of a surface do not curl; slopes that no surface has do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Where nothing is at rest, the height's zero is a guess."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Exports say the same heights, in mm, to whoever reads them with the format's own library."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

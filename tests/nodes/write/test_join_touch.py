@@ -1,7 +1,5 @@
 """A touch is joined once per graph, of what the graph has."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 

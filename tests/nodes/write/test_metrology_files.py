@@ -1,7 +1,5 @@
 """X3P and Gwyddion's files, read back here and by the packages of their own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

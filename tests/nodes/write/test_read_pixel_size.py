@@ -1,7 +1,5 @@
 """The pixel size comes with a height: from its file, or from its result."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a result says beside its heights."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import zlib

@@ -1,7 +1,5 @@
 """A capture becomes a scan that its own reader, and GelSight's tools, take."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A film model is fitted to presses around which the film at rest has the flat frame's light."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Many presses calibrate a sensor: bad ones are told and left out, the others rate it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

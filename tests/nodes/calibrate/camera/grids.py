@@ -1,7 +1,5 @@
 """Images of grids as a camera with a lens sees them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

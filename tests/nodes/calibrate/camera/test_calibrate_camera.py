@@ -1,7 +1,5 @@
 """A camera is found from one image of a grid on the film."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

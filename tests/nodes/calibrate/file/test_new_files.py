@@ -1,7 +1,5 @@
 """A calibration and its picture replace earlier ones of their kind, and nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

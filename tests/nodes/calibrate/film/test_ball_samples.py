@@ -1,7 +1,5 @@
 """Samples of balls: where they lie, and what light is thrown on them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Where film leaves a ball, told by a film that is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

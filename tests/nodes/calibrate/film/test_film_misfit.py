@@ -1,7 +1,5 @@
 """What a film's model leaves on a ball that it was not fitted to."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """What a film is made of is found on balls pressed into it, and no more than is there."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A wrong radius of the ball is told from the right one by the light."""
 
-from __future__ import annotations
-
 import json
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A new film is described by one press, if that has the slopes that touches will have."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A ball and the untouched film tell where the LEDs are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

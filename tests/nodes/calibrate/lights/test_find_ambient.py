@@ -1,7 +1,5 @@
 """Light that no LED gives is found on the calibration ball, and doubted."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

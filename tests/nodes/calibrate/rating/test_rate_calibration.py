@@ -1,7 +1,5 @@
 """What is wrong with a calibration is told, and blamed on what causes it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A flat frame under other light than the presses is told before it bends every height."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

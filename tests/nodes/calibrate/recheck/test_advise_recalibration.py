@@ -1,7 +1,5 @@
 """A recalibration whose check press is far off says so at once."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

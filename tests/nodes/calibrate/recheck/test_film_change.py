@@ -1,7 +1,5 @@
 """What has changed on an untouched film is told cause by cause."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import pytest

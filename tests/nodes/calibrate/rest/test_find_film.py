@@ -1,7 +1,5 @@
 """Parts of a frame without light are no film."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The film at rest that a calibration keeps: without ambient light, at the camera's resolution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

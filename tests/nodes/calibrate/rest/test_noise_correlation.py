@@ -1,7 +1,5 @@
 """What neighbouring pixels share of the noise, on images whose noise is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tables, reflectance and null vector of an ideal Lambertian ball."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

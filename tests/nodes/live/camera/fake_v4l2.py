@@ -3,8 +3,6 @@
 linuxpy itself runs as it is, on a plain file in place of ``/dev/video0``.
 """
 
-from __future__ import annotations
-
 import mmap
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """A camera is named by its serial number, whatever it is plugged into."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """GenICam cameras: harvesters itself, on the simulated producer that comes with its bindings."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

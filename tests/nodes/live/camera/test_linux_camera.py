@@ -1,7 +1,5 @@
 """A camera through the kernel: its formats, its time, and what was lost on the way."""
 
-from __future__ import annotations
-
 import struct
 import sys
 import time

@@ -1,7 +1,5 @@
 """`tactograph run check_leds` against a controller made of software."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

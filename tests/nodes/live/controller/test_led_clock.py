@@ -1,7 +1,5 @@
 """The controller's clock as the host sees it, by times that nobody waits for."""
 
-from __future__ import annotations
-
 import pytest
 
 from tactograph.nodes.live.controller._led_clock import Clock

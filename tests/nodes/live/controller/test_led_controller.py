@@ -1,7 +1,5 @@
 """The LED controller behind a pseudo-terminal: what it is told, and what happens to it."""
 
-from __future__ import annotations
-
 import grp
 import itertools
 import os

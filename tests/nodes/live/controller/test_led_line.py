@@ -1,7 +1,5 @@
 """Lines between host and controller: what is damaged never passes, what is whole always does."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """A person, or one made of software, is led through a calibration."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The sensor made of software shows what the simulator renders, at a camera's pace."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A one-shot sensor's stream: every colour frame is a touch, and faults are told."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames are matched to LEDs, and what is no frame of one LED is found out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

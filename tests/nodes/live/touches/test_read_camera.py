@@ -4,8 +4,6 @@ The sensor is made of software; its controller speaks the real protocol over a p
 and its camera has the interface of OpenCV's.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

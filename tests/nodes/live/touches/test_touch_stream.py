@@ -1,7 +1,5 @@
 """What a stream says while it finds the phase of camera and LEDs, and afterwards."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """What is told of a stream is what happened in it."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections import Counter

@@ -1,7 +1,5 @@
 """People see the stream, with a screen and without; the stream does not depend on it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Streams in Rerun's own format, read back by its own program."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os
