@@ -1,18 +1,23 @@
-"""An elastic layer bonded to a rigid window: how pressure on its face moves the face.
+"""An elastic layer bonded to a rigid window: how a traction on its face moves the face.
 
-For a pressure p e^(ikx) on a layer of thickness h, Young's modulus E and Poisson's ratio nu, the
-normal displacement is C(k) p with q = k h and
+For a traction e^(ikx) on a layer of thickness h, Young's modulus E and Poisson's ratio nu, with
+q = k h and D = (3 - 4 nu) cosh 2q + 2 q^2 + 5 - 12 nu + 8 nu^2, the face moves by
 
-    C(k) = 2 (1 - nu^2) / (E k) ((3 - 4 nu) sinh 2q - 2q)
-                              / ((3 - 4 nu) cosh 2q + 2 q^2 + 5 - 12 nu + 8 nu^2),
+    normal   2 (1 - nu^2) / (E k) ((3 - 4 nu) sinh 2q - 2q) / D         under a pressure,
+    along    2 (1 - nu^2) / (E k) ((3 - 4 nu) sinh 2q + 2q) / D         under a shear along x,
+    across   2 (1 + nu) / (E k) tanh q                                  under a shear along y,
+    coupled  (1 + nu) / (E k) ((1 - 2 nu) (3 - 4 nu) (cosh 2q - 1) - 2 q^2) / D
 
-without friction on the face (Johnson, "Contact Mechanics", 1985, section 5.8; Bentall and Johnson,
-"An elastic strip in plane rolling contact", 1968).  Where k h is large this is the half-space, 2 (1
-- nu^2) / (E k); where it is small the layer is squeezed as a whole, h (1 + nu) (1 - 2 nu) / (E (1 -
-nu)).
+(Johnson, "Contact Mechanics", 1985, section 5.8; Bentall and Johnson, "An elastic strip in plane
+rolling contact", 1968).  A pressure p moves the face in its plane by coupled / k times the gradient
+of p, a shear t along its normal by coupled / k times -div t: these are the 3 x 3 numbers of each
+wave.  Where k h is large they are those of a half-space; where it is small the layer is squeezed as
+a whole, h (1 + nu) (1 - 2 nu) / (E (1 - nu)), and sheared as a whole, 2 h (1 + nu) / E.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +27,30 @@ MIN_KH, MAX_KH = 1e-3, 20.0
 """k h below which the layer is squeezed as a whole, and above which the window is not felt."""
 
 
-def layer_compliance(k: Array, thickness: float, poisson: float) -> Array:
-    """E C(k), in mm, for wave numbers k in 1/mm and a thickness in mm.
+class Compliance(NamedTuple):
+    """Displacements in mm times the modulus in kPa, of waves of 1 kPa."""
 
-    Divided by a modulus in kPa it is the displacement in mm of a pressure of 1 kPa.
-    """
+    normal: Array
+    along: Array
+    across: Array
+    coupled: Array
+
+
+def layer_compliance(k: Array, thickness: float, poisson: float) -> Compliance:
+    """Return the layer's answer to wave numbers k in 1/mm, its thickness in mm."""
     k = np.maximum(k, MIN_KH / thickness)
     q = np.minimum(k * thickness, MAX_KH)
     stiff = 3 - 4 * poisson
-    share = stiff * np.sinh(2 * q) - 2 * q
-    share /= stiff * np.cosh(2 * q) + 2 * q * q + 5 - 12 * poisson + 8 * poisson**2
-    return 2 * (1 - poisson**2) * share / k
+    sinh, cosh = stiff * np.sinh(2 * q), stiff * np.cosh(2 * q)
+    share = 1 / (k * (cosh + 2 * q * q + 5 - 12 * poisson + 8 * poisson**2))
+    plane = 2 * (1 - poisson**2) * share
+    coupled = (1 - 2 * poisson) * (cosh - stiff) - 2 * q * q
+    return Compliance(
+        plane * (sinh - 2 * q),
+        plane * (sinh + 2 * q),
+        2 * (1 + poisson) * np.tanh(q) / k,
+        (1 + poisson) * share * coupled,
+    )
 
 
 def wave_numbers(shape: tuple[int, int], pixel: float) -> Array:

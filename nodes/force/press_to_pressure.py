@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+import cv2
 import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
@@ -45,13 +46,14 @@ def press_to_pressure(
     poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     steps: Annotated[int, Interval(ge=1, le=100)] = 8,
+    cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
 ) -> PressForce:
     """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
 
     The gel is an elastic layer bonded to its window (`elastic_layer`); its response is diagonal
     in the cosine transform.  The height's error is that of integrated slopes, k times smaller at
     the wave number k, and its mean means nothing; so the misfit is weighted by k^2: least squares,
-    by conjugate gradients over the pixels of the contacts.  A zero or a tilt of the height that is
+    by conjugate gradients over the cells of the contacts.  A zero or a tilt of the height that is
     wrong hardly matters.
 
     Parameters
@@ -75,6 +77,8 @@ def press_to_pressure(
         Relative standard deviation of the modulus.
     steps
         Of conjugate gradients.
+    cell_px
+        Side of the cells that have a pressure of their own.
 
     Returns
     -------
@@ -84,41 +88,59 @@ def press_to_pressure(
         force's centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
     """
     _warn_of_limits(height, contact, thickness_mm)
-    k = wave_numbers(height.shape, pixel)
-    compliance = layer_compliance(k, thickness_mm, poisson) / modulus_kpa
+    numbers = np.unique(contact[contact > 0])
+    rows, columns = (-(-size // cell_px) for size in height.shape)
+    k = wave_numbers((rows, columns), cell_px * pixel)
+    compliance = layer_compliance(k, thickness_mm, poisson).normal / modulus_kpa
     weight = (compliance * k) ** 2
-    to_load = compliance * k * k / weight.max()
-    inside = contact > 0
-    solve = partial(_solve, weight=weight / weight.max(), inside=inside, steps=steps)
-    pressure = solve(inside * _filtered(np.nan_to_num(height), to_load))
+    to_load = (compliance * k * k / weight.max()).astype(np.float32)
+    inside = _cells(contact > 0, cell_px)
+    relative = (weight / weight.max()).astype(np.float32)
+    solve = partial(_solve, weight=relative, inside=inside, steps=steps)
+    by_cell = solve(inside * _filtered(_cells(np.nan_to_num(height), cell_px), to_load))
+    size = columns * cell_px, rows * cell_px
+    enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    pressure = np.where(contact > 0, enlarged[: height.shape[0], : height.shape[1]], np.float32(0))
     figures = _figures(pressure, contact, pixel)
     if error is not None:
-        for number in np.unique(contact[inside]):
-            functional = _filtered(solve(np.where(contact == number, 1.0, 0.0)), to_load)
-            chance = (
-                NEWTONS_PER_KPA_MM2 * pixel**2 * _deviation(functional * np.nan_to_num(error), k)
-            )
+        deviation = _cells(np.nan_to_num(error), cell_px)
+        for number in numbers:
+            functional = _filtered(inside * solve(_cells(contact == number, cell_px)), to_load)
+            chance = NEWTONS_PER_KPA_MM2 * (cell_px * pixel) ** 2
+            chance *= _deviation(functional * deviation, k)
             force = figures[f"contact_force_n/c{number}"]
-            deviation = float(np.hypot(chance, modulus_error * force))
-            figures[f"contact_force_sd_n/c{number}"] = deviation
-    return PressForce(pressure.astype(np.float32), figures)
+            figures[f"contact_force_sd_n/c{number}"] = float(
+                np.hypot(chance, modulus_error * force)
+            )
+    return PressForce(pressure, figures)
 
 
-def _filtered(plane: Array, gain: Array) -> Array:
+def _cells(plane: NDArray[Any], side: int) -> F4:
+    """Means of squares of `side` pixels; those at the border go on beyond it."""
+    down, right = (-size % side for size in plane.shape)
+    whole = np.pad(plane.astype(np.float32), ((0, down), (0, right)), mode="edge")
+    size = whole.shape[1] // side, whole.shape[0] // side
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
+
+
+def _filtered(plane: F4, gain: F4) -> F4:
     """A plane whose waves are multiplied by `gain`."""
     spectrum = dctn(plane, norm="ortho", workers=cores())
-    return np.asarray(idctn(gain * spectrum, norm="ortho", workers=cores()))
+    return np.asarray(idctn(gain * spectrum, norm="ortho", workers=cores()), np.float32)
 
 
-def _solve(load: Array, weight: Array, inside: NDArray[np.bool_], steps: int) -> Array:
-    """Conjugate gradients for the plane inside the contacts that `weight` turns into `load`."""
+def _solve(load: F4, weight: F4, inside: F4, steps: int) -> F4:
+    """Conjugate gradients for the plane that `weight` turns into `load`.
+
+    `inside` is each cell's share of contact.
+    """
     plane, left = np.zeros_like(load), load.copy()
     direction, square = left.copy(), float(np.sum(left * left))
     enough = 1e-12 * square
     for _ in range(steps):
         if square <= enough:
             break
-        moved = inside * _filtered(direction, weight)
+        moved = inside * _filtered(inside * direction, weight)
         length = square / float(np.sum(direction * moved))
         plane += length * direction
         left -= length * moved
@@ -127,7 +149,7 @@ def _solve(load: Array, weight: Array, inside: NDArray[np.bool_], steps: int) ->
     return plane
 
 
-def _deviation(sensitivity: Array, k: Array) -> float:
+def _deviation(sensitivity: F4, k: Array) -> float:
     """The standard deviation of a sum over the height, its errors those of integrated slopes.
 
     `sensitivity` is the sum's derivative by the height, times the height's deviation.
@@ -137,7 +159,7 @@ def _deviation(sensitivity: Array, k: Array) -> float:
     return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
 
 
-def _figures(pressure: Array, contact: Contacts, pixel: float) -> Metrics:
+def _figures(pressure: F4, contact: Contacts, pixel: float) -> Metrics:
     figures: Metrics = {}
     for number in np.unique(contact[contact > 0]):
         y, x = np.nonzero(contact == number)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
+from tactograph.nodes.marker.marker_places import marker_places
 from tactograph.nodes.motion._surface import IN_DEGREES, small_motion
-from tactograph.nodes.optics.lens import half_diagonal, seen_offset
 from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 from tactograph.nodes.write.join_touch import View
 
@@ -99,12 +99,15 @@ def find_slip(
         ``contact_slip_share/c1`` of its markers, ``contact_slip_mm/c1``, the median way, and
         ``contact_slip_markers/c1``, how many tell it.
     """
-    number, place = _places(height, contact, tracks, pixel, view or View(), margin_px)
+    markers = marker_places(height, tracks, pixel, view)
+    rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
+    inner = cv2.erode(contact, rim, borderValue=0)
+    number = np.where(markers.inside, inner[markers.pixel], 0)
     slides = np.zeros((len(number), 7), np.float32) if before is None else before.copy()
     # The first pose of a touch is exact, and tells of no motion yet.
     begins = not moved.covariance.any()
     slides[(number == 0) | begins] = 0
-    on_object, variance = _on_object(place, moved)
+    on_object, variance = _on_object(markers.place, moved)
     judged = (number > 0) & (tracks.seen > 0) & (variance < MAX_POSE_MM**2)
     _slide(slides, judged, on_object, variance, slip_mm, hold_frames)
     figures: Metrics = {}
@@ -149,32 +152,6 @@ def _slide(
     slides[slips, COLUMN_STATE] = STATE_SLIPPING
     held = np.column_stack([on_object[:, :2], variance])[renewed]
     slides[renewed, : COLUMN_VARIANCE + 1] = held
-
-
-def _places(
-    height: Height,
-    contact: Contacts,
-    tracks: MarkerTracks,
-    pixel: float,
-    view: View,
-    margin_px: int,
-) -> tuple[NDArray[np.uint8], F8]:
-    """The contact of each marker, 0: none; and its place x, y, z in mm from the middle (V1)."""
-    half = float(half_diagonal(height.shape))
-    rows, columns = height.shape
-    middle = np.array([columns - 1, rows - 1]) / 2
-    away = tracks.markers[:, :2] + tracks.shift.astype(np.float64) - middle
-    u, v = away.T / half
-    # Markers are found without the lens's distortion, contacts with it.
-    bent = np.zeros((2, 1)) if view.lens is None else seen_offset(view.lens, u, v)
-    column, row = np.rint(away.T + half * np.asarray(bent) + middle[:, None]).astype(int)
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    at = row * inside, column * inside
-    rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
-    number = np.where(inside, cv2.erode(contact, rim, borderValue=0)[at], 0)
-    z = height[at].astype(np.float64)
-    nearer = 1 - z * (view.camera or 0.0)
-    return number, np.column_stack([pixel * away * nearer[:, None], z])
 
 
 def _on_object(place: F8, moved: ObjectPose) -> tuple[F8, F8]:

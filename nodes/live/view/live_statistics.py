@@ -1,4 +1,7 @@
-"""Statistics of a stream of heights: rate, latency, faults, error, memory."""
+"""Statistics of a stream of heights: rate, latency, faults, error, memory.
+
+Long because its line tells of all that a graph may know: contacts, forces, slip, pose, trust.
+"""
 
 from __future__ import annotations
 
@@ -173,6 +176,10 @@ class Statistics:
             cut = sum(_of_all(self._contact, "contact_cut"))
             more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
+        if forces := _of_all(self._contact, "contact_force_n"):
+            x, y = (sum(_of_all(self._contact, f"contact_shear_{axis}_n")) for axis in "xy")
+            shear = f", {np.hypot(x, y):.2f} N in shear" if x or y else ""
+            parts.append(f"{sum(forces):.2f} N{shear}")
         if slips := _of_all(self._contact, "contact_slip"):
             parts.append(("stuck", "partly slipping", "slipping")[int(max(slips))])
         if self._contact.get("pose_frames"):

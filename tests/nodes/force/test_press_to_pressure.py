@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.force.elastic_layer import layer_compliance
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
 from tests.nodes.force.presses import (
     FORCE,
@@ -28,20 +27,6 @@ def test_a_thick_layer_is_pressed_in_as_hertz_says() -> None:
     poisson = 0.3
     ball = np.pi * PEAK * (1 - poisson**2) / (4 * MODULUS * RADIUS) * (2 * RADIUS**2 - r**2)
     np.testing.assert_allclose(displacement(2000 * RADIUS, poisson, r), ball, rtol=0.01)
-
-
-def test_a_thin_layer_is_squeezed_as_a_whole() -> None:
-    poisson, thickness = 0.3, 0.02
-    squeezed = thickness * (1 + poisson) * (1 - 2 * poisson) / (1 - poisson)
-    assert layer_compliance(np.array([0.1]), thickness, poisson) == pytest.approx(
-        squeezed, rel=1e-3
-    )
-
-
-def test_a_layer_that_cannot_be_compressed_only_flows_aside() -> None:
-    k, thickness = np.array([0.02]), 2.0
-    aside = thickness * (k * thickness) ** 2
-    assert layer_compliance(k, thickness, 0.5) == pytest.approx(aside, rel=1e-2)
 
 
 @pytest.mark.parametrize(("thickness", "poisson"), GELS)
@@ -76,12 +61,12 @@ def test_the_stated_deviation_holds(thickness: float, poisson: float) -> None:
     settings = {"modulus_kpa": MODULUS, "thickness_mm": thickness, "poisson": poisson}
     stated = np.full(SHAPE, error, np.float32)
     inside = 0
-    for _ in range(60):
+    for _ in range(100):
         seen = (z + noise(rng, error)).astype(np.float32)
         figures = press_to_pressure(seen, contact(), PIXEL, stated, **settings).figures
         off = abs(figures["contact_force_n/c1"] - FORCE)
         inside += off < 1.645 * figures["contact_force_sd_n/c1"]
-    assert 48 <= inside <= 59
+    assert 84 <= inside <= 98
 
 
 def test_the_moduluss_error_is_part_of_the_forces() -> None:
