@@ -57,7 +57,7 @@ def test_a_layer_that_cannot_be_compressed_only_flows_aside() -> None:
 @pytest.mark.slow
 def test_another_solver_moves_a_half_space_alike() -> None:
     """All nine numbers of the compliance, with `tamaas`; its means are zero."""
-    tamaas = pytest.importorskip("tamaas", reason="'make test-all' installs it")
+    tamaas = pytest.importorskip("tamaas", reason="'make test-all' installs it on Linux")
     pixel, poisson = 0.1, 0.35
     y, x = pixel * (np.indices((64, 64)) - 32)
     pressure = 40 * np.sqrt(np.maximum(1 - ((x - 0.2) ** 2 + y**2) / 1.44, 0))
@@ -75,7 +75,7 @@ def test_another_solver_moves_a_half_space_alike() -> None:
 @pytest.mark.slow
 def test_another_solver_presses_a_ball_with_the_same_force() -> None:
     """`tamaas` finds where a ball touches, and how it presses."""
-    tamaas = pytest.importorskip("tamaas", reason="'make test-all' installs it")
+    tamaas = pytest.importorskip("tamaas", reason="'make test-all' installs it on Linux")
     pixel, size, load_kpa = 0.05, 256, 1.2
     y, x = pixel * (np.indices((size, size)) - size / 2)
     model = tamaas.Model(tamaas.model_type.basic_2d, [size * pixel] * 2, [size, size])
