@@ -43,7 +43,7 @@ def interreflect(
     *,
     albedo: Annotated[float, Interval(ge=0, le=0.95)] = 0.7,
     bounces: Annotated[int, Interval(ge=1, le=12)] = 8,
-    cells: Annotated[int, Interval(ge=1, le=20000)] = 4800,
+    cells: Annotated[int, Interval(ge=1, le=100000)] = 19200,
     rim_mm: Annotated[float, Interval(ge=0, le=50)] = 2.0,
     coat_alpha: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     refractive_index: Annotated[float, Interval(ge=1, le=3)] = 1.5,

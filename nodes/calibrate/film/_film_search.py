@@ -34,6 +34,8 @@ relative change of albedo and contact radius below which they end."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
+SHINING_PARTS = frozenset(("lobe", "bounce"))
+"""Parts that may pay only together: a coat changes how a film lights itself."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
 MAX_ERROR_RATIO = 1.5
 """Held-out error over that of a simpler model, beyond which a model loses whose samples were
@@ -128,7 +130,7 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
 
 
 def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Metrics]:
-    """Add parts to the model one by one, as long as that pays.
+    """Add parts to the model one by one, or coat and bounce at once, as long as that pays.
 
     Once the film has a coat or an albedo, the samples are renewed: then the light that it
     reflects from film to film is known.
@@ -144,8 +146,12 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         first = int(np.argmin([normal_error(trial.balls, fit) for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        if not _pays(better.error, best.error, trial):
+        alone = _pays(better.error, best.error, trial)
+        if not alone and not set(left) >= SHINING_PARTS:
             break
+        if not alone:
+            coated = fitted[left.index("lobe")]
+            better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
         if not lights_itself(better.fitted.film):
             best = better
             continue
@@ -155,6 +161,8 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and better.error > MAX_ERROR_RATIO * best.error:
+            break
+        if not alone and not _pays(better.error, best.error, trial):
             break
         trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}

@@ -168,6 +168,17 @@ def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
 
 
 @pytest.mark.slow
+def test_coat_and_light_that_bounces_are_found_where_neither_pays_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_film_search, "MIN_GAIN_DEG", 1.0)
+    shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)
+    found = fitted(shining, FOUR[:2])
+    assert found.film.albedo == pytest.approx(0.7, abs=0.02)
+    assert found.quality["film_heldout_deg"] < 0.1
+
+
+@pytest.mark.slow
 def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
     # The ball stands higher than its circle says, and throws more: the fit lifts it.
     found = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
