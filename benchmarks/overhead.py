@@ -101,7 +101,7 @@ def bare_calls() -> None:
 def bare_launches(device: Device) -> Callable[[], None]:
     """What the chain does on a device, on a queue like the engine's."""
     opencl = OpenCL(device)
-    kernel = opencl.compile(flat_field).kernels_with({})[flat_field.name]
+    kernel = opencl.compiled(flat_field).kernels_with({})[flat_field.name]
     image, flat, dark, light = (opencl.upload(a).buffer for a in (STACK, STACK, DARK, STACK))
     local = local_size(1)
     work_items = global_size((-(-DARK.size // opencl.lanes),), local)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,17 @@ class Compiled:
         self._queue = queue
         self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
 
+    @cached_property
+    def source(self) -> str:
+        """The text of the kernels, compared with the declaration.
+
+        Raises
+        ------
+        NodeError
+            If it is not there, or does not match.
+        """
+        return kernel_source(self.node)
+
     def kernels_with(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
         """The kernels by name, built on first use with `constants` and LANES as macros.
 
@@ -44,25 +56,28 @@ class Compiled:
         """
         key = tuple(constants.items())
         if key not in self._built:
-            self._built[key] = _build(self.node, self._queue, constants)
+            self._built[key] = self._build(constants)
         return self._built[key]
 
+    def recipe(self, constants: Mapping[str, int]) -> tuple[str, tuple[str, ...]]:
+        """The source and the options of the program that holds the kernels."""
+        macros = {"LANES": self._queue.lanes, **constants}
+        options = (f"-D{name}={value}" for name, value in macros.items())
+        return self.source, (*self._queue.options, *options)
 
-def _build(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, Kernel]:
-    source = kernel_source(node)
-    signatures = kernel_signatures(source)
-    macros = [f"-D{name}={value}" for name, value in {"LANES": queue.lanes, **constants}.items()]
-    try:
-        program = build(queue.context, source, (*queue.options, *macros))
-    except cl.RuntimeError as error:
-        lines = [line for line in str(error).splitlines() if "error" in line.lower()]
-        reason = lines[0] if lines else str(error)
-        raise NodeError(f"{kernel_file(node)} does not compile: {reason}") from None
-    # Pipelines share a program, but a kernel holds the arguments of its own next launch.
-    return {
-        kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
-        for kernel in program.all_kernels()
-    }
+    def _build(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
+        try:
+            program = build(self._queue.context, *self.recipe(constants))
+        except cl.RuntimeError as error:
+            lines = [line for line in str(error).splitlines() if "error" in line.lower()]
+            reason = lines[0] if lines else str(error)
+            raise NodeError(f"{kernel_file(self.node)} does not compile: {reason}") from None
+        signatures = kernel_signatures(self.source)
+        # Pipelines share a program, but a kernel holds the arguments of its own next launch.
+        return {
+            kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
+            for kernel in program.all_kernels()
+        }
 
 
 def _converters(node: Node) -> dict[str, Convert]:

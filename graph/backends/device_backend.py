@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -80,8 +80,8 @@ class DeviceBackend(Protocol):
         """The number of buffers ever allocated."""
         ...
 
-    def compile(self, node: Node) -> object:
-        """Compile a node's kernels, once."""
+    def compile(self, nodes: Sequence[Node]) -> None:
+        """Check nodes' kernels, and begin to compile them; each is there when it is launched."""
         ...
 
     def prepare(

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
 from typing import Any, Literal
 
+from tactograph.graph.backends.build_ahead import build_ahead
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
+from tactograph.graph.backends.programs import Recipe
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
+from tactograph.graph.errors import NodeError
 
 
 def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:
@@ -28,20 +32,31 @@ class OpenCL(Queue):
         super().__init__(device, lanes)
         self._compiled: dict[Node, Compiled] = {}
 
-    def compile(self, node: Node) -> Compiled:
-        """Compile a node's kernels, or return them if they are compiled already.
+    def compile(self, nodes: Sequence[Node]) -> None:
+        """Check the sources of nodes' kernels, and begin to build those that are not on disk.
+
+        A kernel is built where it is first launched; what other processes have built by then is
+        taken from them.
 
         Raises
         ------
         NodeError
-            If the source does not match the declaration, or does not compile.
+            If a source does not match its declaration.
         """
+        programs: dict[Node, Recipe] = {}
+        for node in nodes:
+            # A launch function may do with a library's kernels.
+            with suppress(NodeError) if node.kernels.launch else nullcontext():
+                programs[node] = self.compiled(node).recipe({})
+        longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
+        needed = [programs[node] for node in longest_first if node.is_idle is None]
+        perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
+        build_ahead(self.context, needed, perhaps)
+
+    def compiled(self, node: Node) -> Compiled:
+        """A node's kernels."""
         if node not in self._compiled:
-            compiled = Compiled(node, self)
-            # A launch function may want its kernels with constants, and never without.
-            if node.kernels.launch is None:
-                compiled.kernels_with({})
-            self._compiled[node] = compiled
+            self._compiled[node] = Compiled(node, self)
         return self._compiled[node]
 
     def prepare(
@@ -55,4 +70,4 @@ class OpenCL(Queue):
 
         Outputs that are not wanted are left out if the node can do without them.
         """
-        return Prepared(self, self.compile(node), settings, sizes, wanted)
+        return Prepared(self, self.compiled(node), settings, sizes, wanted)

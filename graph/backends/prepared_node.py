@@ -91,7 +91,7 @@ class Prepared:
             grid = in_lanes(grid, self._device.lanes)
         elif self._declared.lanes == "rows":
             grid = in_row_lanes(grid, self._device.lanes)
-        self._kernels = {np.dtype(np.float32): self._compiled.kernels_with({})[node.name]}
+        self._kernels: dict[np.dtype[Any], Kernel] = {}
         self._local = local_size(len(grid))
         self._work_items = global_size(grid, self._local)
         self._plain = [np.int32(sizes[symbol]) for symbol in node.symbols]
@@ -167,8 +167,8 @@ class Prepared:
         node, whole = self._node, self._declared.whole
         dtype = np.dtype(np.float32) if whole is None else inputs[whole].dtype
         if dtype not in self._kernels:
-            whole_kernels = self._compiled.kernels_with({"FULL": np.iinfo(dtype).max})
-            self._kernels[dtype] = whole_kernels[node.name]
+            constants = {} if dtype.kind == "f" else {"FULL": np.iinfo(dtype).max}
+            self._kernels[dtype] = self._compiled.kernels_with(constants)[node.name]
         return self._kernels[dtype]
 
 

@@ -12,18 +12,32 @@ from __future__ import annotations
 import hashlib
 import os
 import warnings
+from collections import deque
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
 import pyopencl as cl
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
+Recipe = tuple[str, tuple[str, ...]]
+"""A program's source and options."""
 MAX_PROGRAMS = 64
 """Built programs that a process keeps."""
+ahead: deque[Recipe] = deque(maxlen=MAX_PROGRAMS)
+"""Programs that will be needed."""
 MAX_PROGRAM_BYTES = 2 * 10**8
 """Bytes of programs on disk: some two thousand programs."""
+LOCK_DIGITS = 12
+"""Digits of a program's key that choose its byte of the file of locks."""
 POCL_PLATFORM = "Portable Computing Language"
 """The platform whose programs are kept on disk here."""
 
@@ -38,23 +52,82 @@ def context_of(handle: cl.Device) -> cl.Context:
 def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
     """Build a source, or return the program that was built of it before.
 
+    Where another process is building it, this one builds what is `ahead`, then waits.
+
     Raises
     ------
     cl.RuntimeError
         If it does not compile.
     """
     file = _kept(context.devices[0], source, options)
-    binary = None if file is None else read_cached(file)
-    if binary is not None:
-        try:
+    if file is None:
+        return _built(cl.Program(context, source), options)
+    while (known := _from_disk(context, file, options)) is None:
+        with suppress(BlockingIOError), _alone(file, wait=not ahead):
+            return _from_disk(context, file, options) or _onto_disk(context, source, options, file)
+        with suppress(IndexError):  # another thread took it
+            build_if_free(context, *ahead.popleft())
+    return known
+
+
+def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) -> None:
+    """Build a source for the disk, unless it is there, or another process is building it.
+
+    One that does not compile without constants of its launch is left to that.
+    """
+    file = _kept(context.devices[0], source, options)
+    if file is None or file.exists():
+        return
+    with suppress(BlockingIOError, cl.RuntimeError), _alone(file, wait=False):
+        if not file.exists():
+            _onto_disk(context, source, options, file)
+
+
+def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
+    """Return whether nothing would be gained by building a source for the disk."""
+    file = _kept(device, source, options)
+    return fcntl is None or file is None or file.exists()
+
+
+def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.Program | None:
+    binary = read_cached(file)
+    with suppress(cl.Error):  # the driver does not take it any more
+        if binary is not None:
             return _built(cl.Program(context, context.devices, [binary]), options)
-        except cl.Error:
-            pass  # the driver does not take it any more
+    return None
+
+
+def _onto_disk(
+    context: cl.Context, source: str, options: tuple[str, ...], file: Path
+) -> cl.Program:
     program = _built(cl.Program(context, source), options)
-    if file is not None:
-        binaries: Any = program.get_info(cl.program_info.BINARIES)
-        write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
+    binaries: Any = program.get_info(cl.program_info.BINARIES)
+    write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
     return program
+
+
+@contextmanager
+def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
+    """Keep other processes from building the same program, where files can be locked.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process is building it, and is not waited for.
+    """
+    with ExitStack() as stack:
+        if fcntl is not None:
+            # One file for all programs, each a byte of it: nothing is left to clear away.
+            place = int(file.name[:LOCK_DIGITS], 16)
+            try:
+                file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+                lock = stack.enter_context((file.parent / "lock").open("ab"))
+                fcntl.lockf(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB), 1, place)
+            except BlockingIOError:
+                raise
+            except OSError:  # a folder that cannot be written; two may build the same then
+                pass
+        yield
 
 
 def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:

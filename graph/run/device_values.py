@@ -37,9 +37,8 @@ class DeviceValues:
         self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
         self._first = _first(plan)
         self._to_repeat: dict[str, dict[str, DeviceArray]] = {}
-        for task in plan.tasks.values():
-            if plan.placements[task.id].on_device and not task.filled:
-                device.compile(task.node)
+        runs = [step.name for step in plan.steps if step.kind == "run" and step.on_device]
+        device.compile([plan.tasks[name].node for name in runs])
 
     @property
     def serial(self) -> str:

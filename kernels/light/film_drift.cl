@@ -271,7 +271,9 @@ static void tally(
 {
     const floats none = 0.0f;
     floats mine[FIT_SUMS];
-    for (int j = 0; j < FIT_SUMS; ++j) mine[j] = none;
+    // A bound that compilers do not know: unrolled, these loops took a sixth of their time.
+    const int last = FIT_SUMS - MAX_LEDS + film->K;
+    for (int j = 0; j < last; ++j) mine[j] = none;
     EACH_OF_GROUP(i, count, film->H * film->W)
     {
         const floats here = load_floats(weights + i, count);
@@ -293,9 +295,9 @@ static void tally(
             mine[TERM_PAIRS + MAX_LEDS * DRIFT_TERMS + k] += weight * chance * chance;
         }
     }
-    for (int j = 0; j < FIT_SUMS; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
+    for (int j = 0; j < last; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int j = get_local_id(0); j < FIT_SUMS; j += GROUP) {
+    for (int j = get_local_id(0); j < last; j += GROUP) {
         float sum = 0.0f;
         for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
         sums[j] = sum;

@@ -127,7 +127,7 @@ def _launch(run: Launch) -> None:
     _check(albedo)
     film = inputs["film.rim"], inputs["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
-    constants = {"LEDS": count, "COATED": int(film[1] != 1), "AZIMUTHS": grid.azimuths}
+    constants = {"LEDS": count, "COATED": int(film[1] != 1)}
     larger = _launch_on_cells(run, larger_cells(grid), constants)
     bounced = _launch_on_cells(run, grid, constants, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns

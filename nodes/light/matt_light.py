@@ -125,7 +125,7 @@ def _launch(run: Launch) -> None:
         *film, inputs["pixel"], inputs.get("bounced"),
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
-        local=(run.group,), constants={"STRETCH_PX": stretch},
+        local=(run.group,),
     )  # fmt: skip
 
 

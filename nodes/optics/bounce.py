@@ -92,5 +92,5 @@ def launch_bounce(
         run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     shape = grid.rows, grid.columns, grid.rim, grid.width, grid.film
     work = run.in_row_lanes(grid.rows, grid.columns)
-    arguments = table, sources, out, *coat, *shape, camera, albedo, larger
+    arguments = table, sources, out, *coat, *shape, camera, grid.azimuths, albedo, larger
     run.kernel("throw_light", work, *arguments, local=(run.group,), constants=constants)

@@ -88,7 +88,7 @@ def _launch(run: Launch) -> None:
         inputs["slope"], inputs["height"], *film, inputs["pixel"],
         inputs.get("shadow"), inputs.get("bounced"), run.outputs["film_light"],
         count, height, width,
-        local=(run.group,), constants={"STRETCH_PX": stretch},
+        local=(run.group,),
     )  # fmt: skip
 
 

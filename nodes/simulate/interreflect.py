@@ -115,7 +115,7 @@ def _launch(run: Launch) -> None:
     refraction = settings["refractive_index"] if coated else 1.0
     film = settings["rim_mm"], refraction
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film)
-    constants = {"LEDS": count, "COATED": int(refraction != 1), "AZIMUTHS": grid.azimuths}
+    constants = {"LEDS": count, "COATED": int(refraction != 1)}
     relative = run.scratch((count, *size))
     pixels, everything = run.in_lanes(count, *size), count * math.prod(size)
     run.kernel("relative", pixels, light, rest, relative, everything, constants=constants)

@@ -73,7 +73,7 @@ def test_a_compilers_error_names_file_and_line(
 ) -> None:
     write(tmp_path, file, before, after)
     with pytest.raises(NodeError, match=where):
-        device.compile(twice)
+        device.compiled(twice).kernels_with({})
 
 
 def test_the_signature_of_a_kernel_with_an_attribute_is_compared(
@@ -81,7 +81,7 @@ def test_the_signature_of_a_kernel_with_an_attribute_is_compared(
 ) -> None:
     write(tmp_path, "twice.cl", "const int K, const int H", "const int H, const int K")
     with pytest.raises(NodeError, match="argument 3 is 'int H', but the declaration says 'int K'"):
-        device.compile(twice)
+        device.compile([twice])
 
 
 def test_a_header_that_is_not_there_is_named(twice: Node, tmp_path: Path) -> None:

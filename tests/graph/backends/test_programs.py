@@ -9,9 +9,10 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
+from tactograph.graph.backends import build_ahead
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
+from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 
@@ -22,6 +23,7 @@ def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     node, sizes = find_node("threshold"), {"K": 2, "H": 3, "W": 4}
     light = np.full((2, 3, 4), 0.5, np.float32)
     low = device.prepare(node, {"level": 0.4, "lights": "all"}, sizes)
+    low.launch({"light": device.upload(light)})
     built: list[object] = []
     monkeypatch.setattr(cl.Program, "build", lambda *given, **more: built.append(given))
     found, _ = choose_device()
@@ -103,6 +105,50 @@ def only_binaries(program: type) -> object:
         return program(*given)
 
     return made
+
+
+def test_programs_are_built_by_another_process_while_this_one_goes_on(
+    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(build_ahead, "cores", lambda: 2)
+    numbers = range(build_ahead.MIN_AHEAD_PROGRAMS)
+    needed = [(SEVEN, (f"-DNUMBER={number}",)) for number in numbers]
+    wants_constants = (SEVEN, ())
+    build_ahead.build_ahead(device.context, needed, [wants_constants])
+    assert build_ahead.helpers[-1].wait() == 0
+    monkeypatch.setattr(cl._cl, "_Program", only_binaries(cl._cl._Program))
+    assert [seven(device, number) for number in numbers] == [*numbers]
+
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+from tactograph.graph.backends.programs import _alone
+
+held, *others = map(Path, sys.argv[1:])
+with _alone(held):
+    print("held", flush=True)
+    for _ in range(3000):
+        if all(other.exists() for other in others):
+            sys.exit()
+        time.sleep(0.01)
+sys.exit("nothing else was built")
+"""
+
+
+def test_a_process_builds_something_else_while_another_builds_what_it_needs(
+    folder: Path, device: OpenCL
+) -> None:
+    (handle,) = device.context.devices
+    recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in (7, 8, 9)]
+    files = [str(_kept(handle, *recipe)) for recipe in recipes]
+    command = [sys.executable, "-c", HOLDS, *files]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        ahead.extend(recipes[1:])
+        assert seven(device) == 7
+    assert other.returncode == 0
 
 
 def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
