@@ -99,10 +99,10 @@ def places(surface: Surface) -> tuple[F4, F4]:
     return np.broadcast_to(x, (rows, columns)), np.broadcast_to(y[:, None], (rows, columns))
 
 
-def normals(height: F4, side: float) -> tuple[F4, F4]:
-    """-dz/dx and -dz/dy, by central differences."""
+def normals(height: F4, side: float) -> F4:
+    """-dz/dx and -dz/dy, 2 x H x W, by central differences."""
     down, right = np.gradient(height, np.float32(side))
-    return np.asarray(-right), np.asarray(-down)
+    return np.stack([-right, -down])
 
 
 def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4, F4]:
@@ -114,7 +114,7 @@ def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4,
 
 
 def pulled_back(
-    surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: tuple[F4, F4]
+    surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: F4
 ) -> tuple[F4, NDArray[np.bool_]]:
     """Height of `surface`, moved back by `motion`, above the points, and the mask where it is
     touched.
@@ -130,10 +130,3 @@ def pulled_back(
     r = motion.astype(np.float32)
     leaning = r[2, 0] * steepness[0] + r[2, 1] * steepness[1] + r[2, 2]
     return (heights - up) * leaning, touched
-
-
-def columns_of(x: F4, y: F4, z: F4, steepness: tuple[F4, F4], up: float) -> list[F4]:
-    """The Jacobian's six planes (M1), of m = (`steepness`, `up`)."""
-    a, b = steepness
-    c = np.float32(up)
-    return [a, b, np.full_like(a, c), y * c - z * b, z * a - x * c, x * b - y * a]

@@ -72,7 +72,7 @@ def stitch(
     """Put touches of one rigid object together.
 
     Any two touches are matched by the correlation of their curvature, then by Gauss-Newton
-    (M1).  Poses are those of least squares over all pairs that share enough, loops included;
+    (R1).  Poses are those of least squares over all pairs that share enough, loops included;
     pairs that contradict the others go.  Where touches overlap, the height is their mean,
     weighted by 1 / error^2.  The error is that of the mean, times what touches differ by, in
     multiples of their errors, where that is above 1; without stated errors that alone.
@@ -237,7 +237,7 @@ def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
 def _turned(surface: Surface, deviation: F4, motion: F8, grid: Surface) -> tuple[F8, F8]:
     """A touch's height on the grid, and its weight, 0 where it does not touch."""
     x, y = places(grid)
-    height, steepness = grid.height, (grid.height, grid.height)
+    height, steepness = grid.height, np.stack([grid.height, grid.height])
     for _ in range(HEIGHT_STEPS):
         above, touched = pulled_back(surface, motion, x, y, height, steepness)
         height = np.where(touched, height + above, np.float32(0))

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node, warn
+from tactograph.graph import NodeCall, Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize, SlopeVariance
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
@@ -20,6 +20,7 @@ from tactograph.nodes.motion._surface import (
     six_numbers,
     small_motion,
 )
+from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.stream.touch import Pose, PoseCovariance
 
 KeySurface = Annotated[F4, Port("H W", "mm", nan=True)]
@@ -31,6 +32,8 @@ ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 and the variance of the key frame's slopes (0: not stated)."""
 POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
 POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
+MAX_CELLS = 10_000
+"""Touched cells from which larger ones do."""
 OPEN_SHARE = 0.3
 """Share of an axis that lies in the open motions."""
 
@@ -54,14 +57,15 @@ def track_pose(
     key: KeySurface | None = None,
     memory: Memory | None = None,
     *,
-    cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     least_overlap: Annotated[float, Interval(ge=0.1, le=1)] = 0.6,
+    equations: NodeCall = motion_equations,
 ) -> TrackedPose:
     """Track the rigid motion of the object that presses against the film.
 
     The touched surface of a key frame is moved until its slopes and heights are those of the
-    frame, by Gauss-Newton over the pixels that both see (M1).  Where the two share less than
+    frame, by Gauss-Newton over the pixels that both see (R1).  Where the two share less than
     `least_overlap` of what is touched, the frame becomes the key frame, and its error stays in
     all later ones.  Where they share less than half of that, or nothing touches, tracking begins
     anew at zero.  All contacts count as one rigid object.
@@ -84,11 +88,14 @@ def track_pose(
     key, memory
         This node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``).
     cell_px
-        Side of the finest cells: 1, 2, 4 or 8 px.
+        Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 10,000 of them or fewer are
+        touched, but 2 at least.
     margin_px
         Width of the contact's rim that is left out: film bends there that does not touch.
     least_overlap
         Share of the smaller contact.
+    equations
+        The normal equations of a step.
 
     Returns
     -------
@@ -106,7 +113,7 @@ def track_pose(
     heights = np.where(touched, height, np.float32(np.nan))
     if key is None or memory is None:
         return _begin(heights, stated, touched)
-    fit = _fit(key, memory, heights, stated, pixel, cell_px)
+    fit = _fit(key, memory, heights, stated, pixel, cell_px, equations)
     shared = 0.0 if fit is None else _shared(fit, key, touched)
     if fit is None or shared < least_overlap / 2:
         return _begin(heights, stated, touched)
@@ -125,13 +132,24 @@ def track_pose(
     return _tracked(pose, covariance, key, kept, named, fit, shared)
 
 
-def _fit(key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int) -> Fit | None:
+def _fit(
+    key: F4,
+    memory: F4,
+    heights: F4,
+    stated: float,
+    pixel: float,
+    cell_px: int,
+    equations: NodeCall,
+) -> Fit | None:
     variances = float(memory[ROW_COUNTS, 2]) or None, stated or None
+    masks = np.isfinite(key), np.isfinite(heights)
+    fewest = min(np.count_nonzero(mask) for mask in masks)
+    finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
     first, second = (
-        pyramid(np.nan_to_num(plane), np.isfinite(plane), doubt, pixel, cell_px)
-        for plane, doubt in zip((key, heights), variances, strict=True)
+        pyramid(np.where(mask, plane, np.float32(0)), mask, doubt, pixel, finest)
+        for plane, mask, doubt in zip((key, heights), masks, variances, strict=True)
     )
-    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
+    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)), equations)
 
 
 def _shared(fit: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
