@@ -39,7 +39,7 @@ from tactograph.nodes.motion.motion_equations import (
     AT_DOWN,
     AT_GRADIENT,
     AT_PAIRS,
-    UPPER,
+    UPPER_HALF,
     motion_equations,
 )
 
@@ -159,7 +159,7 @@ def _weights(seen: _Seen, first: Surface, now: Surface) -> _Weights:
 def _unpacked(sums: F8, to_middle: F8) -> tuple[F8, F8]:
     """A and g from their sums, in the units of `to_middle`."""
     matrix = np.zeros((6, 6))
-    matrix[UPPER] = sums[:AT_GRADIENT]
+    matrix[UPPER_HALF] = sums[:AT_GRADIENT]
     matrix = matrix + np.triu(matrix, 1).T
     return to_middle.T @ matrix @ to_middle, to_middle.T @ sums[AT_GRADIENT:AT_PAIRS]
 

@@ -23,7 +23,7 @@ SurfaceTerms = Annotated[F4, Port("6", "mm, 1")]
 for its noise; the standard deviation of a difference's slope; the weight of a height."""
 BlockSums = Annotated[F4, Port("h w 35", "mm, 1")]
 """Sums by block, see `AT_GRADIENT`."""
-UPPER = np.triu_indices(6)
+UPPER_HALF = np.triu_indices(6)
 
 
 @node(
@@ -88,7 +88,7 @@ def motion_equations(
     plain = np.stack([np.abs(slope).sum(axis=0), np.square(slope).sum(axis=0), *own])
     return np.concatenate(
         [
-            products[..., UPPER[0], UPPER[1]],
+            products[..., UPPER_HALF[0], UPPER_HALF[1]],
             products[..., :6, 6],
             _blocks(plain[None], block)[:, :, 0].sum(axis=-1),
         ],

@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, node, warn
+from tactograph.graph import InputError, NodeCall, Port, node, warn
 from tactograph.nodes import F4, U1, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.force.elastic_layer import wave_numbers
@@ -31,6 +31,7 @@ from tactograph.nodes.motion._surface import (
     pyramid,
     six_numbers,
 )
+from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.motion.read_touches import TouchHeights
 
 COARSE_LEVEL = 1
@@ -68,6 +69,7 @@ def stitch(
     least_likeness: Annotated[float, Interval(ge=0, le=1)] = 0.9,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    equations: NodeCall = motion_equations,
 ) -> StitchedSurface:
     """Put touches of one rigid object together.
 
@@ -98,6 +100,8 @@ def stitch(
         Width of the contacts' rims that are left out.
     cell_px
         Side of the finest cells on which touches are matched.
+    equations
+        The normal equations of a step.
 
     Returns
     -------
@@ -119,7 +123,7 @@ def stitch(
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
     poses, pairs = solve_poses(
-        len(names), _matched(levels, turn_deg, least_overlap, least_likeness)
+        len(names), _matched(levels, turn_deg, least_overlap, least_likeness, equations)
     )
     if len(poses) < 2:
         raise InputError(
@@ -170,7 +174,11 @@ def _slope_variance(error: F4, touched: NDArray[np.bool_], pixel: float) -> floa
 
 
 def _matched(
-    levels: list[list[Surface]], turn_deg: float, least_overlap: float, least_likeness: float
+    levels: list[list[Surface]],
+    turn_deg: float,
+    least_overlap: float,
+    least_likeness: float,
+    equations: NodeCall,
 ) -> list[Pair]:
     """All pairs of touches that fit."""
     pairs = []
@@ -181,7 +189,8 @@ def _matched(
         sizes = [np.count_nonzero(surface[-1].touched) for surface in (one, other)]
         least = least_overlap * min(sizes) / sizes[0]
         guesses = likely_motions(one[COARSE_LEVEL], other[COARSE_LEVEL], turn_deg, least_overlap)
-        fits = [fit_motion(one[COARSE_LEVEL:], other[COARSE_LEVEL:], guess) for guess in guesses]
+        both = one[COARSE_LEVEL:], other[COARSE_LEVEL:]
+        fits = [fit_motion(*both, guess, equations) for guess in guesses]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))
