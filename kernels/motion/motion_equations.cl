@@ -3,9 +3,9 @@
 #define CAUCHY_SIGMAS 2.4f
 #define AT_GRADIENT 21
 #define AT_PAIRS 27
-#define AT_ACROSS 29
-#define AT_DOWN 32
-#define SUMS 35
+#define AT_ACROSS 30
+#define AT_DOWN 33
+#define SUMS 36
 
 // The Jacobian's six numbers at a cell, equation R1.
 static void jacobian_at(
@@ -65,10 +65,12 @@ __kernel void motion_equations(
                 const float slope = (residual[next] - residual[at]) / side;
                 const float rise = (height[next] - height[at]) / side;
                 const float far = slope / (CAUCHY_SIGMAS * level);
-                add(sums, 1.0f / (1.0f + far * far), there, slope);
+                const float weight = 1.0f / (1.0f + far * far);
+                add(sums, weight, there, slope);
                 const int own = down ? AT_DOWN : AT_ACROSS;
-                sums[AT_PAIRS] += fabs(slope);
-                sums[AT_PAIRS + 1] += slope * slope;
+                sums[AT_PAIRS] += weight;
+                sums[AT_PAIRS + 1] += weight * slope * slope;
+                sums[AT_PAIRS + 2] += slope * slope;
                 sums[own] += 1.0f;
                 sums[own + 1] += rise;
                 sums[own + 2] += rise * rise;

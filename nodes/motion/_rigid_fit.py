@@ -43,10 +43,8 @@ from tactograph.nodes.motion.motion_equations import (
     motion_equations,
 )
 
-MEAN_TO_DEVIATION = 1.2533
-"""Standard deviation over the mean absolute value, of Gaussian noise."""
-MIN_BLOCK_PAIRS = 32
-"""Pairs of a block that tell the noise."""
+CAUCHY_VARIANCE_SHARE = 0.7965
+"""Share of its variance that Gaussian noise has when weighted by its own deviation (Cauchy)."""
 EVERY_SLOPE = 1e6
 """A deviation that no slope comes near."""
 MAX_STEPS = 6
@@ -130,17 +128,16 @@ class _Seen(NamedTuple):
     overlap: NDArray[np.bool_]
     residual: F4
     blocks: F8
-    """B x 35, by `motion_equations`."""
+    """B x 36, by `motion_equations`."""
     weights: _Weights
     """By which they were summed."""
 
     @property
     def level(self) -> float:
-        """Standard deviation of the residual slopes: half of all blocks have less."""
-        pairs = self.blocks[:, [AT_ACROSS, AT_DOWN]].sum(axis=1)
-        told = pairs >= min(MIN_BLOCK_PAIRS, pairs.max())
-        means = self.blocks[told, AT_PAIRS] / pairs[told]
-        return MEAN_TO_DEVIATION * float(np.median(means)) + 1e-9
+        """Standard deviation of the residual slopes, from those that keep their weight."""
+        weight, square = self.blocks[:, AT_PAIRS : AT_PAIRS + 2].sum(axis=0)
+        seen_share = 1.0 if self.weights.level == EVERY_SLOPE else CAUCHY_VARIANCE_SHARE
+        return float(np.sqrt(square / (seen_share * weight))) + 1e-9
 
     def equations(self, key: _Key) -> tuple[F8, F8]:
         """A and g of the normal equations A d = g."""
@@ -185,7 +182,7 @@ def _blocks(
     weights: _Weights,
     equations: NodeCall,
 ) -> F8:
-    """The sums of `motion_equations`, B x 35."""
+    """The sums of `motion_equations`, B x 36."""
     first = key.surface
     terms = np.array(
         [first.side, first.left, first.top, up, weights.level, weights.of_height], np.float32
@@ -328,4 +325,4 @@ def _likeness(seen: _Seen) -> float:
     pairs, rise, steep = (sums[[AT_ACROSS + i, AT_DOWN + i]] for i in range(3))
     pairs = np.maximum(pairs, 1)
     varied = float(np.sum(steep / pairs - (rise / pairs) ** 2))
-    return 1 - 2 * float(sums[AT_PAIRS + 1] / pairs.sum()) / max(varied, 1e-12)
+    return 1 - 2 * float(sums[AT_PAIRS + 2] / pairs.sum()) / max(varied, 1e-12)

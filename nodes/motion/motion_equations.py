@@ -12,16 +12,16 @@ from tactograph.nodes import F4, Height, Mask
 
 CAUCHY_SIGMAS = np.float32(2.4)
 """Standard deviations beyond which a difference loses weight (Cauchy)."""
-AT_GRADIENT, AT_PAIRS, AT_ACROSS, AT_DOWN = 21, 27, 29, 32
-"""Places among the sums: A's upper half by rows; g; absolute values and squares of the pairs'
-slopes; for pairs across, and for those down, how many there are, and values and squares of the
-surface's own slopes."""
+AT_GRADIENT, AT_PAIRS, AT_ACROSS, AT_DOWN = 21, 27, 30, 33
+"""Places among the sums: A's upper half by rows; g; of the pairs' slopes the weights, weighted
+squares and squares; for pairs across, and for those down, how many there are, and values and
+squares of the surface's own slopes."""
 Steepness = Annotated[F4, Port("2 H W", "1", low=-3, high=3)]
 """-dz/dx and -dz/dy."""
 SurfaceTerms = Annotated[F4, Port("6", "mm, 1")]
 """Side of a cell, x and y of the first cell in mm; the third part of m (R1), 1 for a surface, 0
 for its noise; the standard deviation of a difference's slope; the weight of a height."""
-BlockSums = Annotated[F4, Port("h w 35", "mm, 1")]
+BlockSums = Annotated[F4, Port("h w 36", "mm, 1")]
 """Sums by block, see `AT_GRADIENT`."""
 UPPER_HALF = np.triu_indices(6)
 
@@ -64,7 +64,7 @@ def motion_equations(
     Returns
     -------
     ndarray
-        h x w x 35, sums by block.
+        h x w x 36, sums by block.
     """
     side, left, top, up, level, weight_of_height = terms
     rows, columns = height.shape
@@ -80,12 +80,13 @@ def motion_equations(
     pairs = np.zeros((2, rows, columns), np.float32)
     pairs[0, :, :-1], pairs[1, :-1] = inside[:, :-1] * inside[:, 1:], inside[:-1] * inside[1:]
     slope, rise = np.stack([across[6:], down[6:]], axis=1)
-    weights = [weight_of_height * inside, *(pairs / (1 + (slope / (CAUCHY_SIGMAS * level)) ** 2))]
+    weight = pairs / (1 + (slope / (CAUCHY_SIGMAS * level)) ** 2)
+    weights = np.stack([weight_of_height * inside, *weight])
     places = np.stack([told[:7], across[:7], down[:7]])
     one = _blocks(places, block)
-    products = np.sum((_blocks(np.stack(weights)[:, None], block) * one) @ one.swapaxes(-1, -2), 2)
+    products = np.sum((_blocks(weights[:, None], block) * one) @ one.swapaxes(-1, -2), 2)
     own = np.stack([pairs, rise, rise**2], axis=1).reshape(6, rows, columns)
-    plain = np.stack([np.abs(slope).sum(axis=0), np.square(slope).sum(axis=0), *own])
+    plain = np.stack([*(np.sum([weight, weight * slope**2, slope**2], axis=1)), *own])
     return np.concatenate(
         [
             products[..., UPPER_HALF[0], UPPER_HALF[1]],

@@ -32,7 +32,7 @@ ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 and the variance of the key frame's slopes (0: not stated)."""
 POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
 POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
-MAX_CELLS = 10_000
+MAX_CELLS = 15_000
 """Touched cells from which larger ones do."""
 OPEN_SHARE = 0.3
 """Share of an axis that lies in the open motions."""
@@ -88,7 +88,7 @@ def track_pose(
     key, memory
         This node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``).
     cell_px
-        Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 10,000 of them or fewer are
+        Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
         touched, but 2 at least.
     margin_px
         Width of the contact's rim that is left out: film bends there that does not touch.

@@ -4,13 +4,15 @@ import csv
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 import pytest
+from scipy.ndimage import label
 
 from tactograph.nodes import F4
+from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
 from tests.conftest import SHARED, MadeOnce, Raytraced
 from tests.pipelines.test_accuracy import run
@@ -143,18 +145,24 @@ def test_one_ball_calibrates_a_real_sensor(sensor: Sensor) -> None:
     assert found["paper"] > max(found["reconstruct"], found["precise"])
 
 
-@pytest.mark.slow
-def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(sensor: Sensor) -> None:
-    """Shift and turn from one scan to the other, with the first one's calibration; each ball of a
-    grid is like the next.
-    """
+@pytest.fixture(scope="module")
+def scans(sensor: Sensor) -> list[dict[str, Any]]:
+    """Both scans, with the first one's calibration."""
     folder = sensor.scan.parent
     images = {"capture": folder / "balls_1", "flat": folder / "flat"}
     run("calibrate", folder / "scan.npz", **images, **BALL, ball_pitch_mm=1.0)
-    first, second = (
+    return [
         run("reconstruct", capture=folder / name, calibration=folder / "scan.npz")
         for name in ("balls_1", "balls_2")
-    )
+    ]
+
+
+@pytest.mark.slow
+def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
+    sensor: Sensor, scans: list[dict[str, Any]]
+) -> None:
+    """Shift and turn from one scan to the other; each ball of a grid is like the next."""
+    first, second = scans
     key = track_pose(first["height"], first["contact"], PIXEL_MM)
     found = track_pose(second["height"], second["contact"], PIXEL_MM, None, key.key, key.memory)
     turn = np.radians(found.pose[5])
@@ -170,6 +178,32 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(sensor: Sensor) -> 
     assert alike.sum() > 40
     assert np.all(np.abs(apart.mean(axis=0)) < 0.003)
     assert abs(turned) < 0.02
+
+
+@pytest.mark.slow
+def test_the_pitch_of_a_grid_goes_on_across_a_seam(scans: list[dict[str, Any]]) -> None:
+    """The left part of one scan and the right part of the other as one surface."""
+    left, right = (scan["height"].copy() for scan in scans)
+    width = left.shape[1]
+    left[:, round(0.65 * width) :] = np.nan
+    right[:, : round(0.35 * width)] = np.nan
+    unknown = np.full((2, *left.shape), np.nan, np.float32)
+    heights = np.stack([left, right])
+    settings = {"turn_deg": 3.0, "least_likeness": 0.5, "margin_px": 6}
+    whole = stitch(heights, unknown, PIXEL_MM, ["left", "right"], **settings)
+    q, p = np.gradient(whole.height.astype(np.float64), PIXEL_MM)
+    length = np.sqrt(1 + p * p + q * q)
+    caps, count = label(np.isfinite(length))
+    middles, sources = [], []
+    for number in range(1, count + 1):
+        y, x = np.nonzero(caps == number)
+        if len(x) > 150:
+            tilt = p[y, x] / length[y, x], q[y, x] / length[y, x]
+            middles.append([np.median(a + BALL_PX * c) for a, c in zip((x, y), tilt, strict=True)])
+            sources.append(whole.source[y, x].mean())
+    apart = PIXEL_MM * np.linalg.norm(np.array(middles)[:, None] - np.array(middles), axis=2)
+    across = np.subtract.outer(sources, sources) > 0.5
+    assert np.mean(apart[across & (np.abs(apart - 1) < 0.1)]) == pytest.approx(1, abs=0.002)
 
 
 @pytest.mark.slow
