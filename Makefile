@@ -86,7 +86,7 @@ test-lerobot: $(VENV)/.tested
 lint: $(VENV)/.linted types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
+	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.lerobot -p tactograph.graph -p tactograph.nodes
 
 # Once all tests have passed with newer versions: make clean test-all CONSTRAINTS=, then this.
 constraints: $(VENV)/.tested-all

@@ -54,4 +54,4 @@ def levels_picture(levels: Levels) -> U1:
 def picture_levels(picture: U1) -> Levels:
     """Return the levels of such a picture."""
     high, low = picture[..., 0].astype(np.uint16), picture[..., 1]
-    return (high << 8) | low
+    return high << np.uint16(8) | low

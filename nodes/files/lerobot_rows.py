@@ -29,7 +29,7 @@ from tactograph.nodes.stream.touch import Touch
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
-CHANNELS = 3
+PICTURE_CHANNELS = 3
 POSE_NAMES = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
 INFO_FILE = Path("meta", "info.json")
 """What LeRobot says of a dataset."""
@@ -45,7 +45,7 @@ class Column(NamedTuple):
     @property
     def feature(self) -> dict[str, Any]:
         """The column as LeRobot declares it."""
-        is_picture = self.value.ndim == CHANNELS
+        is_picture = self.value.ndim == PICTURE_CHANNELS
         named = ["height", "width", "channels"] if is_picture else self.names
         feature = {"dtype": "image" if is_picture else str(self.value.dtype)}
         return feature | {"shape": self.value.shape, "names": named, "info": dict(self.info)}
@@ -96,9 +96,9 @@ def touch_columns(
     height = Column(levels_picture(height_levels(touch.height)), info=about)
     columns = {height_column(sensor): height}
     leds = len(touch.image)
-    for first in range(1, leds + 1, CHANNELS):
-        shown = list(range(first, min(first + CHANNELS, leds + 1)))
-        picture = lights_picture(touch.image[first - 1 : first - 1 + CHANNELS])
+    for first in range(1, leds + 1, PICTURE_CHANNELS):
+        shown = list(range(first, min(first + PICTURE_CHANNELS, leds + 1)))
+        picture = lights_picture(touch.image[first - 1 : first - 1 + PICTURE_CHANNELS])
         columns[f"observation.images.{sensor}_lights{first}"] = Column(
             picture, info={"lights": shown}
         )
@@ -115,7 +115,7 @@ def touch_columns(
 
 def lights_picture(lights: Light) -> U1:
     """Return up to three lights, 0 to 1, as the channels of a picture H x W x 3 of 8 bits."""
-    picture = np.zeros((*lights.shape[1:], CHANNELS), np.uint8)
+    picture = np.zeros((*lights.shape[1:], PICTURE_CHANNELS), np.uint8)
     for channel, plane in enumerate(lights):
         picture[..., channel] = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
     return picture

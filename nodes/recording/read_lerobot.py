@@ -86,7 +86,8 @@ def read_lerobot(
         kept = level_height(levels, step, zero)
         kept[levels == unknown] = np.nan
         planes = [_bytes(row[name])[..., : len(shown)] for name, shown in lights.items()]
-        image = np.concatenate(planes, axis=-1).transpose(2, 0, 1) / np.float32(MAX_BYTE)
+        whole = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
+        image = whole.astype(np.float32) / np.float32(MAX_BYTE)
         seconds, parts = (int(number) for number in row[time_column(sensor)])
         moment = 1e-9 * (seconds * NS_PER_S + parts - offset)
         yield DatasetTouch(image, f"{of:04}_{at:06}", moment, kept)

@@ -1,4 +1,4 @@
-"""Touches as rows of a LeRobot dataset, by LeRobot's own reader and writer where it is installed."""
+"""Touches as rows of a LeRobot dataset; LeRobot itself reads and writes where it is installed."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,9 @@ def a_touch(**changed: Any) -> Touch:
     return Touch(**{"height": HEIGHT, "image": image, "pixel": PIXEL, "metrics": metrics} | changed)
 
 
-def columns_of(touch: Touch, figures: str = "x_mm depth_mm", contacts: int = 2) -> dict[str, Column]:
+def columns_of(
+    touch: Touch, figures: str = "x_mm depth_mm", contacts: int = 2
+) -> dict[str, Column]:
     origin = {"sensor": "bench", "serial": "", "hash": "0"}
     return touch_columns(touch, STAMP_NS, "left", figures.split(), contacts, origin)
 
@@ -181,7 +183,9 @@ def test_lerobot_itself_reads_scale_rows_and_times_of_other_cameras(tmp_path: Pa
 def test_a_row_without_a_touch_repeats_the_one_before(tmp_path: Path) -> None:
     gap = [1000 + n / 30 for n in (0, 1, 2, 6, 7)]
     write(tmp_path / "data", [a_touch(time=time) for time in gap])
-    came = [1000 + round(30 * (t.time - 1000)) / 30 for t in read_lerobot(dataset=tmp_path / "data")]
+    came = [
+        1000 + round(30 * (t.time - 1000)) / 30 for t in read_lerobot(dataset=tmp_path / "data")
+    ]
     assert [round(30 * (time - 1000)) for time in came] == [0, 1, 2, 2, 2, 2, 6, 7]
 
 
