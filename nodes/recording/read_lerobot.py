@@ -12,7 +12,7 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import U1, Height, Light
+from tactograph.nodes import U1, Height, Labels, Light, Slope
 from tactograph.nodes.files.height_picture import level_height, picture_levels
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.lerobot_rows import (
@@ -26,12 +26,15 @@ from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 
 
 class DatasetTouch(NamedTuple):
-    """The lights of a touch, and the height that was kept of it."""
+    """The lights of a touch, and the height that was kept of it; what is true is never known."""
 
     image: Light
     name: str
     time: Annotated[float, Port(unit="s")]
     kept: Height
+    truth: Height | None = None
+    truth_slope: Slope | None = None
+    truth_shadow: Labels | None = None
 
 
 @node
