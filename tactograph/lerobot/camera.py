@@ -18,7 +18,7 @@ from tactograph.graph import load
 from tactograph.nodes import U1
 from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
 from tactograph.nodes.files.height_picture import height_levels, levels_picture
-from tactograph.nodes.files.lerobot_rows import PICTURE_CHANNELS, MAX_BYTE, lights_picture
+from tactograph.nodes.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""
