@@ -9,7 +9,7 @@ CONSTRAINTS ?= constraints.txt
 # Tests start Python a hundred times: keep what it compiles.
 test test-all lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test test-all ready types lint constraints docs ablation clean
+.PHONY: demo demo-live test test-all test-lerobot ready types lint constraints docs ablation clean
 
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TESTED_WITH = $(addprefix -c ,$(CONSTRAINTS))
@@ -77,10 +77,16 @@ $(VENV)/.linted: $(VENV)/.tested
 	$(PIP) $(TESTED_WITH) -e '.[lint]'
 	@touch $@
 
+# LeRobot brings PyTorch, several GB, and holds older versions of what is here: an environment of
+# its own, 'make test-lerobot VENV=.venv-lerobot CONSTRAINTS='.
+test-lerobot: $(VENV)/.tested
+	$(PIP) -e '.[lerobot]'
+	$(BIN)/python -m pytest -k lerobot tests/nodes/recording tests/tactograph
+
 lint: $(VENV)/.linted types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.graph -p tactograph.nodes
+	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.lerobot -p tactograph.graph -p tactograph.nodes
 
 # Once all tests have passed with newer versions: make clean test-all CONSTRAINTS=, then this.
 constraints: $(VENV)/.tested-all

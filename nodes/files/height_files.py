@@ -17,6 +17,13 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from tactograph.graph import InputError
 from tactograph.nodes import F4, I4, UM_PER_MM, Height, Lens
 from tactograph.nodes.files.areal_surface import areal_surface, surfalize
+from tactograph.nodes.files.height_picture import (
+    OFFSET_MM,
+    STEP_MM,
+    UNKNOWN_LEVEL,
+    height_levels,
+    level_height,
+)
 from tactograph.nodes.files.image_files import MAX_PIXELS, read_heights
 from tactograph.nodes.files.metrology_files import METROLOGY_READERS
 from tactograph.nodes.files.result_file import refuse_changed
@@ -28,12 +35,6 @@ MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1e3
 """Pixel sizes that files of 32-bit floats can hold."""
 MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
-STEP_MM = 1e-4
-"""A level of a 16-bit PNG: 0.1 micrometres."""
-OFFSET_MM = -1.0
-"""The height of its level 0; level 65535 is 5.5535 mm."""
-UNKNOWN_LEVEL = 0
-"""The level of unknown film; the PNG's tRNS chunk makes it transparent."""
 PNG_TEXT = "Tactograph height"
 """The PNG's text chunk that holds step and offset."""
 TIFF_TEXT = "height in mm above the untouched film"
@@ -120,27 +121,20 @@ def write_tiff(file: Path, height: Height, pixel: float, length: float | None = 
 def write_png(file: Path, height: Height, pixel: float) -> None:
     """16-bit grey: height = offset + level * step, both stated in a text chunk.
 
-    Unknown film, NaN, is transparent: level 0, which stands for no height then.
+    Unknown film, NaN, is transparent by the PNG's tRNS chunk.
 
     Raises
     ------
     InputError
         If the height does not fit into 16 bits at this scale.
     """
-    known = np.isfinite(height)
-    levels = np.rint((height[known].astype(np.float64) - OFFSET_MM) / STEP_MM)
-    lowest = 0 if known.all() else UNKNOWN_LEVEL + 1
-    if levels.min() < lowest or levels.max() > 65535:
-        raise InputError(
-            f"{file.name}: heights from {height[known].min():.2f} to {height[known].max():.2f} mm "
-            f"do not fit into {OFFSET_MM} to {OFFSET_MM + 65535 * STEP_MM:.2f} mm; write tiff or "
-            "npy instead"
-        )
-    grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
-    grey[known] = levels
+    try:
+        grey = height_levels(height)
+    except InputError as error:
+        raise InputError(f"{file.name}: {error}; write tiff or npy instead") from None
     about = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "pixel_size_mm": pixel}
     transparent: dict[str, Any] = {}
-    if not known.all():
+    if not np.isfinite(height).all():
         about["unknown_level"] = transparent["transparency"] = UNKNOWN_LEVEL
     text = PngImagePlugin.PngInfo()
     text.add_text(PNG_TEXT, json.dumps(about))
@@ -275,8 +269,7 @@ def read_png(file: Path) -> HeightFile:
         raise InputError(f"{file}: states no scale, so its grey levels are no heights") from None
     except (OSError, SyntaxError, ValueError, OverflowError) as error:
         raise InputError(f"{file}: cannot be decoded: {error}") from None
-    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
-        height = np.asarray(offset + step * levels.astype(np.float64), np.float32)
+    height = level_height(levels, step, offset)
     if "unknown_level" in about:
         height[levels == about["unknown_level"]] = np.nan
     return HeightFile(height, _square(side, side))

@@ -341,7 +341,7 @@ def test_every_shipped_variant_has_a_title_and_a_name_of_its_own() -> None:
 def test_the_shipped_files_are_few_and_sorted_by_folder() -> None:
     entries = [each for each in PIPELINES.iterdir() if each.name != "__pycache__"]
     assert len(entries) <= 10
-    assert len([*PIPELINES.rglob("*.yaml")]) <= 50
+    assert len([*PIPELINES.rglob("*.yaml")]) <= 52
     assert {*shipped_studies()} == {"precise_ablation", "reconstruct_ablation"}
 
 
@@ -354,7 +354,7 @@ def test_the_page_names_every_overlay() -> None:
     assert told & {*shipped_overlays()} == {*shipped_overlays()}
 
 
-@pytest.mark.parametrize("overlay", ["preview", "rerun", "ros2", "record"])
+@pytest.mark.parametrize("overlay", ["preview", "rerun", "ros2", "record", "lerobot"])
 @pytest.mark.parametrize("graph", ["live", "live_oneshot", "live_follow_drift", "live_markers"])
 def test_what_shows_a_stream_fits_every_live_graph(graph: str, overlay: str) -> None:
     if (graph, overlay) == ("live_markers", "preview"):
@@ -370,7 +370,7 @@ def test_the_drift_is_followed_in_every_graph_of_flashed_lights(graph: str) -> N
     make_plan(*_to_plan(followed), device=None)
 
 
-@pytest.mark.parametrize("overlay", ["recording", "topics", "camera"])
+@pytest.mark.parametrize("overlay", ["recording", "topics", "camera", "from_lerobot"])
 def test_a_source_fits_both_kinds_of_sensor(overlay: str) -> None:
     flashed = with_overlays(read_graph("reconstruct"), [overlay])
     colours = with_overlays(read_graph("gelsight_mini"), [overlay])

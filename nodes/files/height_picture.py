@@ -1,0 +1,57 @@
+"""Heights as levels of 16 bits, and as colour pictures of 8 bits for formats that know no depth."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.nodes import U1, Height
+
+STEP_MM = 1e-4
+"""A level: 0.1 micrometres."""
+OFFSET_MM = -1.0
+"""The height that level 0 would be; level 65535 is 5.5535 mm."""
+UNKNOWN_LEVEL = 0
+"""The level of unknown film."""
+MAX_LEVEL = 65535
+
+Levels = NDArray[np.uint16]
+
+
+def height_levels(height: Height) -> Levels:
+    """Return the nearest level of every height, H x W; `UNKNOWN_LEVEL` for NaN.
+
+    Raises
+    ------
+    InputError
+        If a height does not fit into 16 bits.
+    """
+    known = np.isfinite(height)
+    levels = np.rint((height[known].astype(np.float64) - OFFSET_MM) / STEP_MM)
+    if levels.size and (levels.min() <= UNKNOWN_LEVEL or levels.max() > MAX_LEVEL):
+        raise InputError(
+            f"heights from {height[known].min():.2f} to {height[known].max():.2f} mm do not fit "
+            f"into {OFFSET_MM} to {OFFSET_MM + MAX_LEVEL * STEP_MM:.2f} mm"
+        )
+    grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
+    grey[known] = levels
+    return grey
+
+
+def level_height(levels: NDArray[np.generic], step: float, offset: float) -> Height:
+    """Return the heights of levels in mm."""
+    with np.errstate(over="ignore"):  # too large for float32: infinite
+        return np.asarray(offset + step * levels.astype(np.float64), np.float32)
+
+
+def levels_picture(levels: Levels) -> U1:
+    """Return H x W x 3: the high byte of every level as red, the low byte as green."""
+    high, low = (levels >> 8).astype(np.uint8), (levels & 255).astype(np.uint8)
+    return np.stack([high, low, np.zeros_like(low)], axis=-1)
+
+
+def picture_levels(picture: U1) -> Levels:
+    """Return the levels of such a picture."""
+    high, low = picture[..., 0].astype(np.uint16), picture[..., 1]
+    return high << np.uint16(8) | low
