@@ -270,7 +270,8 @@ def _bounds(parameter: Parameter) -> tuple[float, float]:
     limits = limits_of(parameter.annotation)
     low = limits.at_least if limits.above is None else limits.above + 1e-3
     high = limits.at_most if limits.below is None else limits.below - 1e-3
-    middle = 1.0 if parameter.required else float(parameter.default)
+    default = parameter.default
+    middle = float(default) if isinstance(default, int | float) else 1.0
     if low is None:
         low = middle - 10
     elif parameter.required and low > 0:

@@ -264,8 +264,14 @@ def _output(names: _Names, name: str, reference: str) -> Value:
 
 
 def _check_recalls(tasks: Mapping[str, Task]) -> None:
-    """Refuse a previous value of a node that does not change from item to item."""
+    """Refuse a previous value of a node that does not change from item to item.
+
+    Where there is one item in all, nothing is before it, as before the first of many.
+    """
+    has_items = any(task.stream for task in tasks.values())
     for task in tasks.values():
+        if not has_items:
+            task.recalls = {}
         for name, value in task.recalls.items():
             where = task.entry.where(f"in.{name}")
             if not task.stream:

@@ -2,6 +2,7 @@
 #include "lanes.clh"
 #include "group.clh"
 #include "near_light.clh"
+#include "between_cells.clh"
 #include "radiosity.clh"
 #include "film.clh"
 #include "coated_bounce.clh"

@@ -2,91 +2,84 @@
 #include "lanes.clh"
 #include "border.clh"
 
-#define GROUP_ITEMS 64
+#define LINES_PER_ITEM 15
+#define QUARTER_COUNT 4
+#define MIN_AWAY_PX 1e-6f
+#define LEAST_OF_NONE 1e30f
 
-// The largest height, by one work-group.
-__kernel __attribute__((reqd_work_group_size(GROUP_ITEMS, 1, 1)))
-void highest(
-    __global const float *restrict height,
-    __global float *restrict top,
-    const int size)
+// Where a line through a corner of a quarter meets the last row, from the LED's foot.
+static float end_of(const float aside, const float away, const float rest)
 {
-    __local float tops[GROUP_ITEMS];
-    const int me = get_local_id(0);
-    float found = height[0];
-    for (int i = me; i < size; i += GROUP_ITEMS) found = fmax(found, height[i]);
-    tops[me] = found;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    if (me == 0) {
-        for (int i = 1; i < GROUP_ITEMS; ++i) found = fmax(found, tops[i]);
-        top[0] = found;
+    const float within = clamp(aside, -away, away);
+    return within + within / away * rest;
+}
+
+// The shadows of LINES_PER_ITEM lines away from an LED's foot, in one of the quarters of the plane around
+// it: down, up, right, left.  A row here is one across the lines.
+__kernel void cast(
+    __global const float *restrict height,
+    __global const float *restrict lights,
+    __global uchar *restrict dark,
+    const int H, const int W, const int K, const int blocks,
+    const float pixel)
+{
+    GRID_1(item, K * QUARTER_COUNT * blocks)
+    const int k = item / (QUARTER_COUNT * blocks), quarter = item / blocks % QUARTER_COUNT;
+    const int turned = quarter > 1, flipped = quarter & 1, number = item % blocks * LINES_PER_ITEM;
+    const int rows = turned ? W : H, columns = turned ? H : W;
+    const int down = turned ? 1 : W, right = turned ? W : 1;
+    const float middle = 0.5f * (rows - 1), centre = 0.5f * (columns - 1);
+    const float led_row = lights[3 * k + !turned] / pixel, foot_row = middle + led_row;
+    const float led_column = lights[3 * k + turned] / pixel;
+#define ROW(r) (flipped ? rows - 1 - (r) : (r))
+#define AWAY(r) ((flipped ? -1.0f : 1.0f) * ((float)ROW(r) - middle - led_row))
+#define ASIDE(c) ((float)(c) - centre - led_column)
+
+    int first = 0;
+    while (first < rows && AWAY(first) < 0.0f) ++first;
+    if (first == rows) return;
+    const float near = fmax(AWAY(first), MIN_AWAY_PX), far = fmax(AWAY(rows - 1), MIN_AWAY_PX);
+    const float depth = (float)(rows - 1 - first), left_end = ASIDE(0), right_end = ASIDE(columns - 1);
+    if (left_end > far || right_end < -far) return;
+    const float foot = -left_end;
+    const float low = fmin(end_of(left_end, near, depth), end_of(left_end, far, 0.0f));
+    const float high = fmax(end_of(right_end, near, depth), end_of(right_end, far, 0.0f));
+    const float start = floor(foot + low) - 1.0f;
+    if (start + (float)number > ceil(foot + high)) return;
+
+    const float steep = lights[3 * k + 2] / far;
+    float towards[LINES_PER_ITEM + 1], at[LINES_PER_ITEM + 1], least[LINES_PER_ITEM + 1];
+    for (int l = 0; l <= LINES_PER_ITEM; ++l) {
+        towards[l] = (start + (float)(number + l) - foot) / far;
+        least[l] = LEAST_OF_NONE;
     }
-}
+    for (int r = first; r < rows; ++r) {
+        const float d = fmax(AWAY(r), MIN_AWAY_PX), rest = (float)(rows - 1 - r);
+        const float level = steep * rest, scale = far / d;
+        const int row = ROW(r) * down;
+        for (int l = 0; l <= LINES_PER_ITEM; ++l)
+            at[l] = start + (float)(number + l) - towards[l] * rest;
 
-#define BLOCK_PX 16
-
-// The largest height of each block of pixels and of those that begin the next blocks, so that no
-// interpolated height in the block is larger.
-__kernel void block_tops(
-    __global const float *restrict height,
-    __global float *restrict tops,
-    const int H, const int W, const int rows, const int columns)
-{
-    GRID_2(row, column, rows, columns)
-    float found = -INFINITY;
-    for (int y = row * BLOCK_PX; y <= min((row + 1) * BLOCK_PX, H - 1); ++y)
-        for (int x = column * BLOCK_PX; x <= min((column + 1) * BLOCK_PX, W - 1); ++x)
-            found = fmax(found, height[y * W + x]);
-    tops[row * columns + column] = found;
-}
-
-// How far along a line a ray that begins at `at` and goes `u` per step stays in block `block`.
-static float way_out(const float at, const float u, const int block)
-{
-    if (u > 0.0f) return ((float)((block + 1) * BLOCK_PX) - at) / u;
-    return u < 0.0f ? ((float)(block * BLOCK_PX) - at) / u : INFINITY;
-}
-
-static float bilinear(
-    __global const float *plane, const int H, const int W, const float x, const float y)
-{
-    const int left = clamp((int)floor(x), 0, W - 1), upper = clamp((int)floor(y), 0, H - 1);
-    const int right = min(left + 1, W - 1), lower = min(upper + 1, H - 1);
-    const float u = clamp(x - (float)left, 0.0f, 1.0f), v = clamp(y - (float)upper, 0.0f, 1.0f);
-    const float above = plane[upper * W + left] * (1.0f - u) + plane[upper * W + right] * u;
-    const float below = plane[lower * W + left] * (1.0f - u) + plane[lower * W + right] * u;
-    return above * (1.0f - v) + below * v;
-}
-
-// Whether the surface rises above the ray from a pixel to an LED.  A ray that climbs passes over
-// blocks whose top is lower.
-static int is_blocked(
-    __global const float *height,
-    __global const float *tops,
-    __global const float *led,
-    const float top, const float pixel,
-    const int H, const int W, const int row, const int column)
-{
-    const float x = (float)column, y = (float)row, z = height[row * W + column];
-    const float dx = led[0] / pixel - (x - 0.5f * (W - 1));
-    const float dy = led[1] / pixel - (y - 0.5f * (H - 1));
-    const float plan = sqrt(dx * dx + dy * dy) + 1e-6f;
-    const float ux = dx / plan, uy = dy / plan, climb = (led[2] - z) / plan;
-    float ray = z;
-    for (float t = 0.5f; t < H + W && (ray < top || t == 0.5f);) {
-        const float px = x + ux * t, py = y + uy * t;
-        if (px < 0.0f || px > W - 1 || py < 0.0f || py > H - 1) return 0;
-        ray = z + climb * t;
-        const int across = (int)px / BLOCK_PX, along = (int)py / BLOCK_PX;
-        if (tops[along * ((W + BLOCK_PX - 1) / BLOCK_PX) + across] > ray) {
-            if (bilinear(height, H, W, px, py) > ray) return 1;
-        } else if (climb >= 0.0f) {
-            const float way = fmin(way_out(x, ux, across), way_out(y, uy, along));
-            t = fmax(t, 0.5f * floor(2.0f * way) - 0.5f);
+        const int from = (int)clamp(floor(at[0]), 0.0f, (float)columns);
+        const int to = (int)clamp(ceil(at[LINES_PER_ITEM]), -1.0f, (float)(columns - 1));
+        for (int c = from; c <= to; ++c) {
+            const float aside = ASIDE(c), place = (float)c + aside * (rest / d) - start;
+            const float whole = floor(place);
+            const int l = (int)whole - number;
+            if (l < 0 || l >= LINES_PER_ITEM || fabs(aside) > d || (turned && fabs(aside) == d)) continue;
+            const float own = (level - height[row + c * right]) * scale;
+            const float before = least[l] + (least[l + 1] - least[l]) * (place - whole);
+            dark[k * H * W + row + c * right] = before < own;
         }
-        t += 0.5f;
+        for (int l = 0; l <= LINES_PER_ITEM; ++l) {
+            const float x = clamp(at[l], 0.0f, (float)(columns - 1));
+            const int one = (int)x, other = min(one + 1, columns - 1);
+            const float z = height[row + one * right];
+            const float between = z + (height[row + other * right] - z) * (x - (float)one);
+            const float risen = (level - between) * scale;
+            least[l] = x == at[l] && risen < least[l] ? risen : least[l];
+        }
     }
-    return 0;
 }
 
 // The LEDs whose shadow the image shows at a pixel, or `reach` pixels away along one axis (1: x).
@@ -105,25 +98,16 @@ LANED __kernel void spread_labels(
 }
 
 // Labels: shadows that the height casts and the image shows near by.
-__kernel void cast(
-    __global const float *height,
-    __global const float *lights,
-    __global const uchar *near,
-    __global const float *top,
-    __global const float *tops,
-    __global uchar *out,
-    const int H, const int W, const int K,
-    const float pixel)
+LANED __kernel void join(
+    __global const uchar *restrict dark,
+    __global const uchar *restrict near,
+    __global uchar *restrict out,
+    const int H, const int W, const int K)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    for (int l = 0; l < count; ++l) {
-        const int asked = near ? near[y * W + x + l] : 255;
-        uchar labels = 0;
-        for (int k = 0; k < K; ++k) {
-            if (!(asked >> k & 1)) continue;
-            if (is_blocked(height, tops, lights + 3 * k, top[0], pixel, H, W, y, x + l))
-                labels |= 1 << k;
-        }
-        out[y * W + x + l] = labels;
-    }
+    ints labels = 0;
+    for (int k = 0; k < K; ++k)
+        labels |= load_bytes(dark + (k * H + y) * W + x, count) << k;
+    if (near) labels &= load_bytes(near + y * W + x, count);
+    store_bytes(labels, out + y * W + x, count);
 }

@@ -20,7 +20,6 @@ LANED __kernel void film_light(
     const float film_refraction, const float film_camera, const float film_emission,
     const float pixel,
     __global const uchar *restrict shadow,
-    __global const float *restrict bounced,
     __global float *restrict out,
     const int K, const int H, const int W)
 {
@@ -55,8 +54,7 @@ LANED __kernel void film_light(
             set_place(&known, &film, k, eye, &here, touched, shades + k);
             const floats diffused = touched * film_diffuse[k], left = diffused - known.wrap;
             const floats lit = diffused + predicted(&film, &known, &facing);
-            floats light = (dark >> k & 1) == 0 ? lit : left;
-            if (bounced) light += load_floats(bounced + k * size + at, count);
+            const floats light = (dark >> k & 1) == 0 ? lit : left;
             store_floats(light, out + k * size + at, count);
         }
     }

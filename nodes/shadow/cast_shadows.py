@@ -1,4 +1,12 @@
-"""Find the shadows that a height casts under each LED."""
+"""Find the shadows that a height casts under each LED.
+
+An LED at L, d rows away from a place P of height z, lights P where no place Q on the way rises
+above the ray: where (L_z - z) / d is nowhere less at Q.  So the least of it on a line away from the
+LED's foot, carried on row by row, tells all shadows on that line.  The lines meet the last row a
+pixel apart, and the least at a place between two lines is interpolated.  The plane is cut into four
+quarters around the LED's foot: down, up, right and left, so that a line goes on by a row, or a
+column, at a time.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +19,14 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Height, Labels, LightPositions, Mask, PixelSize
-from tactograph.nodes.optics.bilinear import bilinear
-from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes import F4, Height, Labels, LightPositions, PixelSize
 
-GROUP_ITEMS, BLOCK_PX = 64, 16
-RAY_STEP_PX = 0.5
-"""Along a ray, in px."""
-MIN_PLAN_PX = 1e-6
+LINES_PER_ITEM = 15
+"""Lines that a work-item follows; it also knows where the next one is."""
+QUARTER_COUNT = 4
+MIN_AWAY_PX = np.float32(1e-6)
+LEAST_OF_NONE = np.float32(1e30)
+"""More than any height makes."""
 
 
 @node(
@@ -33,7 +41,7 @@ def cast_shadows(
     *,
     reach_px: Annotated[int, Interval(ge=0, le=32)] = 3,
 ) -> Labels:
-    """March from every pixel towards every LED; test whether the surface rises above the ray.
+    """Return where the surface rises above the rays from the pixels to the LEDs.
 
     Labels from the image alone err where a shadow begins, because light is weak there.  The
     shadow that the height casts is sharper, if the height is right.  So both are combined: a
@@ -42,7 +50,7 @@ def cast_shadows(
     Parameters
     ----------
     height
-        H x W in mm.
+        H x W in mm; beyond the frame nothing casts a shadow.
     lights
         K x 3 in mm.
     pixel
@@ -59,65 +67,78 @@ def cast_shadows(
     """
     labels = np.zeros(height.shape, np.uint8)
     window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
-    for k, led in enumerate(lights):
-        asked: Mask = np.ones(height.shape, np.uint8)
+    y, x = (np.arange(n, dtype=np.float32) - np.float32(0.5) * (n - 1) for n in height.shape)
+    for k, (led_x, led_y, led_z) in enumerate(lights):
+        across, down = x - led_x / np.float32(pixel), y - led_y / np.float32(pixel)
+        dark = np.zeros(height.shape, bool)
+        _cast(height, dark, down, across, led_z)
+        _cast(height[::-1], dark[::-1], -down[::-1], across, led_z)
+        # Places on a diagonal belong to the quarters below and above.
+        _cast(height.T, dark.T, across, down, led_z, diagonal=False)
+        _cast(height.T[::-1], dark.T[::-1], -across[::-1], down, led_z, diagonal=False)
         if seen is not None:
-            asked = np.asarray(cv2.dilate(np.ascontiguousarray(seen >> k & 1), window), np.uint8)
-        labels |= _shadow(height, led / np.array([pixel, pixel, 1], np.float32), asked) << k
+            dark &= cv2.dilate(np.ascontiguousarray(seen >> k & 1), window) > 0
+        labels |= dark.astype(np.uint8) << k
     return labels
 
 
-def _shadow(height: F4, led: F4, asked: Mask) -> Mask:
-    """1 where the height keeps off the light of an LED (in px and mm); 0 where nobody asked."""
-    shadow = np.zeros(height.shape, np.uint8)
-    row, column = np.nonzero(asked)
+def _cast(
+    height: F4,
+    dark: NDArray[np.bool_],
+    away: F4,
+    aside: F4,
+    led_z: np.float32,
+    diagonal: bool = True,
+) -> None:
+    """Mark shadows in the quarter of rows ever further from an LED's foot.
 
-    def cast(part: slice) -> None:
-        here = row[part], column[part]
-        shadow[here] = _is_blocked(height, led, *here)
-
-    in_blocks(cast, row.size)
-    return shadow
-
-
-def _is_blocked(
-    height: F4, led: F4, row: NDArray[np.intp], column: NDArray[np.intp]
-) -> NDArray[np.bool_]:
-    """Return whether the surface rises above the rays from some pixels to an LED."""
-    rows, columns = height.shape
-    x, y, z = column.astype(np.float32), row.astype(np.float32), height[row, column]
-    dx = led[0] - (x - np.float32(0.5) * (columns - 1))
-    dy = led[1] - (y - np.float32(0.5) * (rows - 1))
-    plan = np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX
-    ux, uy, climb = dx / plan, dy / plan, (led[2] - z) / plan
-    blocked, going, top = np.zeros(row.size, bool), np.arange(row.size), height.max()
-    for t in np.arange(RAY_STEP_PX, rows + columns, RAY_STEP_PX, dtype=np.float32):
-        px, py, ray = (start[going] + t * by[going] for start, by in ((x, ux), (y, uy), (z, climb)))
-        inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
-        hit = inside & (bilinear(height, px, py) > ray)
-        blocked[going[hit]] = True
-        going = going[inside & ~hit & (ray < top)]
-        if not going.size:
-            break
-    return blocked
+    `away` and `aside` are the distances in px of rows and columns from the foot.
+    """
+    first = int(np.searchsorted(away, 0))
+    height, dark, away = height[first:], dark[first:], np.maximum(away[first:], MIN_AWAY_PX)
+    if not away.size:
+        return
+    rest = np.arange(away.size, dtype=np.float32)[::-1]
+    column = np.arange(aside.size, dtype=np.float32)
+    # Where the lines through the quarter's corners meet the last row.
+    near, far, foot = away[0], away[-1], -aside[0]
+    within = np.clip(np.repeat([aside[[0, -1]]], 2, axis=0), [[-near], [-far]], [[near], [far]])
+    ends = foot + within + within / [[near], [far]] * rest[[0, -1], None]
+    start = np.floor(ends.min()) - 1
+    line = np.arange(np.ceil(ends.max()) - start + 2, dtype=np.float32)
+    towards, steep = (start + line - foot) / far, led_z / far
+    least = np.full(line.size, LEAST_OF_NONE)
+    for z, shadow, d, left in zip(height, dark, away, rest, strict=True):
+        # (L_z - z) / d, less that of level film in the last row, which digits would be lost to.
+        own = (steep * left - z) * (far / d)
+        place = column + aside * (left / d) - start
+        here = np.abs(aside) <= d if diagonal else np.abs(aside) < d
+        shadow[here] = np.interp(place[here], line, least) < own[here]
+        at = start + line - towards * left
+        inside = (at >= 0) & (at <= column[-1])
+        risen = (steep * left - np.interp(at, column, z)) * (far / d)
+        np.minimum(least, risen.astype(np.float32), out=least, where=inside)
 
 
 @cast_shadows.opencl()
 def _launch(run: Launch) -> None:
-    """Find the highest point of the surface, where rays end, and of each block; cast the rays."""
-    height, out = run.inputs["height"], run.outputs["cast_shadows"]
-    rows, columns = shape = run.sizes["H"], run.sizes["W"]
-    top, blocks = run.scratch((1,)), (-(-rows // BLOCK_PX), -(-columns // BLOCK_PX))
-    tops, by_rows = run.scratch(blocks), run.in_row_lanes(*shape)
-    run.kernel("highest", (GROUP_ITEMS,), height, top, rows * columns, local=(GROUP_ITEMS,))
-    run.kernel("block_tops", blocks, height, tops, *shape, *blocks)
-    near, reach = run.inputs.get("seen"), int(run.settings["reach_px"])
+    """Follow the lines, each LED's in its own plane; put the planes together."""
+    inputs, sizes = run.inputs, [run.sizes[symbol] for symbol in "HWK"]
+    height, width, count = sizes
+    dark, by_rows = run.scratch((count, height, width), np.uint8), run.in_row_lanes(height, width)
+    # No quarter needs more lines; what starts beyond its last one returns.
+    blocks = -(-(height + width + max(height, width) + 4) // LINES_PER_ITEM)
+    work = count * QUARTER_COUNT * blocks
+    run.kernel(
+        "cast", (work,), inputs["height"], inputs["lights"], dark, *sizes, blocks,
+        float(inputs["pixel"]), local=(run.group,),
+    )  # fmt: skip
+    near, reach = inputs.get("seen"), int(run.settings["reach_px"])
     if near is not None:
         for axis in (1, 0):
-            seen, near = near, run.scratch(shape, np.uint8)
-            run.kernel("spread_labels", by_rows, seen, near, *shape, reach, axis)
-    lights, pixel = run.inputs["lights"], float(run.inputs["pixel"])
-    run.kernel("cast", by_rows, height, lights, near, top, tops, out, *shape, run.sizes["K"], pixel)
+            seen, near = near, run.scratch((height, width), np.uint8)
+            run.kernel("spread_labels", by_rows, seen, near, height, width, reach, axis)
+    run.kernel("join", by_rows, dark, near, run.outputs["cast_shadows"], *sizes)
 
 
 @cast_shadows.example

@@ -26,7 +26,6 @@ def film_light(
     film: Film,
     pixel: PixelSize,
     shadow: Labels | None = None,
-    bounced: Light | None = None,
 ) -> Light:
     """Return the light of a film relative to the film at rest (equation F1).
 
@@ -45,8 +44,6 @@ def film_light(
         mm per px.
     shadow
         H x W, the LEDs that something keeps off, as `cast_shadows` gives them.
-    bounced
-        K x H x W, the light from other places of the film, as `film_bounce` gives it.
 
     Returns
     -------
@@ -73,8 +70,7 @@ def film_light(
             made[:, part] = np.where(dark > 0, left, made[:, part])
 
     in_blocks(light, height.size)
-    shown = made.reshape(-1, rows, columns)
-    return shown if bounced is None else shown + bounced
+    return made.reshape(-1, rows, columns)
 
 
 @film_light.opencl()
@@ -86,7 +82,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "film_light", (height * -(-width // stretch),),
         inputs["slope"], inputs["height"], *film, inputs["pixel"],
-        inputs.get("shadow"), inputs.get("bounced"), run.outputs["film_light"],
+        inputs.get("shadow"), run.outputs["film_light"],
         count, height, width,
         local=(run.group,),
     )  # fmt: skip

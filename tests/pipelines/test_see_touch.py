@@ -41,18 +41,18 @@ def test_an_independent_renderer_sees_the_same(
 def test_the_height_comes_back_within_its_stated_error(
     rig: str, raytraced: Raytraced, calibration: Calibration
 ) -> None:
-    """Arrays alone: a press and the film at rest, as one batch."""
+    """Arrays alone: a press, twice with other noise, and the film at rest, as one batch."""
     truth = np.load(raytraced / rig / "cat_film" / "truth_height_mm.npy")
-    heights = np.stack([truth, 0 * truth])
+    heights = np.stack([truth, truth, 0 * truth])
     images = load("see_touch", calibration=calibration(rig))(height=heights)["image"]
-    assert images.shape == (2, 4, *truth.shape)
+    assert images.shape == (3, 4, *truth.shape)
     back = load("precise", calibration=calibration(rig))(frames=images)
     off = np.abs(back["height"] - heights)
     assert np.sqrt(np.mean(off[0] ** 2)) < 0.15 * RIG_PIXEL_MM[rig]
     band = BAND_DEVIATIONS * back["error"]
     touched = truth > 0.02
-    assert np.mean(off[0][touched] <= band[0][touched]) > 0.9
-    assert off[1].max() < 1e-3
+    assert np.mean((off <= band)[:2, touched]) > 0.88
+    assert off[2].max() < 1e-3
 
 
 def test_a_seed_gives_the_same_noise_from_a_start_and_another_in_every_image(
