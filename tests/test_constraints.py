@@ -9,12 +9,16 @@ from packaging.utils import canonicalize_name
 from tests.conftest import ROOT
 
 
+UNTESTED = {"cpu", "lerobot"}
+"""Extras that 'make test-all' does not install."""
+
+
 def test_every_requirement_has_a_version_within_its_bounds() -> None:
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     versions = {canonicalize_name(name): v for name, _, v in (x.partition("==") for x in lines)}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    tested = [word for name, words in extras.items() if name != "cpu" for word in words]
+    tested = [word for name, words in extras.items() if name not in UNTESTED for word in words]
     for each in map(Requirement, [*project["dependencies"], *tested]):
         # An extra of extras; and pip does not list setuptools before Python 3.12.
         if each.name not in ("tactograph", "setuptools"):
