@@ -8,7 +8,6 @@ from packaging.utils import canonicalize_name
 
 from tests.conftest import ROOT
 
-
 UNTESTED = {"cpu", "lerobot"}
 """Extras that 'make test-all' does not install."""
 
