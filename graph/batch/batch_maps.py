@@ -33,6 +33,8 @@ class BatchMaps:
         The names of the maps.
     captures
         The place of each capture.
+    pixel
+        The pixel size in mm; None if the graph puts out none.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class BatchMaps:
                 raise InputError(f"{place}: there is no map '{name}'{has}")
         self.names = names or tuple(store.job.maps)
         self._numbers = np.flatnonzero(store.statuses == DONE)
+        self.pixel = next((kind.pixel for kind in store.map_types().values()), None)
         places = store.captures
         self.captures = [places[number] for number in self._numbers]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import zarr
@@ -82,3 +83,13 @@ def add_places(group: zarr.Group, axis: str, size: int, pixel: float) -> None:
         },
     )
     array[:] = pixel * np.arange(0.5 - size / 2, size / 2)
+
+
+def pixel_of(group: zarr.Group) -> float | None:
+    """The pixel size in mm that `add_places` told a store; None if it was not called."""
+    axis = AXIS_NAMES["W"]
+    if axis not in group:
+        return None
+    held: Any = group[axis]
+    places = np.asarray(held[:2], np.float64)
+    return float(places[1] - places[0]) if len(places) == 2 else None

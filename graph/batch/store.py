@@ -34,6 +34,7 @@ from tactograph.graph.batch.map_types import (
     add_places,
     axes_of,
     captures_in_one,
+    pixel_of,
 )
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
@@ -189,12 +190,12 @@ class Store:
 
     def map_types(self) -> dict[str, MapType]:
         """The types of the maps in the store."""
-        types = {}
+        types, pixel = {}, pixel_of(self._group)
         for name in self.job.maps:
             array = self._reaching(name, 0)
             dims: Any = array.attrs["dims"]
             unit = str(array.attrs["unit"])
-            types[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims))
+            types[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims), pixel)
         return types
 
     def append(self, captures: Sequence[str]) -> None:

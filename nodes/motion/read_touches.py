@@ -1,26 +1,30 @@
-"""Read the height maps of many touches: the results of a stream."""
+"""Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, PixelSize
-from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
+from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.image_files import check_heights, read_heights
+from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.files.result_file import RESULT_FILE, refuse_changed
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
+HEIGHT_TOPIC, MM_PER_METRE = "/height", np.float32(1000)
 
 
 class Touches(NamedTuple):
-    """Heights and their standard deviations, NaN where none is stated, and the folders' names."""
+    """Heights and their standard deviations, NaN where none is stated, and their names."""
 
     heights: TouchHeights
     errors: TouchHeights
@@ -29,31 +33,59 @@ class Touches(NamedTuple):
 
 
 @node
-def read_touches(*, folder: Path) -> Touches:
-    """Read every result below `folder`: ``height.npy``, and ``error.npy`` where there is one.
+def read_touches(
+    *,
+    folder: Path,
+    most: Annotated[int, Interval(ge=2, le=MAX_TOUCHES)] = 60,
+    pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+) -> Touches:
+    """Read heights, and their errors where they are stated.
+
+    Of more than `most` touches, as a stream has, so many are taken, evenly spread.
 
     Parameters
     ----------
     folder
-        Holds one folder per result, as `write_result` leaves them.
+        Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
+        holds ``.mcap`` files with heights, as `write_mcap` writes them, which state no pixel size.
+    most
+        Number of touches.
+    pixel_size_mm
+        For ``.mcap`` files, and stores of graphs that put out no pixel size.
 
     Raises
     ------
     InputError
-        If there are not 2 to 255 results, or they differ in size or pixel size.
+        If there are less than 2 touches, they differ in size or pixel size, or state none.
     """
     if (folder / RESULT_FILE).is_file():
         raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
-    results = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
-    if not 2 <= len(results) <= MAX_TOUCHES:
-        raise InputError(
-            f"{folder}: holds {len(results)} results, and 2 to {MAX_TOUCHES} are needed; give a "
-            "folder that 'tactograph run reconstruct' wrote for a stream"
-        )
+    read: Callable[..., Touches] = _read_results
+    if (folder / "zarr.json").is_file():
+        read = _read_store
+    elif folder.suffix == ".mcap" or any(folder.glob("*.mcap")):
+        read = _read_recording
+    touches = read(folder, most, pixel_size_mm)
+    for name, height in zip(touches.names, touches.heights, strict=True):
+        check_heights(height, folder / name, unknown=True)
+    return touches
+
+
+def _spread(found: Sequence[str], most: int, folder: Path, advice: str) -> list[int]:
+    """Which of the touches are taken."""
+    if len(found) < 2:
+        raise InputError(f"{folder}: holds {len(found)} results, and 2 are needed; {advice}")
+    return sorted({*np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(int)})
+
+
+def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
+    every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
+    advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
+    results = [every[n] for n in _spread([each.name for each in every], most, folder, advice)]
     heights = [_read(result / "height.npy") for result in results]
-    pixels = [read_pixel_size(height=result / "height.npy") for result in results]
-    for result, height, pixel in zip(results, heights, pixels, strict=True):
-        if height.shape != heights[0].shape or abs(pixel / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
+    pixels = [read_pixel_size(height=result / "height.npy", mm=pixel) for result in results]
+    for result, height, size in zip(results, heights, pixels, strict=True):
+        if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
     errors = [
         _read(result / "error.npy") if (result / "error.npy").exists() else np.full_like(h, np.nan)
@@ -67,6 +99,45 @@ def _read(file: Path) -> F4:
     if not file.is_file():
         raise InputError(f"{file}: there is no such file")
     refuse_changed(file)
-    plane = read_heights(file)
-    check_heights(plane, file, unknown=True)
-    return plane
+    return read_heights(file)
+
+
+def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
+    from tactograph.graph import BatchMaps  # stores need the extra `batch`
+
+    maps = BatchMaps(folder)
+    pixel = pixel or maps.pixel
+    if "height" not in maps.names or pixel is None:
+        lacks = "a pixel size: give pixel_size_mm=" if "height" in maps.names else "heights"
+        raise InputError(f"{folder}: this store lacks {lacks}")
+    numbers = _spread(maps.captures, most, folder, "run the batch over more captures")
+    touches = [maps[number] for number in numbers]
+    heights = np.stack([touch["height"] for touch in touches]).astype(np.float32)
+    unknown = np.full(heights.shape[1:], np.nan, np.float32)
+    errors = np.stack([touch.get("error", unknown) for touch in touches]).astype(np.float32)
+    return Touches(heights, errors, pixel, [Path(maps.captures[n]).name for n in numbers])
+
+
+def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
+    files = sorted(folder.glob("*.mcap")) if folder.is_dir() else [folder]
+    heights, topics = [], set[str]()
+    for file in map(McapFile, files):
+        for message in file.messages():
+            if message.topic == HEIGHT_TOPIC:
+                image = message.body
+                plane = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
+                heights.append(MM_PER_METRE * plane)
+        topics |= file.topics
+    if any(topic.endswith("image_raw") for topic in topics) and not heights:
+        raise InputError(
+            f"{folder}: holds frames, not heights; make them with 'tactograph run replay "
+            f"recording={folder} calibration=... out=results' and give over=results"
+        )
+    if pixel is None:
+        raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
+    names = [f"{number:05d}" for number in range(len(heights))]
+    taken = _spread(names, most, folder, "no topic /height holds more")
+    if len({heights[n].shape for n in taken}) > 1:
+        raise InputError(f"{folder}: its heights differ in size")
+    chosen = np.stack([heights[n] for n in taken])
+    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [names[n] for n in taken])

@@ -6,13 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
+from tactograph.graph import InputError, Provenance, Session
+from tactograph.graph.batch.entry import DONE, Entry
+from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.map_types import MapType
+from tactograph.graph.batch.store import create_store
+from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.motion.read_touches import read_touches
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
+from tactograph.nodes.recording.write_mcap import write_mcap
+from tactograph.nodes.stream.touch import Touch
 from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
@@ -139,11 +146,33 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     assert {"error.npy", "height.ply", "source.png", "seams.png"} <= {*about["files"]}
 
 
-def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds 0 results, and 2 to 255 are needed"):
-        read_touches(folder=tmp_path)
-    (tmp_path / "result.json").write_text("{}")
-    with pytest.raises(InputError, match="is one result; give the folder"):
+def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    job = Job("", "", "", {}, {}, "capture", ("height", "error"))
+    store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
+    store.append(["touches/one", "touches/two"])
+    kind = MapType(touches[0].shape[1:], "float32", "mm", ("H", "W"), PIXEL)
+    store.add_maps({"height": kind, "error": kind})
+    for number in range(2):
+        maps = {"height": touches[0][number], "error": touches[1][number]}
+        store.write({number: Entry(DONE, maps=maps)})
+    found = read_touches(folder=tmp_path / "out.zarr")
+    assert found.names == ["one", "two"]
+    assert found.pixel == pytest.approx(PIXEL)
+    np.testing.assert_array_equal(found.heights, touches[0][:2])
+    np.testing.assert_array_equal(found.errors, touches[1][:2])
+
+
+def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
+    for height in touches[0]:
+        touch = Touch(height, np.zeros((1, *height.shape), np.float32), PIXEL)
+        write_mcap(touch, folder=tmp_path, wait=True, provenance=made_by, session=session)
+    session.close()
+    found = read_touches(folder=tmp_path, most=3, pixel_size_mm=PIXEL)
+    assert found.names == ["00000", "00004", "00008"]
+    np.testing.assert_allclose(found.heights, touches[0][::4], atol=1e-6)
+    assert np.isnan(found.errors).all()
+    with pytest.raises(InputError, match="states no pixel size"):
         read_touches(folder=tmp_path)
 
 
