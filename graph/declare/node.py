@@ -116,6 +116,7 @@ class Node:
     whole: str | None = None
     calls: Mapping[str, Node] = field(default_factory=dict)
     endless: bool = False
+    ahead: bool = False
     former: Mapping[str, str] = field(default_factory=dict)
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
@@ -374,6 +375,10 @@ class Node:
     def handed_on(self, output: str) -> str:
         """The input that an idle node returns as this output."""
         return self.neutral if isinstance(self.neutral, str) else output
+
+    def reads_ahead(self) -> None:
+        """Let a thread read the next item, in memory of its own, while the last one is in use."""
+        self.ahead = True
 
     def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Register a function that makes a dummy item for a source that cannot wait.

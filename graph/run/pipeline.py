@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,8 @@ from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result, joined
-from tactograph.graph.run.source_stream import SourceStream
-from tactograph.graph.run.stand_ins import StandIns
+from tactograph.graph.run.source_stream import SourceStream, in_thread
+from tactograph.graph.run.stand_ins import HandedIn, StandIns
 from tactograph.graph.run.trace import Trace
 from tactograph.graph.show.draw_folded import to_folded_svg
 
@@ -82,26 +82,38 @@ class Pipeline:
         Raises
         ------
         InputError
-            If a source that the pipeline was planned without is missing, an array does not fit
-            its source, sizes clash, the pipeline was closed, or another thread is using it.
+            If a source is missing, an array does not fit its source, sizes clash, the pipeline was
+            closed, or another thread is using it.
         """
+        self._refuse_own_stream()
+        return self._call(self._stand_ins.check(stand_ins))
+
+    def stream(self, items: Iterable[Any]) -> Iterator[Result]:
+        """Run what an iterable yields, item by item and in order, as calls would.
+
+        A thread reads the next item while the last one is computed; its errors wait their turn.
+
+        Parameters
+        ----------
+        items
+            Yields arrays, which it may refill, or mappings of arrays where several sources wait.
+        """
+        self._refuse_own_stream()
+        for handed_in in in_thread(map(self._stand_ins.owned, items)):
+            yield self._call(handed_in)
+
+    def _call(self, handed_in: HandedIn) -> Result:
+        with self._turn:
+            self._items.prepare()
+            results = [*map(self._on_arrays, handed_in.items, repeat(handed_in.told))]
+            return joined(results) if handed_in.batch else results[0]
+
+    def _refuse_own_stream(self) -> None:
         if self._source is not None:
             raise InputError(
                 f"{self.plan.graph.name}: '{self._source.id}' yields a stream of its own; "
                 "go through items()"
             )
-        with self._turn:
-            told: list[str] = []
-            with collect_warnings(told):
-                handed_in = self._stand_ins.check(stand_ins)
-            self._items.prepare()
-            results: list[Result] = []
-            for arrays in handed_in.items:
-                try:
-                    results.append(self._on_arrays(arrays, told))
-                finally:
-                    raise_warnings(self._runner.notes, self._raised)
-            return joined(results) if handed_in.batch else results[0]
 
     def _on_arrays(self, arrays: Mapping[str, NDArray[Any]], told: list[str]) -> Result:
         if self._items.keeps:  # what is kept must not change with the caller's arrays
@@ -110,7 +122,10 @@ class Pipeline:
         self._runner.notes += told
         told.clear()
         self._has_run = False
-        result = self._items.item(self._stand_ins.item(arrays))
+        try:
+            result = self._items.item(self._stand_ins.item(arrays))
+        finally:
+            raise_warnings(self._runner.notes, self._raised)
         # An array that a node passed on is still the caller's own memory.
         for name, value in result.outputs.items():
             if isinstance(value, np.ndarray) and shares(value, arrays.values()):
@@ -171,7 +186,7 @@ class Pipeline:
         keywords = {**source.settings, **self._runner.host.told(source)}
         self._items.ended = False
         with collect_warnings(self._runner.notes):
-            stream = self._stream = begun or SourceStream(source, keywords)
+            stream = self._stream = begun or SourceStream(source, keywords, ahead=repeats == 1)
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
@@ -180,9 +195,9 @@ class Pipeline:
                 if item is None:
                     self.closing_warnings += self._items.new_warnings
                     return
-                self._runner.times[source.id] = stream.milliseconds
+                spent = self._runner.times[source.id] = 1e3 * (stream.end - stream.start)
                 if self._runner.trace is not None:
-                    self._runner.trace.on_host(source.id, time.perf_counter(), stream.milliseconds)
+                    self._runner.trace.on_host(source.id, stream.end, spent, stream.thread)
                 self._has_run = False
                 try:
                     result = self._items.item({source.id: item}, repeats)

@@ -9,9 +9,12 @@ from collections.abc import Iterable
 NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
 """The numbers that differ between warnings of one kind; that of an LED tells kinds apart."""
 
+CALLER_LEVEL = 5
+"""Frames from here to the line that calls a pipeline, or goes through its stream."""
+
 
 def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
-    """Raise each kind of warning that is not in `raised`, at the caller's caller.
+    """Raise each kind of warning that is not in `raised`, at the line that uses the pipeline.
 
     Figures do not count: over a camera's frames they differ from frame to frame.
     """
@@ -19,4 +22,4 @@ def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
         kind = NUMBER_PATTERN.sub("", line)
         if kind not in raised:
             raised.add(kind)
-            warnings.warn(line, stacklevel=3)
+            warnings.warn(line, stacklevel=CALLER_LEVEL)

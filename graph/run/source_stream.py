@@ -1,31 +1,51 @@
-"""The items of a source node, the first of which may be read ahead."""
+"""The items of a source node, or of a caller's stream, which a thread may read ahead."""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, partial
+from queue import SimpleQueue
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.run.node_errors import Blaming
 
+Item = TypeVar("Item")
+_NO_ITEM: Any = object()
+
+
+class _Read(NamedTuple):
+    """An item, None after the last; its warnings; when it was read, and by whom; its error."""
+
+    item: Any
+    notes: list[str]
+    start: float
+    end: float
+    thread: str
+    error: Exception | None = None
+
 
 class SourceStream:
     """The stream of a source node, begun with settings of its own.
 
+    Where the node reads `ahead`, a thread reads the next item while the last one is in use.
+
     Attributes
     ----------
-    milliseconds
-        Time that the last item took.
+    start, end
+        Times of `time.perf_counter` at which the last item's reading began and ended.
+    thread
+        Name of the thread that read it.
     """
 
-    def __init__(self, source: Task, keywords: Mapping[str, Any]) -> None:
+    def __init__(self, source: Task, keywords: Mapping[str, Any], *, ahead: bool = True) -> None:
         self._source = source
-        self._notes: list[str] = []
-        self._error: Exception | None = None
-        self._ahead: list[tuple[Any, float]] = []
-        self.milliseconds = 0.0
+        self._ahead: list[_Read] = []
+        self._in_thread = ahead and source.node.ahead
+        self.start, self.end, self.thread = 0.0, 0.0, ""
         with Blaming(source):
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
@@ -36,12 +56,11 @@ class SourceStream:
         -------
         The number of items, `count` at most.
         """
-        try:
-            with collect_warnings(self._notes):
-                self._ahead += ((self._read(), self.milliseconds) for _ in range(count))
-        except Exception as error:
-            self._error = error
-        return sum(item is not None for item, _ in self._ahead)
+        for _ in range(count):
+            self._ahead.append(self._read())
+            if self._ahead[-1].item is None:
+                break
+        return sum(read.item is not None for read in self._ahead)
 
     def next(self) -> Any:
         """The next item, None after the last.
@@ -51,27 +70,89 @@ class SourceStream:
         TactographError
             If it cannot be read.
         """
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
-        for note in self._notes:
+        if self._ahead:
+            read = self._ahead.pop(0)
+        else:
+            read = self._reader.next() if self._in_thread else self._read()
+        for note in read.notes:
             warn(note)
-        self._notes = []
-        if not self._ahead:
-            return self._read()
-        item, self.milliseconds = self._ahead.pop(0)
-        return item
+        self.start, self.end, self.thread = read.start, read.end, read.thread
+        if read.error is not None:
+            raise read.error
+        return read.item
 
     def close(self) -> None:
         """End the stream before its end."""
+        if "_reader" in self.__dict__:
+            self._reader.close(wait=True)
         close = getattr(self._iterator, "close", None)
         if close is not None:
             with Blaming(self._source):
                 close()
 
-    def _read(self) -> Any:
-        start = time.perf_counter()
-        with Blaming(self._source):
-            item = next(self._iterator, None)
-        self.milliseconds = 1e3 * (time.perf_counter() - start)
-        return item
+    @cached_property
+    def _reader(self) -> ReadAhead[_Read]:
+        return ReadAhead(self._read)
+
+    def _read(self) -> _Read:
+        notes: list[str] = []
+        item, error, start = None, None, time.perf_counter()
+        with collect_warnings(notes):
+            try:
+                with Blaming(self._source):
+                    item = next(self._iterator, None)
+            except Exception as raised:
+                error = raised
+        end, thread = time.perf_counter(), threading.current_thread().name
+        return _Read(item, notes, start, end, thread, error)
+
+
+class ReadAhead(Generic[Item]):
+    """Calls `read` in a thread of its own while what it returned before is in use.
+
+    The first call begins at once, each later one when the item before it is taken: one item waits
+    at most, so it is as old as the one before it took to be used.
+    """
+
+    def __init__(self, read: Callable[[], Item]) -> None:
+        self._read = read
+        self._wanted: SimpleQueue[bool] = SimpleQueue()
+        self._made: SimpleQueue[Item | BaseException] = SimpleQueue()
+        # A source that never returns must not keep the process from ending.
+        self._thread = threading.Thread(target=self._work, name="read", daemon=True)
+        self._wanted.put(True)
+        self._thread.start()
+
+    def next(self) -> Item:
+        """The next item; the one after it is read from now on.
+
+        What `read` raises is raised here, in its item's place.
+        """
+        made = self._made.get()
+        self._wanted.put(True)
+        if isinstance(made, BaseException):
+            raise made
+        return made
+
+    def close(self, *, wait: bool) -> None:
+        """End the thread; with `wait`, return once it has read the item that it is at."""
+        self._wanted.put(False)
+        if wait:
+            self._thread.join()
+
+    def _work(self) -> None:
+        while self._wanted.get():
+            try:
+                self._made.put(self._read())
+            except BaseException as error:
+                self._made.put(error)
+
+
+def in_thread(items: Iterator[Item]) -> Iterator[Item]:
+    """Yield items, each read in a thread while the one before it is in use."""
+    reader = ReadAhead(partial(next, items, _NO_ITEM))
+    try:
+        while (item := reader.next()) is not _NO_ITEM:
+            yield item
+    finally:
+        reader.close(wait=False)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.errors import InputError, message_of
+from tactograph.graph.errors import InputError, collect_warnings, message_of
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.ownership import own
 from tactograph.graph.run.whole_images import as_fractions
 
 MAX_LIGHTS = 32
@@ -18,10 +19,14 @@ MAX_LIGHTS = 32
 
 
 class HandedIn(NamedTuple):
-    """The arrays by source node, of one item after the other; `batch`: the caller's had a B."""
+    """The arrays by source node, of one item after the other.
+
+    `batch` says whether the caller's had a B; `told` holds what their checks warn of.
+    """
 
     items: list[dict[str, NDArray[Any]]]
     batch: bool
+    told: list[str]
 
 
 class StandIns:
@@ -50,14 +55,23 @@ class StandIns:
                 f"{self._plan.graph.name}: arrays are needed for {self.names}, "
                 f"and were given for {sorted(arrays)}"
             )
-        checked = {name: self._checked(name, array) for name, array in arrays.items()}
+        told: list[str] = []
+        with collect_warnings(told):
+            checked = {name: self._checked(name, array) for name, array in arrays.items()}
         lengths = {name: len(items) if batch else 0 for name, (items, batch) in checked.items()}
         if len({*lengths.values()}) > 1:
-            told = ", ".join(f"{name}: {length or 'none'}" for name, length in lengths.items())
-            raise InputError(f"the arrays of a call are batches of one size, or none is ({told})")
+            sizes = ", ".join(f"{name}: {length or 'none'}" for name, length in lengths.items())
+            raise InputError(f"the arrays of a call are batches of one size, or none is ({sizes})")
         columns = zip(*(items for items, _ in checked.values()), strict=True)
         items = [dict(zip(checked, column, strict=True)) for column in columns]
-        return HandedIn(items or [{}], any(lengths.values()))
+        return HandedIn(items or [{}], any(lengths.values()), told)
+
+    def owned(self, item: Any) -> HandedIn:
+        """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
+        arrays = item if isinstance(item, Mapping) else dict.fromkeys(self._waiting, item)
+        handed_in = self.check(arrays)
+        copies = [{name: own(array) for name, array in each.items()} for each in handed_in.items]
+        return handed_in._replace(items=copies)
 
     def _checked(self, name: str, array: Any) -> tuple[list[NDArray[Any]], bool]:
         """One item, or those of a batch: images of 8 or 16 bits as they are, all else converted."""

@@ -17,18 +17,21 @@ _LANE_NUMBERS = {"device": 1, "transfers": 2}
 
 
 class Trace:
-    """Spans of time, each in the lane of a host thread, of the device or of its transfers."""
+    """Spans of time, each in the lane of a host thread, of the device or of its transfers.
+
+    `lanes` numbers them by name.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._events: list[dict[str, Any]] = []
-        self._lanes = dict(_LANE_NUMBERS)
+        self.lanes = dict(_LANE_NUMBERS)
         self._steps = {step.name: step for step in plan.steps}
 
-    def on_host(self, name: str, end: float, milliseconds: float) -> None:
-        """A span of the calling thread; `end` is a time of `time.perf_counter`."""
-        lane = f"host, {threading.current_thread().name}"
-        self._lanes.setdefault(lane, len(self._lanes) + 1)
+    def on_host(self, name: str, end: float, milliseconds: float, thread: str = "") -> None:
+        """A span of a thread, else of the calling one; `end` is a time of `time.perf_counter`."""
+        lane = f"host, {thread or threading.current_thread().name}"
+        self.lanes.setdefault(lane, len(self.lanes) + 1)
         self._add(name, lane, end - 1e-3 * milliseconds, end)
 
     def on_device(self, name: str, start: float, end: float) -> None:
@@ -46,7 +49,7 @@ class Trace:
         """
         named = [
             {"ph": "M", "pid": 1, "tid": number, "name": "thread_name", "args": {"name": lane}}
-            for lane, number in self._lanes.items()
+            for lane, number in self.lanes.items()
         ]
         first = min((event["ts"] for event in self._events), default=0.0)
         events = [{**event, "ts": round(event["ts"] - first, 3)} for event in self._events]
@@ -65,7 +68,7 @@ class Trace:
             {
                 "ph": "X",
                 "pid": 1,
-                "tid": self._lanes[lane],
+                "tid": self.lanes[lane],
                 "name": name,
                 "cat": self._what(self._steps.get(name)),
                 "ts": 1e6 * start,

@@ -179,6 +179,7 @@ def read_capture(
 
 
 read_capture.handed_in(check_handed_in)
+read_capture.reads_ahead()
 
 
 def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArray[Any]:

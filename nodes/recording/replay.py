@@ -97,6 +97,7 @@ def replay(
 
 
 replay.handed_in(check_handed_in)
+replay.reads_ahead()
 
 
 def _paced(
