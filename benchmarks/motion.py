@@ -1,0 +1,183 @@
+"""What `docs/motion.md` and `docs/force.md` state of simulated touches, and the time of a frame.
+
+    python benchmarks/motion.py                  # half a minute to some minutes
+    python benchmarks/motion.py --only times
+
+Objects, noise and truths are those of the tests.  Times are of the processor, medians of 30 frames
+of 320 x 240 pixels; those of `track_pose` also with its normal equations on a device.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.graph.backends.device_call import DeviceCall
+from tactograph.graph.backends.opencl import open_device
+from tactograph.nodes.force.drag_to_shear import drag_to_shear
+from tactograph.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.nodes.motion.find_slip import find_slip
+from tactograph.nodes.motion.follow_contacts import follow_contacts
+from tactograph.nodes.motion.motion_equations import motion_equations
+from tactograph.nodes.motion.stitch import stitch
+from tactograph.nodes.motion.track_pose import track_pose
+from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.nodes.force.test_drag_to_shear import Press, deviations, values
+from tests.nodes.motion import moved_objects, test_find_slip, test_stitch
+from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
+from tests.nodes.motion.test_track_pose import astray, way
+
+Row = tuple[str, str]
+FRAMES = 30
+SIZE, PIXEL = (240, 320), 0.05
+
+
+def poses() -> Iterator[Row]:
+    """A textured dome by steps, and a plate larger than the film."""
+    steps = np.array([0.12, -0.08, 0.02, 0.2, -0.3, 1.1]), np.array([0.6, 0.3, 0, 0, 0, 0.6])
+    for name, shape, step, count in (("dome", coin, steps[0], 8), ("plate", plate, steps[1], 24)):
+        rng, state = np.random.default_rng(3), (None, None)
+        stated = np.full((2, *moved_objects.SHAPE), SIGMA**2, np.float32)
+        off = []
+        motions, surfaces = way(shape, step, count)
+        for motion, surface in zip(motions, surfaces, strict=True):
+            found = track_pose(*seen(surface, rng), moved_objects.PIXEL, stated, *state)
+            state = found[2:4]
+            off.append(astray(found, motion))
+        errors = np.abs(np.diff(off, axis=0)).max(axis=0)
+        yield (
+            f"pose, {name}: largest error of a step",
+            f"{1e3 * errors[:3].max():.1f} um, {errors[3:].max():.3f} degrees",
+        )
+        drift, length = np.hypot(*off[-1][:2]), np.hypot(*motions[-1][:2, 3])
+        yield (
+            f"pose, {name}: drift of the way",
+            f"{1e3 * drift:.1f} um of {length:.1f} mm ({100 * drift / length:.2f} %)",
+        )
+
+
+def slips() -> Iterator[Row]:
+    """A dome that is dragged while a front runs inwards."""
+    step = test_find_slip.STEP_MM
+    fronts = [*[9.0] * 8, *np.linspace(3, 0, 12), *[0.0] * 6]
+    path = [(moved(step * n - 0.5, 0, 0, 0, 0, 0.3 * n), front) for n, front in enumerate(fronts)]
+    film, state, true = test_find_slip.Film(coin), [], []
+    follow = test_find_slip.follow(film, path, fitted=True)
+    for slip, (motion, front) in zip(follow, path, strict=True):
+        state.append(slip.figures.get("contact_slip/c1", 0.0))
+        away = np.hypot(*(film.at - motion[:2, 3]).T)
+        true.append(float(np.mean(away[away < 2.8] > front)))
+    for level, least, name in ((1, 0.1, "partial"), (2, 0.9, "whole")):
+        late = (
+            np.flatnonzero(np.array(state) >= level)[0] - np.flatnonzero(np.array(true) > least)[0]
+        )
+        yield f"slip: onset of {name} slip", f"{late:+d} frames"
+
+
+def surfaces() -> Iterator[Row]:
+    """Nine touches of a plate of 31 x 24 mm."""
+    rng = np.random.default_rng(6)
+    true = np.array([pressed(plate, motion) for motion in test_stitch.motions()])
+    heights = np.array([seen(z, rng)[0] for z in true])
+    single = float(np.sqrt(np.square(heights - true).mean()))
+    errors = np.full_like(heights, single)
+    whole = stitch(heights, errors, moved_objects.PIXEL, test_stitch.NAMES)
+    apart = test_stitch.departure(whole)
+    known = np.isfinite(apart)
+    together = float(np.sqrt(np.square(apart[known]).mean()))
+    inside = np.mean(np.abs(apart[known]) < 1.645 * whole.error[known])
+    yield (
+        "surface of nine touches: RMSE",
+        f"{1e3 * together:.2f} um ({together / single:.2f} of a touch's)",
+    )
+    yield "surface of nine touches: in the 90 % band", f"{100 * inside:.0f} %"
+
+
+def forces() -> Iterator[Row]:
+    """200 presses that drag and turn."""
+    rng, inside, off = np.random.default_rng(5), [], []
+    for _ in range(200):
+        gel = rng.uniform(1.5, 4), rng.uniform(0.4, 0.5)
+        press = Press(gel, rng.uniform(1.2, 2.5), rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.9))
+        found = press.found(press.markers(rng, rng.uniform(0.8, 1.5), 0.05))
+        apart = values(found) - press.truth
+        inside.append(np.abs(apart) < 1.645 * deviations(found))
+        off.append(np.hypot(*apart[:2]) / np.hypot(*press.truth[:2]))
+    shares = " ".join(f"{100 * share:.0f}" for share in np.mean(inside, axis=0))
+    yield "shear x, y, torque: in the 90 % band", f"{shares} %"
+    yield "shear: median error", f"{100 * np.median(off):.1f} %"
+
+
+def times() -> Iterator[Row]:
+    """Nodes at 320 x 240, on contacts of 18,000 pixels and on the whole frame."""
+    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
+    device, _ = open_device()
+    stated = np.full((2, *SIZE), SIGMA**2, np.float32)
+    for shape in (plate, coin):
+        rng = np.random.default_rng(3)
+        motions = moved(0, 0, 0, 0, 0, 0), moved(0.1, -0.06, 0.02, 0.2, -0.3, 1.1)
+        first, second = (seen(pressed(shape, motion), rng) for motion in motions)
+        key = track_pose(*first, PIXEL, stated)[2:4]
+        touched = f"{second[1].sum():,} px"
+        yield (
+            f"track_pose, {touched}, numpy",
+            milliseconds(track_pose, *second, PIXEL, stated, *key),
+        )
+        if device is not None:
+            there = partial(track_pose, equations=DeviceCall(motion_equations, device))
+            took = milliseconds(there, *second, PIXEL, stated, *key)
+            yield f"track_pose, {touched}, {device.backend}", took
+    height, contact = second
+    begun = follow_contacts(first[1], PIXEL)
+    yield f"follow_contacts, {touched}", milliseconds(follow_contacts, contact, PIXEL, *begun[:2])
+    rows = np.mgrid[12:240:24, 16:320:24].reshape(2, -1)[::-1].T
+    markers = np.column_stack([rows, np.full(len(rows), 2)]).astype(np.float32)
+    shift = rng.normal(2, 0.5, rows.shape).astype(np.float32)
+    tracks = MarkerTracks(markers, shift, np.ones(len(rows), np.uint8))
+    moving = track_pose(*second, PIXEL, stated, *key)
+    pose = ObjectPose(moving.pose, moving.covariance)
+    many = f"{len(rows)} markers"
+    yield f"find_slip, {many}", milliseconds(find_slip, height, contact, tracks, pose, PIXEL)
+    error, gel = np.full(SIZE, 0.004, np.float32), {"modulus_kpa": 200.0, "thickness_mm": 3.0}
+    pressing = partial(press_to_pressure, height, contact, PIXEL, error, **gel)
+    yield "press_to_pressure, with deviation", milliseconds(pressing)
+    dragged = height, contact, pressing().pressure, tracks, PIXEL
+    yield f"drag_to_shear, {many}", milliseconds(partial(drag_to_shear, **gel), *dragged)
+
+
+def milliseconds(call: Callable[..., object], *given: object) -> str:
+    """Median of the processor's time."""
+    call(*given)
+    took = []
+    for _ in range(FRAMES):
+        start = time.process_time()
+        call(*given)
+        took.append(time.process_time() - start)
+    return f"{1e3 * np.median(took):.1f} ms"
+
+
+PARTS = {"poses": poses, "slips": slips, "surfaces": surfaces, "forces": forces, "times": times}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", choices=PARTS)
+    only = parser.parse_args().only
+    print("| measured | |\n| --- | --- |")
+    for name, part in PARTS.items():
+        if only in (None, name):
+            for row, value in part():
+                print(f"| {row} | {value} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
