@@ -11,8 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from tactograph.graph.backends import compiled_node
-from tactograph.graph.backends.device_queue import Queue
+from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
@@ -48,19 +47,19 @@ def test_the_mutants_of_a_kernel_fit_it(name: str) -> None:
 @pytest.mark.parametrize(("name", "what"), LISTED, ids=[f"{n}: {w}" for n, w in LISTED])
 def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = MUTANTS[name][what]
-    build = compiled_node._build
+    build = Compiled._build
 
-    def build_mutant(node: Node, queue: Queue, constants: Mapping[str, int]) -> dict[str, Kernel]:
-        source = kernel_source(node)
+    def build_mutant(compiled: Compiled, constants: Mapping[str, int]) -> dict[str, Kernel]:
+        source = compiled.source
         mutant = source.replace(before, after)
-        right = build(node, queue, constants)
+        right = build(compiled, constants)
         with monkeypatch.context() as patch:
-            patch.setattr(compiled_node, "kernel_source", lambda _: mutant)
-            wrong = build(node, queue, constants)
+            patch.setattr(compiled, "source", mutant)
+            wrong = build(compiled, constants)
         changed = wrong_kernels(source, mutant)
         return {name: (wrong if name in changed else right)[name] for name in right}
 
-    monkeypatch.setattr(compiled_node, "_build", build_mutant)
+    monkeypatch.setattr(Compiled, "_build", build_mutant)
     # Small frames have levels of one work-group alone, but for this.
     monkeypatch.setattr(height_networks, "ONE_GROUP_OF_LANES", 1024)
     assert any(differences(find_node(name)))
