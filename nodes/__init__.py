@@ -92,6 +92,8 @@ Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]
 """(shot, read): the variance of a captured light I is shot * I + read."""
 NoiseCorrelation = Annotated[float, Port(unit="1", low=1, high=4)]
 """Variance of a mean over pixels, relative to that with independent noise."""
+Blur = Annotated[float, Port(unit="px", high=1.5)]
+"""Standard deviation by which the camera spreads a point, beyond the pixel itself."""
 SlopeVariance = Annotated[F4, Port("2 H W", "1", low=1e-6, high=1)]
 """Variance of p and of q due to noise of the light; 1e12 where the slope is unknown."""
 LutLight = Annotated[F4, Port("N K", "1")]

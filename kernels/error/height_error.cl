@@ -268,10 +268,11 @@ LANED __kernel void err_steps(
 }
 
 __kernel void err_rises(
-    __global float *restrict rise, const int ties, const int to, const float error, const uint key)
+    __global float *restrict rise, const int ties, const int to, const float error, const float common,
+    const uint key)
 {
     GRID_1(t, ties)
-    rise[to * ties + t] = error > 0.0f ? error * drawn(t, key) : 0.0f;
+    rise[to * ties + t] = error > 0.0f ? common + error * drawn(t, key) : 0.0f;
 }
 
 // By how much steps are too small, all of them uphill.
@@ -387,7 +388,7 @@ LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict bent,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W)
+    const int left, const int H, const int W, const float share)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
@@ -401,7 +402,7 @@ LANED __kernel void deviation(
             edge = MORE_OF(edge, there);
         }
     }
-    edge *= 0.5f;
+    edge *= share;
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
     const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
     const ints free = load_floats(freed + i, count) > 0.0f;

@@ -15,6 +15,10 @@ MAX_BEND = np.float32(2)
 """A sharper kink counts as this sharp: its step has little weight."""
 RESOLVED_BEND = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved."""
+EDGE_SPREAD = 1.0
+"""How much further off an edge may be, per px^2 of the blur's variance."""
+SHARED_RISE_ERROR = 0.2
+"""Error in px, per px of blur, that the rises of all shadows share."""
 
 Steps = tuple[F4, F4]
 """Steps to the right and down in mm, h x w-1 and h-1 x w."""
@@ -57,15 +61,28 @@ def _lacking(step: F4, turn: F4, kink: float, pixel: float) -> F4:
     return np.asarray(np.float32(kink * pixel) * (bend * bend * bend) * np.sign(step), np.float32)
 
 
-def unresolved(height: Height, pixel: float) -> F4:
-    """Return half of the height's second difference beyond `RESOLVED_BEND`.
+def common_rise(blur: float | None, pixel: float) -> np.float32:
+    """Return the error in mm that the rises of all shadows share."""
+    return np.float32((blur or 0.0) * SHARED_RISE_ERROR * pixel)
 
-    The result is the largest of 3 x 3 pixels: an edge that a pixel does not resolve may equally
-    lie in the next pixel.
+
+def edge_share(blur: float) -> np.float32:
+    """Return the share of the height's second difference by which an edge may be off.
+
+    An edge that a pixel does not resolve may equally lie in the next one, and blur spreads it
+    further.
+    """
+    return np.float32(0.5 + EDGE_SPREAD * blur * blur)
+
+
+def unresolved(height: Height, pixel: float, blur: float = 0.0) -> F4:
+    """Return a share of the height's second difference beyond `RESOLVED_BEND` (`edge_share`).
+
+    The result is the largest of 3 x 3 pixels.
     """
     around = np.pad(height, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
     along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
     bend = np.sqrt(across * across + along * along) - RESOLVED_BEND * np.float32(pixel)
-    beyond = np.maximum(bend, np.float32(0)) * np.float32(0.5)
+    beyond = np.maximum(bend, np.float32(0)) * edge_share(blur)
     return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)

@@ -22,6 +22,7 @@ from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.cores import cores
 from tactograph.nodes import (
     F4,
+    Blur,
     Film,
     Height,
     HeightError,
@@ -33,7 +34,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.error._random_errors import ERROR_COUNT, Keys, drawn, keys_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
-from tactograph.nodes.error._step_errors import kinks, random_steps, turns, unresolved
+from tactograph.nodes.error._step_errors import common_rise, edge_share, kinks, random_steps, turns, unresolved
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
@@ -81,6 +82,7 @@ def height_error(
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
+    blur: Blur | None = None,
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
@@ -109,9 +111,10 @@ def height_error(
     - two errors of the light that the film throws on itself: the share of it by which the
       calibration's presses disagree, and its change in the last pass;
     - the error of a step computed from two or four slopes, in proportion to their difference;
-    - errors of the shadows' rises, independent of one another;
+    - errors of the shadows' rises: one that is independent of the others', and one that all
+      share, since the blur moves all edges of shadows alike;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie in the
-      next pixel;
+      next pixel, or as far away as the blur spreads it;
     - an error that all steep steps share: where the slope changes within a pixel, at rims and
       ridges, the slopes understate the rise, and the whole cap behind the rim comes out too
       low.  It grows with the cube of the change of slope, up to a change of two.
@@ -143,6 +146,8 @@ def height_error(
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
         noise is independent.
+    blur
+        Of the camera; without it the camera is sharp.
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
         calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
@@ -169,13 +174,14 @@ def height_error(
     def random_load(number: int) -> Wants:
         keys = keys_of(seed, number)
         wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
-        return *wrong, np.float32(rise_error) * drawn(keys.rises, system.rise.shape)
+        each = drawn(keys.rises, system.rise.shape)
+        return *wrong, np.float32(rise_error) * each + common_rise(blur, pixel)
 
     common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
     springs = system.springs(system.cut(height), robust)
     total = _variance(springs, random_load, common, steps)
     deviation = _smooth_deviation(total, seen.free.astype(np.float32))
-    edge = system.window.of(unresolved(height, pixel))
+    edge = system.window.of(unresolved(height, pixel, blur or 0.0))
     out = np.zeros_like(height)
     out[system.window] = np.sqrt(deviation * deviation + edge * edge) * seen.free
     return out
@@ -291,13 +297,14 @@ def _launch(run: Launch) -> None:
 
     def err_rises(to: int, error: float, key: int) -> None:
         if ties:
-            run.kernel("err_rises", (ties,), wants.rise, ties, to, error, np.uint32(key))
+            run.kernel("err_rises", (ties,), wants.rise, ties, to, error, common, np.uint32(key))
 
     def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
         size = math.prod(total.shape)
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
+    common = float(common_rise(inputs.get("blur"), pixel))
     drawn = [keys_of(settings["seed"], number) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, networks, drawn)
@@ -376,7 +383,8 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     height = run.inputs["height"]
     run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, networks.pixel)
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
-    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *networks.place)
+    lies = float(edge_share(run.inputs.get("blur") or 0.0))
+    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *networks.place, lies)
 
 
 @height_error.example
@@ -400,4 +408,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "film.lights": places.astype(np.float32),
         "film.others": np.float32(places * rng.uniform(0.99, 1.01, (ERROR_COUNT, lights, 3))),
         "correlation": float(rng.uniform(1, 4)),
+        "blur": float(rng.uniform(0, 1)),
     }

@@ -73,6 +73,37 @@ def test_shadows_measure_what_no_slope_shows(metrics: Figures, rig: str) -> None
     assert with_shadows < 0.2 * without
 
 
+@pytest.fixture(scope="session")
+def blurred(raytraced: Raytraced, made_once: MadeOnce) -> Path:
+    """A ray-traced rig seen by a lens that spreads points by 0.8 px, and its calibration."""
+
+    def write(folder: Path) -> None:
+        for capture in ("flat", "calibration", "sphere"):
+            shutil.copytree(raytraced / "far28" / capture, folder / capture)
+        for file in folder.rglob("led*.png"):
+            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            cv2.imwrite(str(file), cv2.GaussianBlur(image, (0, 0), 0.8))
+        given = {"flat": str(folder / "flat"), "ball_radius_mm": 7.0}
+        place = {"pixel_size_mm": RIG_PIXEL_MM["far28"], "out": str(folder / "cal.npz")}
+        run_all = open_pipeline(
+            read_graph("calibrate"), {"capture": str(folder / "calibration"), **given, **place}
+        )
+        list(run_all.items())
+
+    return made_once("far28_blurred", write)
+
+
+def test_shadows_measure_rims_that_a_lens_blurs(blurred: Path) -> None:
+    found = {
+        graph: run(graph, blurred / "sphere", str(blurred / "cal.npz"))["metrics"]
+        for graph in ("precise", "precise_no_blur")
+    }
+    assert found["precise"]["rmse_px"] < 0.3
+    assert found["precise"]["rmse_px"] < 0.6 * found["precise_no_blur"]["rmse_px"]
+    assert 80 < found["precise"]["in_90_percent_band"] < 98
+    assert found["precise_no_blur"]["in_90_percent_band"] < 70
+
+
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
     # One ball calibrates: what it cannot tell of other touches widens the band.

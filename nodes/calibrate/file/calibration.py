@@ -18,6 +18,7 @@ from pydantic import AfterValidator
 from tactograph.graph import Port
 from tactograph.nodes import (
     F4,
+    Blur,
     Dark,
     Film,
     Lens,
@@ -93,6 +94,11 @@ class Calibration(NamedTuple):
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
     area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
+    blur: Annotated[
+        Blur,
+        Stored(0, 100, older=0.0),
+        "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
+    ] = 0.0
 
 
 def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:

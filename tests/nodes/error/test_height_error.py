@@ -73,6 +73,13 @@ def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
     assert np.allclose(shared, 2 * alone, rtol=1e-2)
 
 
+def test_blur_spreads_the_error_of_an_edge() -> None:
+    z, slope = plateau(), np.zeros((2, *SHAPE), np.float32)
+    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur, **LIGHT_ALONE) for blur in (0, 1.0))
+    rim = sharp > 0.5 * sharp.max()
+    assert np.allclose(blurred[rim], 3 * sharp[rim], rtol=0.05)
+
+
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])

@@ -110,7 +110,7 @@ def test_what_was_written_is_read(file: Path) -> None:
     assert np.allclose(MISFIT, found.misfit)
 
 
-NEW = {*Film._fields, "lens", "misfit", "correlation"} - {"lights", "others"}
+NEW = {*Film._fields, "lens", "misfit", "correlation", "blur"} - {"lights", "others"}
 """What files from before films were described lack."""
 
 
@@ -124,6 +124,7 @@ def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> Non
     assert np.array_equal(found.film.others, FILM.others)
     assert not found.lens.any()
     assert found.correlation == 1
+    assert found.blur == 0
     assert np.array_equal(found.misfit, NO_MISFIT)
 
 

@@ -1,0 +1,150 @@
+"""Measure the camera's blur on the rims of pressed balls.
+
+Long because edges are found, chosen and fitted.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from tactograph.graph import node
+from tactograph.nodes import F8, Blur, Light, PixelSize
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+MAX_BALLS = 8
+"""Balls that are looked at, spread over all."""
+SECTOR_COUNT = 24
+"""Sectors of a ball's surroundings; in each an edge is a piece of a circle."""
+INNER_RADII, OUTER_RADII = 0.8, 1.35
+"""Where a rim is looked for, in radii of the circle that was found."""
+REACH_PX = 6
+"""Film on either side of an edge to which its light is fitted."""
+STEP_PX = 3
+"""Width on either side in which its strength is measured."""
+MIN_STEP = 0.15
+"""Weakest edge that counts, relative to the light of the film at rest."""
+MAX_EDGES, MIN_EDGES = 200, 8
+"""How many edges are fitted at most, the strongest; with fewer no blur is told."""
+SHARP_SHARE = 0.25
+"""Share of the edges that are sharp: others bend, or are shadows that cross a sector."""
+WIDTHS_PX = np.geomspace(0.2, 3, 25)
+SHIFTS_PX = np.arange(-3, 3.01, 0.25)
+"""Widths and places of an edge that are tried."""
+PIXEL_VARIANCE = 1 / 12
+"""Variance in px^2 of the places within a pixel."""
+MIN_BLUR_PX = 0.15
+"""Less is not told from the width of a pixel."""
+
+
+class Edge(NamedTuple):
+    """Strength of an edge, and the light around it by distance from where it was found."""
+
+    step: float
+    away: F8
+    light: F8
+
+
+@node
+def camera_blur(
+    image: SheetLight,
+    flat: Light,
+    circle: BallCircles,
+    of: BallPress,
+    pixel: PixelSize,
+    binned: PixelSize,
+) -> Blur:
+    """Return the standard deviation of the camera's point spread, beyond the pixel itself.
+
+    Where film leaves a ball its light changes at once, and the camera spreads that.  Edges are
+    looked for around each ball, sector by sector and LED by LED, and a step that a Gaussian
+    blurs is fitted to each (the edge spread of ISO 12233, with the edge's slant given by the
+    circle).  Film bends, and so only the sharpest edges tell: the result is the width of their
+    lower quartile, less the pixel's.  What a lens correction blurs counts, too.
+
+    Parameters
+    ----------
+    image
+        K x S x W, as captured, the presses on a sheet.
+    flat
+        K x H x W, the film at rest.
+    circle, of
+        x, y, contact radius in px of `binned` pixels, and press of every ball; balls that were
+        not found have the radius 0.
+    pixel, binned
+        mm per px of the image, and of `circle`.
+
+    Returns
+    -------
+    float
+        In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
+    """
+    scale = np.float32(binned / pixel)
+    found = np.flatnonzero(circle[:, 2] > 0)
+    presses, edges = cut(image, flat.shape[1]), list[Edge]()
+    for ball in found[:: -(-found.size // MAX_BALLS) or 1]:
+        x, y, radius = circle[ball] * scale
+        middle = float(x + (scale - 1) / 2), float(y + (scale - 1) / 2)
+        edges += _edges(presses[of[ball]], flat, middle, float(radius))
+    edges = sorted(edges, key=lambda edge: -edge.step)[:MAX_EDGES]
+    if len(edges) < MIN_EDGES:
+        return 0.0
+    width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
+    blur = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
+    return blur if blur >= MIN_BLUR_PX else 0.0
+
+
+def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float) -> list[Edge]:
+    """The strongest edge in every sector around a ball, under every LED."""
+    rows, columns = np.indices(image.shape[1:])
+    away = np.hypot(columns - middle[0], rows - middle[1])
+    first, last = INNER_RADII * radius - REACH_PX, OUTER_RADII * radius + REACH_PX
+    ring = (away > first) & (away < last)
+    turn = np.arctan2(rows[ring] - middle[1], columns[ring] - middle[0]) / (2 * np.pi)
+    sector = (turn * SECTOR_COUNT).astype(int) % SECTOR_COUNT
+    away = away[ring]
+    bins = sector * (int(last - first) + 1) + (away - first).astype(int)
+    size = SECTOR_COUNT * (int(last - first) + 1)
+    counts = np.bincount(bins, minlength=size)
+    edges = []
+    for plane, rest in zip(image, flat, strict=True):
+        light = (plane[ring] / np.maximum(rest[ring], MIN_FLAT_LIGHT)).astype(np.float64)
+        sums = np.bincount(bins, light, minlength=size)
+        profiles = (sums / np.maximum(counts, 1)).reshape(SECTOR_COUNT, -1)
+        whole = (counts.reshape(SECTOR_COUNT, -1) > 0).all(axis=1)
+        for number in np.flatnonzero(whole):
+            step, at = _strongest_step(profiles[number])
+            here = (sector == number) & (np.abs(away - first - at) < REACH_PX)
+            if step > MIN_STEP:
+                edges.append(Edge(step, away[here] - first - at, light[here]))
+    return edges
+
+
+def _strongest_step(profile: F8) -> tuple[float, float]:
+    """Strength and place in px of the largest change along a profile, off its ends."""
+    sums = np.concatenate([[0.0], np.cumsum(profile)])
+    at = np.arange(REACH_PX, profile.size - REACH_PX)
+    steps = np.abs(sums[at + STEP_PX] - 2 * sums[at] + sums[at - STEP_PX]) / STEP_PX
+    best = int(np.argmax(steps))
+    return float(steps[best]), float(at[best])
+
+
+def _width(edge: Edge) -> float:
+    """Standard deviation in px of the step that fits the light best, with a slope on each side."""
+    least = [_left(edge, width) for width in WIDTHS_PX]
+    return float(WIDTHS_PX[int(np.argmin(least))])
+
+
+def _left(edge: Edge, width: float) -> float:
+    """Sum of squares that a step of this width leaves, wherever it is."""
+    x = edge.away[None] - SHIFTS_PX[:, None]
+    beyond: NDArray[np.float64] = ndtr(x / width)
+    columns = np.stack([1 - beyond, beyond, x * (1 - beyond), x * beyond], axis=-1)
+    normal = columns.swapaxes(-1, -2) @ columns + 1e-9 * np.eye(4)
+    wanted = columns.swapaxes(-1, -2) @ edge.light
+    solved = np.linalg.solve(normal, wanted[..., None])[..., 0]
+    return float((edge.light @ edge.light - (wanted * solved).sum(axis=-1)).min())
