@@ -5,12 +5,14 @@
     python benchmarks/real_film.py --only rigs      # or: real
     python benchmarks/real_film.py --only real --scale 4 --leds 6 --graphs precise
     python benchmarks/real_film.py --only rigs --mosaic --rigs hand_ideal hand --graphs precise
+    python benchmarks/real_film.py --only rigs --shapes sphere --blur 0.8 --graphs precise
 
 The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsightinc/sdkdemo, MIT)
 is calibrated with one scan and measured on the other, at full resolution or, by `--scale`, at a
 part of it; of a graph that states an error the share of it that holds is printed.  Each rig is
 calibrated with both ball presses, the grid on its film and the height of its pupil, if it has one.
-With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row.
+With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row;
+with `--blur` a lens spreads every point by a Gaussian, and the noise is as it was.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ import csv
 import json
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,6 +92,8 @@ def main() -> None:
     parser.add_argument("--scale", type=int, default=1, help="pixels of a side put into one")
     parser.add_argument("--rigs", nargs="+", default=list(RIGS), choices=RIGS)
     parser.add_argument("--mosaic", action="store_true", help="rigs seen by a colour camera")
+    parser.add_argument("--blur", type=float, help="px, a Gaussian that the rigs are seen through")
+    parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=(*SHAPES, "sphere"))
     parser.add_argument("--graphs", nargs="+", default=None)
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
     given = parser.parse_args()
@@ -100,8 +105,11 @@ def main() -> None:
         if given.only != "real":
             seen = given.data / "raytraced"
             if given.mosaic:
-                seen = through_a_mosaic(seen, given.rigs, Path(folder) / "mosaic")
-            rigs(seen, given.rigs, graphs, Path(folder))
+                seen = seen_by(through_a_mosaic, seen, given.rigs, Path(folder) / "mosaic")
+            if given.blur:
+                blur = partial(blurred, width_px=given.blur)
+                seen = seen_by(blur, seen, given.rigs, Path(folder) / "blurred")
+            rigs(seen, given.rigs, given.shapes, graphs, Path(folder))
 
 
 def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any:
@@ -244,32 +252,49 @@ def _between(
     return np.asarray(np.hypot(away[..., 0], away[..., 1]) > BESIDE_REACH * reach)
 
 
-def rigs(data: Path, names: list[str], graphs: tuple[str, ...], folder: Path) -> None:
-    """Root mean square errors of soft presses in um; share within the 90 % band."""
-    row("rig", "graph", *SHAPES)
-    row(*["---"] * (2 + len(SHAPES)))
+def rigs(
+    data: Path, names: list[str], shapes: list[str], graphs: tuple[str, ...], folder: Path
+) -> None:
+    """Root mean square errors in um; share within the 90 % band."""
+    row("rig", "graph", *shapes)
+    row(*["---"] * (2 + len(shapes)))
     for name in names:
         rig, calibration = data / name, calibrate_rig(data / name, folder)
         for graph in graphs:
             found = [
                 run(graph, capture=rig / shape, calibration=calibration)["metrics"]
-                for shape in SHAPES
+                for shape in shapes
             ]
             row(name, graph, *(_error(metrics) for metrics in found))
 
 
-def through_a_mosaic(data: Path, names: list[str], folder: Path) -> Path:
-    """The same captures by a camera that interpolates colours: neighbours share noise."""
-    taps = np.array([0.5, 1, 0.5], np.float32)
+Image = NDArray[Any]
+
+
+def seen_by(camera: Callable[[Image], Image], data: Path, names: list[str], folder: Path) -> Path:
+    """The same captures by another camera."""
     for name in names:
         shutil.copytree(data / name, folder / name)
-        for file in (folder / name).rglob("led*.png"):
+        for file in [*(folder / name).rglob("led*.png"), folder / name / "grid.png"]:
             image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-            seen = np.zeros(image.shape, np.float32)
-            seen[::2, ::2] = image[::2, ::2]
-            filled = cv2.sepFilter2D(seen, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
-            cv2.imwrite(str(file), np.round(filled).astype(image.dtype))
+            cv2.imwrite(str(file), np.round(camera(image.astype(np.float32))).astype(image.dtype))
     return folder
+
+
+def through_a_mosaic(image: Image) -> Image:
+    """What a camera that interpolates colours makes of an image: neighbours share noise."""
+    taps = np.array([0.5, 1, 0.5], np.float32)
+    seen = np.zeros_like(image)
+    seen[::2, ::2] = image[::2, ::2]
+    return cv2.sepFilter2D(seen, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+
+
+def blurred(image: Image, width_px: float) -> Image:
+    """An image that a lens spreads, with as much noise as before."""
+    noise = np.median(np.abs(image - cv2.GaussianBlur(image, (0, 0), 1.5))) / 0.6745
+    lost = np.sqrt(max(1 - 1 / (4 * np.pi * width_px**2), 0))
+    again = np.random.default_rng(0).normal(0, noise * lost, image.shape)
+    return np.clip(cv2.GaussianBlur(image, (0, 0), width_px) + again, 0, 255)
 
 
 def calibrate_rig(rig: Path, folder: Path) -> Path:

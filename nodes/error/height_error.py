@@ -34,7 +34,14 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.error._random_errors import ERROR_COUNT, Keys, drawn, keys_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
-from tactograph.nodes.error._step_errors import common_rise, edge_share, kinks, random_steps, turns, unresolved
+from tactograph.nodes.error._step_errors import (
+    common_rise,
+    edge_share,
+    kinks,
+    random_steps,
+    turns,
+    unresolved,
+)
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver

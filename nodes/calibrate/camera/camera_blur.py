@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from tactograph.graph import node
-from tactograph.nodes import F8, Blur, Light, PixelSize
+from tactograph.nodes import F8, Blur, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -49,6 +49,13 @@ class Edge(NamedTuple):
     light: F8
 
 
+class CameraBlur(NamedTuple):
+    """The blur, and the same as a figure for people."""
+
+    blur: Blur
+    quality: Metrics
+
+
 @node
 def camera_blur(
     image: SheetLight,
@@ -57,7 +64,7 @@ def camera_blur(
     of: BallPress,
     pixel: PixelSize,
     binned: PixelSize,
-) -> Blur:
+) -> CameraBlur:
     """Return the standard deviation of the camera's point spread, beyond the pixel itself.
 
     Where film leaves a ball its light changes at once, and the camera spreads that.  Edges are
@@ -80,7 +87,7 @@ def camera_blur(
 
     Returns
     -------
-    float
+    CameraBlur
         In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
     """
     scale = np.float32(binned / pixel)
@@ -92,10 +99,14 @@ def camera_blur(
         edges += _edges(presses[of[ball]], flat, middle, float(radius))
     edges = sorted(edges, key=lambda edge: -edge.step)[:MAX_EDGES]
     if len(edges) < MIN_EDGES:
-        return 0.0
+        return _told(0.0)
     width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
     blur = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
-    return blur if blur >= MIN_BLUR_PX else 0.0
+    return _told(blur if blur >= MIN_BLUR_PX else 0.0)
+
+
+def _told(blur: float) -> CameraBlur:
+    return CameraBlur(blur, {"camera_blur_px": blur})
 
 
 def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float) -> list[Edge]:

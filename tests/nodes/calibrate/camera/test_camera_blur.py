@@ -30,7 +30,7 @@ def found(image: F4, radius: float = RADIUS, binned: float = 0.1) -> float:
     scale = 0.1 / binned
     place = ((c + 0.5) * scale - 0.5 for c in MIDDLE)
     circle, of = np.float32([[*place, radius * scale]]), np.zeros(1, np.int32)
-    return camera_blur(image, FLAT, circle, of, 0.1, binned)
+    return camera_blur(image, FLAT, circle, of, 0.1, binned).blur
 
 
 @pytest.mark.parametrize("blur_px", [0.4, 0.8, 1.5])
