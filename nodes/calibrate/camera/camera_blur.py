@@ -111,7 +111,7 @@ def _told(blur: float) -> CameraBlur:
 
 def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float) -> list[Edge]:
     """The strongest edge in every sector around a ball, under every LED."""
-    rows, columns = np.indices(image.shape[1:])
+    rows, columns = np.mgrid[: image.shape[1], : image.shape[2]]
     away = np.hypot(columns - middle[0], rows - middle[1])
     first, last = INNER_RADII * radius - REACH_PX, OUTER_RADII * radius + REACH_PX
     ring = (away > first) & (away < last)
