@@ -36,7 +36,7 @@ from tactograph.graph.errors import (
 
 if TYPE_CHECKING:
     from tactograph.graph.backends import parity
-    from tactograph.graph.batch.batch_maps import BatchMaps
+    from tactograph.graph.batch.batch_maps import BatchMaps, ShuffledBatches
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -60,6 +60,7 @@ __all__ = [
     "Port",
     "Provenance",
     "Session",
+    "ShuffledBatches",
     "SizeLimit",
     "SizeRule",
     "TactographError",
@@ -74,6 +75,7 @@ __all__ = [
 
 _LATE_MODULES = {
     "BatchMaps": "batch.batch_maps",
+    "ShuffledBatches": "batch.batch_maps",
     "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",
