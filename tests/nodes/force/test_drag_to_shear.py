@@ -138,3 +138,11 @@ def test_a_contact_of_fewer_than_two_markers_has_no_figures() -> None:
 def test_the_overlay_fits_films_with_markers(graph: str) -> None:
     sheared = with_overlays(read_graph(graph), ["force", "shear"])
     assert "shear" in sheared.nodes["figures"].inputs
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "live", "replay"])
+def test_a_grip_has_slip_and_forces_under_the_same_numbers(graph: str) -> None:
+    grip = with_overlays(read_graph(graph), ["grip"])
+    names = {grip.nodes[node].inputs["contact"] for node in ("slip", "force", "shear")}
+    assert names == {"follow.contact"}
+    assert {"slip", "force", "shear", "pose"} <= {*grip.nodes["figures"].inputs}
