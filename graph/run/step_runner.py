@@ -92,6 +92,7 @@ class StepRunner:
         self.stage = step.name
         if step.is_transfer:
             assert self.device is not None
+            self.times[step.name] = 0.0  # what is absent is not moved
             self.device.transfer(step)
             return known
         task = self.plan.tasks[step.name]

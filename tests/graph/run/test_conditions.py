@@ -61,6 +61,9 @@ def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
         assert results[0]["score"] is None
         assert results[1]["score"]["mean"] == 2, "of any number of inputs it is none"
         assert results[0].times["more"] == 0
+        moved = [s.name for s in pipeline.plan.steps if s.is_transfer and "more" in s.name]
+        assert len(moved) == (backend == "opencl")
+        assert cached or all(results[0].times[name] == 0 for name in moved), "nothing is moved"
 
 
 def test_what_is_kept_follows_the_condition(toys: list[str], write: Write) -> None:
