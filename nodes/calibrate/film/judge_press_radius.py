@@ -13,7 +13,6 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    MAX_SAMPLES,
     RadiusVerdict,
     as_given,
     doubt_of_radius,
@@ -81,7 +80,7 @@ def judge_press_radius(
     balls = sample_balls(
         *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel),
         MAX_SLOPE,
-        most=MAX_SAMPLES,
+        most=None,
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)

@@ -11,7 +11,6 @@ from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
 from tactograph.nodes.calibrate.film.judge_radius import (
-    MAX_SAMPLES,
     Doubt,
     Tried,
     doubt_of_radius,
@@ -42,7 +41,7 @@ def tried(rig: Path, factor: float) -> list[Tried]:
     one = np.array([radius], np.float32)
     balls = sample_balls(
         light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel, 3.0,
-        most=MAX_SAMPLES, fine=True,
+        most=None, fine=True,
     )  # fmt: skip
     return try_radii(balls, flat, pixel, DISTANT, np.ones(4, np.float32), 0.5)
 
