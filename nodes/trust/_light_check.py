@@ -206,4 +206,4 @@ def _is_narrow(steep: NDArray[np.bool_], bend: F4) -> bool:
     if np.count_nonzero(bends > FOLDED) > MIN_FOLDED_SHARE * cells:
         return True
     inner = cv2.erode(steep.astype(np.uint8), np.ones((INNER_CELLS, INNER_CELLS), np.uint8))
-    return np.count_nonzero(inner) <= MAX_INNER_SHARE * cells
+    return bool(np.count_nonzero(inner) <= MAX_INNER_SHARE * cells)

@@ -132,8 +132,8 @@ def judge_touch(
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
         error = light_error(misfit, uneven or 0.0)
         labels = (None if plane is None else _thinned(plane) for plane in (used, matt, shadow))
-        bend = _thinned(squared_bend(slope))
-        touched = Touched(_thinned(departure), _thinned(slope), *labels, bend=bend)
+        touched = Touched(_thinned(departure), _thinned(slope), *labels)
+        touched = touched._replace(bend=_thinned(squared_bend(slope)))
         if lights is not None and pixel is not None and height.shape == slope.shape[1:]:
             vectors = light_vectors(lights, _thinned(height), pixel * _step(height))
             touched = touched._replace(shown=expected_light(vectors, touched.slope))

@@ -201,7 +201,7 @@ def try_radii(
 def try_gammas(
     balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4, shift_px: float
 ) -> dict[float, float]:
-    """Return what a plain film leaves of the light raised to a power, by power (`light_pattern`)."""
+    """Return what a plain film leaves of light raised to a power, by power (`light_pattern`)."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     left = {}
     for power in GAMMA_EXPONENTS:
@@ -222,8 +222,8 @@ def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: flo
     shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, and "
     if gammas[power] < MAX_PATTERN_RATIO * best.pattern:
         return [
-            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g}: switch the "
-            "camera's gamma and contrast off, and give images with linear values"
+            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g}: switch "
+            "the camera's gamma and contrast off, and give images with linear values"
         ]
     if abs(best.factor - 1) < RADIUS_TOLERANCE:
         return []

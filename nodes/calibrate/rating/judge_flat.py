@@ -14,7 +14,7 @@ SMOOTH_DEGREE = 6
 MAX_SLOPE = 0.008
 """Slope of untouched film, in root mean square; 0.002 on real and rendered film."""
 MAX_UNEXPLAINED = 0.5
-"""Share of the light's departure that slopes leave of it, at most, if it is slopes that cause it."""
+"""Share of the light's departure that slopes leave of it, at most, if slopes cause it."""
 FEWEST_TESTED_LEDS = 4
 """Three LEDs, less their mean, are explained by any slope."""
 

@@ -80,14 +80,13 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(
-    ("rig", "gamma", "told"), [("near33", 1.15, True), ("near33", 1.0, False), ("far28", 1.15, True)]
+    ("rig", "gamma", "told"),
+    [("near33", 1.15, True), ("near33", 1.0, False), ("far28", 1.15, True)],
 )
 def test_a_gamma_of_the_camera_is_told(
     raytraced: Raytraced, rig: str, gamma: float, told: bool
 ) -> None:
-    powers = try_gammas(
-        *sampled(raytraced / rig, 1.0, gamma), DISTANT, np.ones(4, np.float32), 0.5
-    )
+    powers = try_gammas(*sampled(raytraced / rig, 1.0, gamma), DISTANT, np.ones(4, np.float32), 0.5)
     doubts = doubt_of_pattern(tried(raytraced / rig, 1.0, gamma), powers, BALL)
     assert ["raised to the power of 1.15" in doubt for doubt in doubts] == [True] * told
 
