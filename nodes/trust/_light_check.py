@@ -39,9 +39,9 @@ compared."""
 INNER_CELLS, MAX_INNER_SHARE = 5, 0.02
 """Width of film that is not narrow, and the share of such film up to which all is narrow, as the
 walls of grooves and letters are..."""
-BENT, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
+MIN_SQUARED_BEND, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
 """... if this share of it bends by more than this (`squared_bend`)."""
-FOLDED, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
+MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
 """The same of film that is narrow however it lies: gratings with lines of a few cells."""
 BEND_ERROR = np.float32(1 / 12)
 """Error of the light of a cell that may hold an edge, over that square: a mean of two normals is
@@ -201,9 +201,9 @@ def _departure(touched: Touched, error: float) -> F4:
 def _is_narrow(steep: NDArray[np.bool_], bend: F4) -> bool:
     """Whether steep film bends so much from cell to cell that its cells may hold edges."""
     cells, bends = np.count_nonzero(steep), bend[steep]
-    if np.count_nonzero(bends > BENT) < MIN_BENT_SHARE * cells:
+    if np.count_nonzero(bends > MIN_SQUARED_BEND) < MIN_BENT_SHARE * cells:
         return False
-    if np.count_nonzero(bends > FOLDED) > MIN_FOLDED_SHARE * cells:
+    if np.count_nonzero(bends > MIN_SQUARED_FOLD) > MIN_FOLDED_SHARE * cells:
         return True
     inner = cv2.erode(steep.astype(np.uint8), np.ones((INNER_CELLS, INNER_CELLS), np.uint8))
     return bool(np.count_nonzero(inner) <= MAX_INNER_SHARE * cells)
