@@ -96,12 +96,14 @@ def check_light(
     `error` that of the model's light.
     """
     steep = (touched.slope * touched.slope).sum(axis=0) > MIN_SLOPE * MIN_SLOPE
-    if touched.bend is not None and not _is_narrow(steep, touched.bend):
-        touched = touched._replace(bend=None)
     tested, cells = touched.departure >= 0, int(np.count_nonzero(steep))
     shaded = 0.0
     if touched.used is not None and cells:
         shaded = int(np.count_nonzero(touched.used[steep] != (1 << count) - 1)) / cells
+    # Walls that shade film are doubted, not left out: beside them the height is wrong.
+    is_even = shaded > RIM_SHARE or touched.bend is None or not _is_narrow(steep, touched.bend)
+    if is_even:
+        touched = touched._replace(bend=None)
     wider = float(np.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE)))
     rest, _ = spread_of(touched.departure[tested & ~steep])
     middle, upper = spread_of(_departure(touched, error)[tested & steep])
