@@ -167,7 +167,8 @@ def judge_radius(
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
     elif not doubts:
-        doubts += doubt_of_diffuse(float(film.diffuse.mean()), balls.light, first)
+        advice = ", or give led_distance_mm="
+        doubts += doubt_of_diffuse(float(film.diffuse.mean()), balls.light, first, advice)
     quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * _left(fitted):
         quality["light_radius_mm"] = first * best.factor
@@ -234,7 +235,7 @@ def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: flo
     ]
 
 
-def doubt_of_diffuse(diffuse: float, light: F8, radius: float) -> list[str]:
+def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "") -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
     Up to the third power of the slope, a ball that is too small looks like a gel that diffuses
@@ -250,8 +251,8 @@ def doubt_of_diffuse(diffuse: float, light: F8, radius: float) -> list[str]:
     return [
         f"the ball's radius and the pixel size are not confirmed: a gel that diffuses "
         f"{diffuse:.0%} of the light under a ball of {radius:.3g} mm looks like one that diffuses "
-        f"none under {without:.3g} mm, and no shadow on the ball tells. Measure both, press "
-        "deeper, or give led_distance_mm="
+        f"none under {without:.3g} mm, and no shadow on the ball tells. Measure both, or press "
+        f"deeper{advice}"
     ]
 
 
