@@ -44,6 +44,8 @@ USUAL_NEARNESS = 0.2
 BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
 """Departure, relative to that with the given radius, below which another radius is believed, and
 below which the given one is refused."""
+PLAIN_RATIO = 1.02
+"""Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
 HOW_TO_FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
@@ -269,7 +271,8 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
         What the film chosen for that radius leaves of the light.
     """
     best, given = _best(tried), as_given(tried)
-    is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < left
+    # Of two films that explain the light alike, the plain one is believed.
+    is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < PLAIN_RATIO * left
     if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
