@@ -96,7 +96,9 @@ def judge_press_radius(
     if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
         gammas = try_gammas(balls, flat, pixel, _directions(balls), strength, shift_px)
         doubts += doubt_of_pattern(tried, gammas, radius_mm)
-    if not doubts:
+    # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
+    is_grid = of is not None and np.bincount(of[used]).max() > 1
+    if not doubts and not is_grid:
         doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm)
     return RadiusVerdict({"diffuse_percent": 100 * given.diffuse}, doubts)
 
