@@ -6,7 +6,8 @@ Each kind of wrong input (`benchmarks/silent/wrong.py`) is made of right touches
 strengths, on simulated, ray-traced and, where they are present, real sensors; of a sensor that
 takes long to calibrate, wrong calibrations at the last strength.  A wrong input does harm where its
 RMSE is above 20 um, and above 5 times the right input's or 5 times the stated error.  Of a real
-sensor no true height is known: the right input's height stands for it.
+sensor no true height is known: the right input's height stands for it.  A touch counts as right
+where its height is right within 20 um or its stated error; doubts of others are counted apart.
 """
 
 from __future__ import annotations
@@ -270,7 +271,10 @@ def print_summary(rows: list[Row]) -> None:
     touches = [row for row in wrong if KINDS[row["kind"]].spoils != "recipe"]
     unseen = [row for row in harmful if not KINDS[row["kind"]].detectable]
     print()
-    share("right touches with a warning", [r for r in rows if r["kind"] == "right"], "told")
+    right = [row for row in rows if row["kind"] == "right"]
+    off = [row for row in right if row["rmse_um"] > np.nanmax([HARM_UM, row["stated_um"]])]
+    share("right touches with a warning", [row for row in right if row not in off], "told")
+    share(f"right inputs whose height is more than {HARM_UM:g} um off, told", off, "told")
     share("wrong touches that do harm, warned of or refused", touches, "told")
     share("wrong calibrations that do harm, told when made", recipes, "told_at_calibration")
     share("wrong calibrations that do harm, told when used", recipes, "told")

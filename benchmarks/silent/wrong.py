@@ -224,6 +224,7 @@ KINDS = {
     "turned_renamed": Kind("turned, with LEDs renamed to match", (180,), lambda i, s, c: renamed(
         i[:, ::-1, ::-1], c.rig.azimuth_deg, 180 + c.rig.azimuth_deg), sensors="leds", detectable=False),
     "zoomed": Kind("zoomed by per cent", (1, 3, 6), lambda i, s, c: turned(i, 0, 1 + s / 100), detectable=False),
+    "sheared": Kind("sheared by px, by a rolling shutter", (1, 3, 6), lambda i, s, c: warped(i, [[1, s / i.shape[1], 0], [0, 1, 0]]), detectable=False),
     "camera_turned": Kind("camera turned by degrees", (1, 3, 8), lambda i, s, c: seen_by(turned, i, s, c)),
     "camera_shifted": Kind("camera shifted by px", (3, 8, 20), lambda i, s, c: seen_by(shifted, i, s, c)),
     # The camera's settings, and what a driver makes of its values.
@@ -250,6 +251,10 @@ KINDS = {
     "grey": Kind("a share of the images is their mean", (0.3, 0.6, 1.0), lambda i, s, c: mixed(i, s, i.mean(0))),
     "all_alike": Kind("all images are the first", (1,), lambda i, s, c: np.repeat(i[:1], len(i), 0)),
     "negative": Kind("negative of the second image; of all", (1, 2), lambda i, s, c: with_led(i, 1, 1 - i[1]) if s == 1 else 1 - i),
+    "knee": Kind("values above s are flattened to 0.4", (0.8, 0.7, 0.5), lambda i, s, c: np.minimum(i, s) + np.float32(0.4) * np.maximum(i - s, 0)),
+    "mosaic": Kind("a colour mosaic read as grey, darker by", (0.1, 0.2, 0.4), lambda i, s, c: i * np.float32(1 - s * (np.add(*np.indices(i.shape[1:])) % 2))),
+    "hot_pixels": Kind("a share of the pixels at full scale", (0.003, 0.01, 0.03), lambda i, s, c: np.where(c.rng.random(i.shape[1:]) < s, np.float32(1), i)),
+    "flicker": Kind("bands of the lamps over the rows, by a share", (0.05, 0.1, 0.2), lambda i, s, c: i * np.float32(1 + s * np.sin(0.3 * np.arange(i.shape[1]) + np.arange(len(i))[:, None]))[:, :, None]),
     "floats_of_255": Kind("Python: floats of 0 to 255", (255,), lambda i, s, c: bytes_of(i).astype(np.float32)),
     "bytes_in_words": Kind("Python: 8-bit values as uint16", (8,), lambda i, s, c: bytes_of(i).astype(np.uint16)),
     # Images that do not belong together.
@@ -274,6 +279,8 @@ KINDS = {
     "another_gel": Kind("another film: brighter and darker by a share", (0.02, 0.05, 0.15), gel, "light"),
     "dirt": Kind("dirt on the lens over the touch, its darkness", (0.3, 0.6, 0.9), dirt, "light"),
     "hair": Kind("a hair over the touch, px", (1, 2, 4), hair, "light"),
+    "veil": Kind("a veil: a share is blurred by 15 px", (0.1, 0.2, 0.4), lambda i, s, c: mixed(i, s, each(i, lambda p: cv2.GaussianBlur(p, (0, 0), 15))), "light"),
+    "reflection": Kind("a mirror image over the light, its share", (0.05, 0.1, 0.2), lambda i, s, c: i + np.float32(s) * i[:, :, ::-1], "light"),
     "round_view": Kind("a black frame around a round view", (1.1, 0.9, 0.7), lambda i, s, c: i * np.float32(np.hypot(*across(i)) < s), "light"),
     # Surfaces of which the light does not tell zero, tilt or walls.
     "wave": Kind("a wave over the whole frame, mm", (0.1, 0.3, 0.6), surface(lambda x, y: 1 + np.sin(1.1 * x + 0.4 * y) * np.cos(0.9 * y)), "surface"),

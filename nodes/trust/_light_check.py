@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS, Check, spread_of
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
@@ -29,8 +32,20 @@ it is dirt: right touches have none."""
 MIN_SQUARES = np.float32(1e-6)
 """Sum of squares of light that is divided by."""
 MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
-"""Median brightness of touched film over its expected error, and the least of that error: cells
-that curve are darker than a point."""
+"""Median brightness of touched film over its expected error, and the least of that error."""
+MAX_SQUARED_BEND = np.float32(0.08**2)
+"""`squared_bend` beyond which a cell of narrow film may hold an edge, and its brightness is not
+compared."""
+INNER_CELLS, MAX_INNER_SHARE = 5, 0.02
+"""Width of film that is not narrow, and the share of such film up to which all is narrow, as the
+walls of grooves and letters are..."""
+MIN_SQUARED_BEND, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
+"""... if this share of it bends by more than this (`squared_bend`)."""
+MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
+"""The same of film that is narrow however it lies: gratings with lines of a few cells."""
+BEND_ERROR = np.float32(1 / 12)
+"""Error of the light of a cell that may hold an edge, over that square: a mean of two normals is
+short."""
 
 LIGHT_CURE = (
     "check the order of the images, that all are of this touch and this sensor, and that the "
@@ -53,24 +68,45 @@ class Touched(NamedTuple):
     """H x W, the LEDs that do not light a pixel."""
     shown: F4 | None = None
     """K x H x W, the light of matt film under the slopes that were found."""
+    bend: F4 | None = None
+    """H x W, as `squared_bend` gives it."""
+
+
+def squared_bend(slope: F4) -> F4:
+    """Return the squared difference of a cell's slope from those two cells away, H x W."""
+    bend = np.zeros(slope.shape[1:], np.float32)
+    across = slope[:, :, 4:] + slope[:, :, :-4] - 2 * slope[:, :, 2:-2]
+    down = slope[:, 4:] + slope[:, :-4] - 2 * slope[:, 2:-2]
+    bend[:, 2:-2] += (across * across).sum(axis=0)
+    bend[2:-2] += (down * down).sum(axis=0)
+    return bend
 
 
 def check_light(
-    touched: Touched, count: int, rim_error: float, brightness_error: float = 0.0
+    touched: Touched,
+    count: int,
+    rim_error: float,
+    brightness_error: float = 0.0,
+    error: float = MIN_ERROR,
 ) -> Check:
     """Return the departure of the light of K LEDs from the prediction by the slopes (T1, T4).
 
     `rim_error` is the error of the light where rims in shadow leave the height uncertain, over
-    the model's error; `brightness_error` the standard deviation of the film's brightness.
+    the model's error; `brightness_error` the standard deviation of the film's brightness, and
+    `error` that of the model's light.
     """
     steep = (touched.slope * touched.slope).sum(axis=0) > MIN_SLOPE * MIN_SLOPE
     tested, cells = touched.departure >= 0, int(np.count_nonzero(steep))
     shaded = 0.0
     if touched.used is not None and cells:
         shaded = int(np.count_nonzero(touched.used[steep] != (1 << count) - 1)) / cells
+    # Walls that shade film are doubted, not left out: beside them the height is wrong.
+    is_even = shaded > RIM_SHARE or touched.bend is None or not _is_narrow(steep, touched.bend)
+    if is_even:
+        touched = touched._replace(bend=None)
     wider = float(np.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE)))
     rest, _ = spread_of(touched.departure[tested & ~steep])
-    middle, upper = spread_of(touched.departure[tested & steep])
+    middle, upper = spread_of(_departure(touched, error)[tested & steep])
     rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
     brightness, dirt = _brightness(touched, brightness_error, wider)
     checks = [
@@ -140,6 +176,8 @@ def _brightness(touched: Touched, error: float, wider: float) -> tuple[Check, Ch
         "the lens for dirt and hairs)",
     )
     touched_film = tested & (np.abs(light - 1).max(axis=0) > MIN_TOUCHED_CHANGE)
+    if touched.bend is not None:
+        touched_film &= touched.bend < MAX_SQUARED_BEND
     brighter = brighter[touched_film]
     if brighter.size < MIN_CELLS:
         return Check(0.0), dirt
@@ -152,3 +190,22 @@ def _brightness(touched: Touched, error: float, wider: float) -> tuple[Check, Ch
         "with others, that gamma and contrast are off, and that other light is kept out)",
     )
     return brightness, dirt
+
+
+def _departure(touched: Touched, error: float) -> F4:
+    """Return the departure of the light, less where a cell may hold an edge."""
+    if touched.bend is None:
+        return touched.departure
+    wider = BEND_ERROR / np.float32(error) * touched.bend
+    return touched.departure / (1 + wider * wider)
+
+
+def _is_narrow(steep: NDArray[np.bool_], bend: F4) -> bool:
+    """Whether steep film bends so much from cell to cell that its cells may hold edges."""
+    cells, bends = np.count_nonzero(steep), bend[steep]
+    if np.count_nonzero(bends > MIN_SQUARED_BEND) < MIN_BENT_SHARE * cells:
+        return False
+    if np.count_nonzero(bends > MIN_SQUARED_FOLD) > MIN_FOLDED_SHARE * cells:
+        return True
+    inner = cv2.erode(steep.astype(np.uint8), np.ones((INNER_CELLS, INNER_CELLS), np.uint8))
+    return bool(np.count_nonzero(inner) <= MAX_INNER_SHARE * cells)

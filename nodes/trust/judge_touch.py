@@ -27,7 +27,7 @@ from tactograph.nodes.light.film_drift import Drift
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
-from tactograph.nodes.trust._light_check import Touched, check_light
+from tactograph.nodes.trust._light_check import Touched, check_light, squared_bend
 from tactograph.nodes.trust._rest_check import check_rest
 from tactograph.nodes.trust._rims import MAX_RIM_SHARE, rim_share
 from tactograph.nodes.trust.light_departure import Departure, light_error
@@ -130,14 +130,16 @@ def judge_touch(
         checks["rest"] = check_rest(_thinned(light), drift, height, lights, rest)
     if departure is not None and slope is not None:
         tall = 0.0 if lights is None else float(np.abs(height).max() / _nearest(lights))
-        rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
+        error = light_error(misfit, uneven or 0.0)
         labels = (None if plane is None else _thinned(plane) for plane in (used, matt, shadow))
         touched = Touched(_thinned(departure), _thinned(slope), *labels)
+        touched = touched._replace(bend=_thinned(squared_bend(slope)))
         if lights is not None and pixel is not None and height.shape == slope.shape[1:]:
             vectors = light_vectors(lights, _thinned(height), pixel * _step(height))
             touched = touched._replace(shown=expected_light(vectors, touched.slope))
         brightness_error = float(np.hypot(light_error(misfit, 0.0), uneven or 0.0))
-        checks["light"] = check_light(touched, len(light), rim_error, brightness_error)
+        rim_error = rim_height * tall / error
+        checks["light"] = check_light(touched, len(light), rim_error, brightness_error, error)
     joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
     trust = 1 / (1 + joint**TRUST_POWER)
     if all(check.figure > 1 for check in checks.values()) and not force:

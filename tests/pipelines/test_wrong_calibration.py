@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tests.conftest import Calibration, Raytraced, images_of, without_pictures
@@ -52,3 +52,14 @@ def test_a_right_calibration_is_used_without_a_word(
 ) -> None:
     used = reconstruct(raytraced / RIG, calibration(RIG))
     assert not any("doubtful" in warning for warning in used.warnings)
+
+
+READERS = {"read_calibration", "read_press_calibration"}
+CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(name).params]
+
+
+@pytest.mark.parametrize("name", CALIBRATED)
+def test_every_graph_that_uses_a_calibration_repeats_its_doubts(name: str) -> None:
+    entries = read_graph(name).nodes.values()
+    readers = [entry for entry in entries if entry.op in READERS]
+    assert [entry.settings["file"] for entry in readers] == ["$calibration"]

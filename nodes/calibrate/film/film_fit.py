@@ -12,6 +12,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from tactograph.graph import InputError
 from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
@@ -119,11 +120,21 @@ def fit(
         Standard deviation of a ball's position.
     width_mm
         Width of the film that the camera sees.
+
+    Raises
+    ------
+    InputError
+        If the model has no light for the samples, however it starts.
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
     problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
     cost = _cost(problem, now)
+    if not np.isfinite(cost):
+        raise InputError(
+            "no film has the light of these balls: check that the flat frame shows untouched film, "
+            "the ball's radius, and that the balls are pressed into the film"
+        )
     for _ in range(MAX_STEPS):
         equations = _equations(problem, now)
         while damping < 1e8:

@@ -13,10 +13,13 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    MAX_SAMPLES,
+    MIN_PATTERN,
     RadiusVerdict,
     as_given,
+    doubt_of_diffuse,
+    doubt_of_pattern,
     doubt_of_radius,
+    try_gammas,
     try_radii,
 )
 from tactograph.nodes.capture.read_presses import PressImages
@@ -28,6 +31,8 @@ COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
+MAX_PATTERN = 0.1
+"""Departure of the light's means up to which lights are points: then a gamma shows."""
 MAX_SLOPE = 3.0
 """Steepest film of a sample."""
 STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
@@ -81,14 +86,21 @@ def judge_press_radius(
     balls = sample_balls(
         *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel),
         MAX_SLOPE,
-        most=MAX_SAMPLES,
+        most=None,
         fine=True,
     )
     strength = np.ones(len(flat), np.float32)
     tried = try_radii(balls, flat, pixel, _directions(balls), strength, shift_px, COARSE_FACTORS, 0)
-    doubt = doubt_of_radius(tried, radius_mm)
-    figures = {"diffuse_percent": 100 * as_given(tried).diffuse}
-    return RadiusVerdict(figures, [doubt.sentence] if doubt.sentence else [])
+    doubt, given = doubt_of_radius(tried, radius_mm), as_given(tried)
+    doubts = [doubt.sentence] if doubt.sentence else []
+    if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
+        gammas = try_gammas(balls, flat, pixel, _directions(balls), strength, shift_px)
+        doubts += doubt_of_pattern(tried, gammas, radius_mm)
+    # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
+    is_grid = of is not None and np.bincount(of[used]).max() > 1
+    if not doubts and not is_grid:
+        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm)
+    return RadiusVerdict({"diffuse_percent": 100 * given.diffuse}, doubts)
 
 
 def _directions(balls: Balls) -> F4:

@@ -4,7 +4,9 @@ A wrong radius gives the normals a wrong scale.  LEDs at other distances, a gain
 or a coat can make up for that on the ball, but then the film at rest is not lit as the flat frame
 shows it.  So a plain model is fitted with other radii, and balls and flat frame are judged
 together.  Where the gel diffuses light, a radius that is too large looks like a gel that diffuses
-none.  A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
+none; one that is too small, where no shadow falls on the ball, like a gel that diffuses some.  A
+pixel size that is wrong by a factor is a radius that is wrong by its inverse.  A camera's gamma
+bends the light otherwise than any radius.
 
 Long because every doubt says in words what may be wrong and what would agree.
 """
@@ -19,9 +21,10 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Film, Metrics
-from tactograph.nodes.calibrate.film._ball_samples import sample_balls
+from tactograph.nodes import F4, F8, Film, Metrics
+from tactograph.nodes.calibrate.film._ball_samples import lights_itself, sample_balls, thinned
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film._light_pattern import light_pattern
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
@@ -41,6 +44,8 @@ USUAL_NEARNESS = 0.2
 BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
 """Departure, relative to that with the given radius, below which another radius is believed, and
 below which the given one is refused."""
+PLAIN_RATIO = 1.02
+"""Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
 HOW_TO_FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
@@ -48,6 +53,17 @@ ratio of what they leave on the balls up to which it cannot."""
 MIN_DIFFUSE, GEL_DIFFUSE = 0.05, (0.2, 0.65)
 """Share of diffused light below which a gel has none, and the range of real gels: a radius too
 large by a third or more takes it for curvature.  0.3 to 0.5 on two real sensors."""
+DIFFUSE_SHARE, SHADOW_SHARE, SHADOW_MARGIN = (0.03, 0.3), 0.04, 0.02
+"""Share of diffused light that a radius or pixel size wrong by 2 to 16 % looks like, as no film
+without a gel and hardly a clear gel has it; the share of the light that has to lie within a margin
+above it for a shadow that measures it."""
+DARKEST_QUANTILE, MAX_DARKENING = 0.005, 0.88
+"""Quantile of the light that the gel's diffused share may exceed at most by the inverse of this."""
+GAMMA_EXPONENTS = (1 / 1.5, 1 / 1.15, 1.15, 1.5)
+"""Powers of the light that may undo a camera's gamma."""
+MIN_PATTERN, MAX_PATTERN_RATIO = 0.004, 0.7
+"""Departure of the light's means up to which film is plain, and the ratio of two such departures
+below which the smaller one is believed."""
 RADIUS_TOLERANCE = 0.02
 """Relative difference of two radii that counts as none."""
 DISTANCE_TOLERANCE = 0.15
@@ -65,7 +81,8 @@ class Tried(NamedTuple):
     """A radius, relative to the given one, and the fit of a plain film with it.
 
     The departure left on balls and flat frame, that on the balls alone, the LEDs' mean distance
-    in mm, and the mean share of light that the gel diffuses.
+    in mm, the mean share of light that the gel diffuses, and the departure of balls and flat frame
+    with the camera's noise averaged out (`light_pattern`).
     """
 
     factor: float
@@ -73,6 +90,7 @@ class Tried(NamedTuple):
     on_balls: float
     distance: float
     diffuse: float
+    pattern: float = 0.0
 
 
 class Doubt(NamedTuple):
@@ -135,7 +153,7 @@ def judge_radius(
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
         steepest,
-        most=MAX_SAMPLES,
+        most=None,
         fine=True,
     )
     trials = try_radii(balls, flat, pixel, lights, strength, shift_px)
@@ -144,9 +162,15 @@ def judge_radius(
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
+    if not doubts and not lights_itself(film):
+        gammas = try_gammas(balls, flat, pixel, lights, strength, shift_px)
+        doubts += doubt_of_pattern(trials, gammas, first)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
+    elif not doubts:
+        advice = ", or give led_distance_mm="
+        doubts += doubt_of_diffuse(float(film.diffuse.mean()), balls.light, first, advice)
     quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * _left(fitted):
         quality["light_radius_mm"] = first * best.factor
@@ -165,10 +189,7 @@ def try_radii(
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
-    start = start_at(lights, strength, len(balls.centre))
-    leds = start.leds.copy()
-    leds[:, 2] = USUAL_NEARNESS / width
-    start = start.with_leds(leds)
+    start = _start(lights, strength, len(balls.centre), width)
     deepest = min(float((balls.rim / balls.radius).max()), 1.0)
 
     def tried(factors: Iterable[float]) -> list[Tried]:
@@ -178,6 +199,63 @@ def try_radii(
     for _ in range(rounds):
         trials = sorted(trials + tried(_beside(_best(trials), trials)))
     return trials
+
+
+def try_gammas(
+    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4, shift_px: float
+) -> dict[float, float]:
+    """Return what a plain film leaves of light raised to a power, by power (`light_pattern`)."""
+    rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
+    left = {}
+    for power in GAMMA_EXPONENTS:
+        start = _start(lights, strength**power, len(balls.centre), width)
+        linear = replace(balls, light=np.maximum(balls.light, 0) ** power)
+        even = None if rest is None else replace(rest, logarithm=rest.logarithm * power)
+        left[power] = _try(linear, even, start, 1.0, shift_px * pixel, width).pattern / power
+    return left
+
+
+def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: float) -> list[str]:
+    """Return a doubt if another radius, or linear light, leaves no pattern where this one does."""
+    given = as_given(tried).pattern
+    best, power = min(tried, key=lambda each: each.pattern), min(gammas, key=gammas.__getitem__)
+    least = min(best.pattern, gammas[power])
+    if given < MIN_PATTERN or least > MAX_PATTERN_RATIO * given:
+        return []
+    shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, and "
+    if gammas[power] < MAX_PATTERN_RATIO * best.pattern:
+        return [
+            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g}: switch "
+            "the camera's gamma and contrast off, and give images with linear values"
+        ]
+    if abs(best.factor - 1) < RADIUS_TOLERANCE:
+        return []
+    return [
+        f"{shown}by {least:.2%} with a ball of {radius * best.factor:.3g} mm radius, or "
+        f"{gammas[power]:.2%} where values are raised to the power of {power:.3g}: check "
+        "ball_radius_mm and pixel_size_mm, and that the camera's gamma is off"
+    ]
+
+
+def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "") -> list[str]:
+    """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
+
+    Up to the third power of the slope, a ball that is too small looks like a gel that diffuses
+    light.  Only a shadow on the ball, which is as bright as the diffused light, tells them apart.
+    """
+    darkest = float(np.quantile(light, DARKEST_QUANTILE))
+    is_shaded = float((light < diffuse + SHADOW_MARGIN).mean()) > SHADOW_SHARE
+    is_too_dark = darkest < MAX_DARKENING * diffuse
+    low, high = DIFFUSE_SHARE
+    if diffuse < low or not (is_too_dark or (diffuse < high and not is_shaded)):
+        return []
+    without = radius / np.sqrt(1 - diffuse)
+    return [
+        f"the ball's radius and the pixel size are not confirmed: a gel that diffuses "
+        f"{diffuse:.0%} of the light under a ball of {radius:.3g} mm looks like one that diffuses "
+        f"none under {without:.3g} mm, and no shadow on the ball tells. Measure both, or press "
+        f"deeper{advice}"
+    ]
 
 
 def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
@@ -193,7 +271,8 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
         What the film chosen for that radius leaves of the light.
     """
     best, given = _best(tried), as_given(tried)
-    is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < left
+    # Of two films that explain the light alike, the plain one is believed.
+    is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < PLAIN_RATIO * left
     if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
@@ -238,11 +317,21 @@ def _try(
     """Fit the plain film to balls of other radii and the same contacts."""
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
-    fitted = fit(other, rest, PLAIN_PARTS, start, shift_mm, width_mm)
+    fitted = fit(thinned(other, MAX_SAMPLES), rest, PLAIN_PARTS, start, shift_mm, width_mm)
     flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
+    departure = float(np.hypot(fitted.scale, flat))
     distance = float(np.linalg.norm(fitted.film.lights, axis=1).mean())
+    pattern = float(np.hypot(light_pattern(other, fitted), flat))
     diffuse = float(fitted.film.diffuse.mean())
-    return Tried(factor, float(np.hypot(fitted.scale, flat)), fitted.scale, distance, diffuse)
+    return Tried(factor, departure, fitted.scale, distance, diffuse, pattern)
+
+
+def _start(lights: F4, strength: F4, count: int, width_mm: float) -> Fitted:
+    """A matt film under the LEDs, all equally near."""
+    start = start_at(lights, strength, count)
+    leds = start.leds.copy()
+    leds[:, 2] = USUAL_NEARNESS / width_mm
+    return start.with_leds(leds)
 
 
 def _best(trials: list[Tried]) -> Tried:

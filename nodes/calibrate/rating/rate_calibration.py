@@ -39,8 +39,8 @@ RING_SLANT_DEG = 15.0
 """Range of the slants of LEDs that stand in one ring."""
 MAX_LED_WIDTHS = 100.0
 """Widths of the image; no LED of a sensor is farther from its film."""
-MAX_ALBEDO = 0.94
-"""Albedo next to the largest that `fit_film` allows."""
+MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
+"""Albedo and refraction of a coat next to the largest that `fit_film` allows."""
 
 
 class Rating(NamedTuple):
@@ -180,7 +180,9 @@ def rate_calibration(
         _note_order(lights)
     doubts += twins
     if pixel is not None and albedo is not None:
-        contradiction = _of_scale(lights, pixel * mask.shape[1], albedo)
+        # A coat of the largest index trades off against the albedo under it, whatever the radius.
+        is_open = refraction is not None and refraction > MAX_REFRACTION
+        contradiction = _of_scale(lights, pixel * mask.shape[1], 0.0 if is_open else albedo)
         if contradiction and not force:
             raise InputError(contradiction[0] + HOW_TO_FORCE)
         doubts += contradiction

@@ -12,6 +12,7 @@ from tactograph.nodes.trust._light_check import (
     MIN_BRIGHTNESS_ERROR,
     Touched,
     check_light,
+    squared_bend,
 )
 
 SHAPE = (30, 40)
@@ -47,6 +48,25 @@ def darker(share: float, used: int = ALL) -> Touched:
     light = shown.copy()
     light[:, 10:20, 10:30] *= np.float32(1 - share)
     return what._replace(shown=shown, light=light)
+
+
+def walls(width: int) -> Touched:
+    """The two walls of a groove, so many cells wide, darker than their slopes say."""
+    slope = np.zeros((2, *SHAPE), np.float32)
+    slope[0, 5:25, 10 : 10 + width], slope[0, 5:25, 24 : 24 + width] = 0.5, -0.5
+    steep = slope[0] != 0
+    shown = np.ones((4, *SHAPE), np.float32)
+    shown[:2, steep], shown[2:, steep] = 4 / 3, 2 / 3
+    light = shown * np.where(steep, np.float32(0.97), np.float32(1))
+    departure = np.where(steep, np.float32(20), np.float32(1))
+    full = np.full(SHAPE, ALL, np.uint8)
+    given = departure, slope, full, light, np.zeros(SHAPE, np.uint8), shown, squared_bend(slope)
+    return Touched(*given)
+
+
+@pytest.mark.parametrize(("width", "told_wrong"), [(2, False), (3, False), (7, True)])
+def test_walls_a_few_cells_wide_are_not_compared(width: int, told_wrong: bool) -> None:
+    assert (told(walls(width)).figure > 1) == told_wrong
 
 
 def test_light_of_a_surface_passes() -> None:

@@ -7,14 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactograph.nodes import F4
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
+from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
 from tactograph.nodes.calibrate.film.judge_radius import (
-    MAX_SAMPLES,
     Doubt,
     Tried,
+    doubt_of_diffuse,
+    doubt_of_pattern,
     doubt_of_radius,
+    try_gammas,
     try_radii,
 )
 from tactograph.nodes.capture.read_capture import read_capture
@@ -33,18 +37,24 @@ def image_of(folder: Path) -> np.ndarray:
     return capture.image
 
 
-def tried(rig: Path, factor: float) -> list[Tried]:
-    """What the light of a rig's ball says of radii, with one given that is wrong by a factor."""
+def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, float]:
+    """A rig's ball of a radius that is wrong by a factor, its flat frame, and a pixel in mm."""
     flat, pixel, radius = image_of(rig / "flat"), RIG_PIXEL_MM[rig.name], BALL * factor
-    light = image_of(rig / "calibration") / flat
+    flat = flat ** np.float32(1 / gamma)
+    light = image_of(rig / "calibration") ** np.float32(1 / gamma) / flat
     centre = json.loads((rig / "calibration" / "scene.json").read_text())["sphere_center_px"]
     circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
     one = np.array([radius], np.float32)
     balls = sample_balls(
         light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel, 3.0,
-        most=MAX_SAMPLES, fine=True,
+        most=None, fine=True,
     )  # fmt: skip
-    return try_radii(balls, flat, pixel, DISTANT, np.ones(4, np.float32), 0.5)
+    return balls, flat, pixel
+
+
+def tried(rig: Path, factor: float, gamma: float = 1.0) -> list[Tried]:
+    """What the light of a rig's ball says of radii."""
+    return try_radii(*sampled(rig, factor, gamma), DISTANT, np.ones(4, np.float32), 0.5)
 
 
 @pytest.mark.one_case
@@ -66,6 +76,37 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
     assert doubt.is_clear
     assert BALL * factor * best.factor == pytest.approx(BALL, rel=0.02)
     assert f"a ball of {BALL * factor * best.factor:.3g} mm radius" in doubt.sentence
+
+
+@pytest.mark.one_case
+@pytest.mark.parametrize(
+    ("rig", "gamma", "told"),
+    [("near33", 1.15, True), ("near33", 1.0, False), ("far28", 1.15, True)],
+)
+def test_a_gamma_of_the_camera_is_told(
+    raytraced: Raytraced, rig: str, gamma: float, told: bool
+) -> None:
+    powers = try_gammas(*sampled(raytraced / rig, 1.0, gamma), DISTANT, np.ones(4, np.float32), 0.5)
+    doubts = doubt_of_pattern(tried(raytraced / rig, 1.0, gamma), powers, BALL)
+    assert ["raised to the power of 1.15" in doubt for doubt in doubts] == [True] * told
+
+
+@pytest.mark.parametrize(
+    ("diffuse", "darkest", "told"),
+    [
+        (0.18, 0.25, True),  # Nowhere as dark as the gel's light: no shadow measures it.
+        (0.18, 0.18, False),  # A shadow, as bright as the gel's light.
+        (0.0, 0.25, False),
+        (0.4, 0.42, False),  # As real gels have it.
+        (0.4, 0.3, True),  # No film is darker than what the gel diffuses.
+    ],
+)
+def test_diffuse_light_that_no_shadow_confirms_may_be_a_wrong_radius(
+    diffuse: float, darkest: float, told: bool
+) -> None:
+    light = np.concatenate([np.full(100, darkest), np.linspace(0.45, 1.2, 900)])[None]
+    doubts = doubt_of_diffuse(diffuse, light, 4.0)
+    assert ["not confirmed" in doubt for doubt in doubts] == [True] * told
 
 
 def plain(factor: float, departure: float, diffuse: float = 0.0) -> Tried:

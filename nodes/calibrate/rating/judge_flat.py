@@ -1,0 +1,62 @@
+"""Tell a flat frame that is not one of untouched film."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import F8, Light, LightPositions, PixelSize
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+
+SMOOTH_DEGREE = 6
+"""Degree of what LEDs and lenses do to the light, which is smoother than a touch."""
+MAX_SLOPE = 0.008
+"""Slope of untouched film, in root mean square; 0.002 on real and rendered film."""
+MAX_UNEXPLAINED = 0.5
+"""Share of the light's departure that slopes leave of it, at most, if slopes cause it."""
+FEWEST_TESTED_LEDS = 4
+"""Three LEDs, less their mean, are explained by any slope."""
+
+
+@node
+def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[str]:
+    """Return a doubt if the flat frame shows slopes, as of an object or of the mean with a touch.
+
+    Where film slopes, LEDs brighten it that it turns to, and others darken it.  The logarithm of
+    the flat frame less the mean over the LEDs, and less polynomials, is a slope times the tangents
+    of the LEDs' slants.
+
+    Parameters
+    ----------
+    flat
+        K x H x W, the film at rest.
+    lights
+        K x 3 in mm.
+    pixel
+        mm per px.
+    """
+    rest = rest_of(flat, pixel)
+    if rest is None or len(lights) < FEWEST_TESTED_LEDS:
+        return []
+    left = _rough_part(rest)
+    towards = lights[:, :2] / lights[:, 2:]
+    towards = (towards - towards.mean(axis=0)).astype(np.float64)
+    slope = np.linalg.lstsq(towards, left, rcond=None)[0]
+    steepness = float(np.sqrt(np.square(slope).sum(axis=0).mean()))
+    unexplained = np.square(left - towards @ slope).mean() / max(np.square(left).mean(), 1e-12)
+    if steepness < MAX_SLOPE or unexplained > MAX_UNEXPLAINED**2:
+        return []
+    return [
+        f"the flat frame is lit as film with slopes of {steepness:.1%} is, which is not at rest: "
+        "take it again with nothing touching the film, after the last touch has relaxed"
+    ]
+
+
+def _rough_part(rest: Rest) -> F8:
+    """What polynomials leave of the blocks' light, K x M."""
+    x, y = (place / np.abs(place).max() for place in (rest.x, rest.y))
+    terms = [x**i * y**j for i in range(SMOOTH_DEGREE + 1) for j in range(SMOOTH_DEGREE + 1 - i)]
+    design: NDArray[np.float64] = np.stack(terms, axis=1)
+    seen = rest.logarithm.T
+    return np.asarray((seen - design @ np.linalg.lstsq(design, seen, rcond=None)[0]).T)
