@@ -26,6 +26,7 @@ from tactograph.graph import load
 from tactograph.nodes import BAND_DEVIATIONS
 from tactograph.nodes.metrology.level_plane import plane_terms, weighted_plane
 from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.metrology.plot_step import plot_step
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.nodes.scan.scans import seen
 
@@ -78,7 +79,7 @@ def main() -> None:
     row("sensor", "depth / um", "stated / um", "rows in the 90 % band")
     row(*["---"] * 4)
     for device in DEVICES:
-        row(device, *groove(SCANS / "devices" / f"{device}.yaml"))
+        row(device, *groove(SCANS / "devices" / f"{device}.yaml", given.pictures))
 
 
 def balls(name: str, light: str, grid: Grid) -> None:
@@ -118,7 +119,7 @@ def draw(relief: NDArray[np.float64], file: Path) -> None:
     figure.savefig(file, dpi=100)
 
 
-def groove(file: Path) -> tuple[str, str, str]:
+def groove(file: Path, pictures: Path | None) -> tuple[str, str, str]:
     sensor = read_light_model(file=file, crop=GROOVE_CROP)
     x0, y0, x1, y1 = GROOVE_CROP
     x = sensor.pixel_size * (np.arange(x1 - x0) - (x1 - x0) / 2)
@@ -130,6 +131,9 @@ def groove(file: Path) -> tuple[str, str, str]:
     images = np.clip((light * noise).astype(np.float32), 0, 1)
     found = load("reconstruct_scan", model=file, crop=list(GROOVE_CROP))(frames=images)
     figures = measure_step(found["height"], sensor.pixel_size, found["error"])
+    if pictures:
+        picture = pictures / "step_profile.png"
+        plot_step(found["height"], sensor.pixel_size, figures, file=picture)
     depths = [
         measure_step(np.repeat(line[None], 5, 0), sensor.pixel_size)["step_depth_um"]
         for line in found["height"][::4]

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real_film import measure
-from tactograph.graph import InputError, load
+from benchmarks.real_film import measure, run
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tactograph.nodes.scan.read_start import read_start
@@ -58,8 +58,8 @@ def test_a_calibration_that_starts_from_the_vendors_needs_no_untouched_film(
     cal = tmp_path / "cal.npz"
     start = real_data("gelsight_scans") / "oem/demo-calibration.yaml"
     ball = {"ball_radius_mm": 0.2475, "ball_pitch_mm": 1.0}
-    list(load("calibrate", capture=grids / "balls_1", start=start, out=cal, **ball).items())
-    (found,) = load("reconstruct", capture=grids / "balls_2", calibration=cal).items()
+    run("calibrate", capture=grids / "balls_1", start=start, out=cal, **ball)
+    found = run("reconstruct", capture=grids / "balls_2", calibration=cal)
     grid = measure(found, grids / "balls_2.csv", 1)
     assert grid.normal_deg < 1.45
     assert grid.cap_um < 1.7
