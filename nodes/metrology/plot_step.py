@@ -49,8 +49,8 @@ def plot_step(
     axes.plot(x, z, color=GREY, linewidth=1)
     half = UM_PER_MM * shown.depth / 2
     for part, level, colour in ((shown.upper, half, BLUE), (shown.lower, -half, ORANGE)):
-        across = {"transform": axes.get_xaxis_transform(), "alpha": 0.15, "linewidth": 0}
-        axes.fill_between(x, 0, 1, where=part, color=colour, **across)
+        shaded = axes.fill_between(x, 0, 1, where=part, color=colour, alpha=0.15, linewidth=0)
+        shaded.set_transform(axes.get_xaxis_transform())
         axes.axhline(level, color=colour, linewidth=1, linestyle="--")
         axes.plot(np.where(part, x, np.nan), z, color=colour, linewidth=2)
     middle = float(np.mean(x[shown.lower]))
