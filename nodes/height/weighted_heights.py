@@ -30,7 +30,7 @@ def weighted_heights(variance: SlopeVariance, pixel: float) -> Callable[[F4], F8
     ends = np.repeat([-1.0, 1.0], first.size)
     difference = csr_matrix((ends, (steps, np.r_[first, second])), (first.size, number.size))
     weight = 1 / _halfway(variance)
-    weight /= weight.max()
+    weight /= weight.max(initial=GROUND_STIFFNESS)
     pull = difference.T @ diags(weight)
     matrix = (pull @ difference + GROUND_STIFFNESS * eye(number.size)).tocsc()
     factor = splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -89,6 +89,13 @@ def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
     assert bool(np.ptp(off + bow) < 0.1 * np.ptp(bow)) == taken
 
 
+def test_a_frame_of_one_cell_has_a_height(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.yaml")
+    light = seen(0 * cap()[:8, :10], read_light_model(file=tmp_path / "model.yaml").model)
+    found = load("reconstruct_scan", model=tmp_path / "model.yaml")(frames=light)
+    assert np.isfinite(found["height"]).all()
+
+
 @pytest.mark.slow
 def test_film_between_balls_is_flat_by_the_sensors_own_model(tmp_path: Path) -> None:
     """A grid of steel balls on flat film; by a plane alone, film between them bows by 25 um."""
