@@ -2,11 +2,12 @@
 #include "lanes.clh"
 #include "cell_side.clh"
 
-// The height of coarse cells, interpolated linearly between their centres.  A work-item does LANES
-// pixels of a row.
+// The height of coarse cells, interpolated linearly between their centres, onto another one if
+// there is one.  A work-item does LANES pixels of a row.
 LANED __kernel void enlarge_height(
     __global const float *restrict height,
     __global const float *restrict like,
+    __global const float *restrict onto,
     __global float *restrict out,
     const int h, const int w,
     const int K, const int H, const int W,
@@ -29,5 +30,7 @@ LANED __kernel void enlarge_height(
     const floats west = gather_floats(cells, left), south_west = gather_floats(next, left);
     const floats top = west + (gather_floats(cells, right) - west) * across;
     const floats bottom = south_west + (gather_floats(next, right) - south_west) * across;
-    store_floats(top + (bottom - top) * (row - (float)above), out + y * W + x, count);
+    floats there = top + (bottom - top) * (row - (float)above);
+    if (onto) there += load_floats(onto + y * W + x, count);
+    store_floats(there, out + y * W + x, count);
 }

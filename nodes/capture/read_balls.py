@@ -8,13 +8,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import InputError, Port, node
+from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
-from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.files.gelsight_scan import Scan, is_scan, read_scan
 from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights, lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
+MAX_MARK_DIFFERENCE = 0.1
+"""Share by which a mark may be larger or smaller than its ball."""
 Millimetres = Annotated[float, Gt(0)]
 Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
 """The radius of each press's ball."""
@@ -102,11 +104,14 @@ def read_balls(
     said = [read_capture_file(folder / name) for name in names]
     scans = [read_scan(folder / name) if is_scan(folder / name) else None for name in names]
     radii = [
-        _radius(folder / name, about, usual or (scan.ball_radius if scan else None))
+        _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
         for name, about, usual, scan in zip(
             names, said, _spread(folder, names, radius_mm), scans, strict=True
         )
     ]
+    for name, scan in zip(names, scans, strict=True):
+        if scan is not None:
+            _compare_marks(folder / name, scan)
     x0, y0 = crop[:2] if crop else (0, 0)
     marks = [
         (mark.x - x0, mark.y - y0, number)
@@ -149,6 +154,18 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
             "or write it into the press's capture.yaml"
         )
     return radius
+
+
+def _compare_marks(press: Path, scan: Scan) -> None:
+    """Warn where a scan's marks are not as large as its balls."""
+    marked = float(np.median([mark.radius for mark in scan.circles])) if scan.circles else 0.0
+    of_ball = scan.ball_radius / scan.pixel_size if scan.pixel_size else 0.0
+    if marked and of_ball and abs(marked / of_ball - 1) > MAX_MARK_DIFFERENCE:
+        warn(
+            f"{press}: its balls are marked with a radius of {marked:.0f} px, but its radius and "
+            f"pixel size make them {of_ball:.0f} px: settle them by ball_radius_mm= and "
+            "pixel_size_mm="
+        )
 
 
 def known_circle(

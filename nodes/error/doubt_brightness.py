@@ -8,10 +8,14 @@ from tactograph.graph import node, warn
 from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.metrology.level_plane import level_plane
+from tactograph.nodes.metrology.scale_error import scale_error
 from tactograph.nodes.metrology.scale_height import Scale
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""
+
+MAX_QUIET_SHARE = 0.2
+"""Share of the stated error that brightness makes up without a warning."""
 
 
 @node(neutral="error")
@@ -51,18 +55,18 @@ def doubt_brightness(
         H x W in mm.
     """
     if scale is not None:
-        factor, uncertain = scale
-        return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
+        return scale_error(error, height, scale=scale)
     apart = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(apart, pixel), level=level) / 2
     combined = np.hypot(error, share)
-    warn(
-        "no film is taken for film at rest: heights are above a plane, and how bright touched film "
-        f"is makes up {_um(share)} of the {_um(combined)} um that are stated (root mean square); a "
-        "step of known depth settles it (measure_step known_um=, scale=)"
+    of_brightness, of_all = (
+        UM_PER_MM * float(np.sqrt(np.nanmean(np.square(each, dtype=float))))
+        for each in (share, combined)
     )
+    if of_brightness > MAX_QUIET_SHARE * of_all:
+        warn(
+            "no film is taken for film at rest: heights are above a plane, and how bright touched "
+            f"film is makes up {of_brightness:.2g} of the {of_all:.2g} um that are stated (root "
+            "mean square); a step of known depth settles it (measure_step known_um=, scale=)"
+        )
     return np.asarray(combined, np.float32)
-
-
-def _um(error: HeightError) -> str:
-    return f"{UM_PER_MM * np.sqrt(np.nanmean(np.square(error, dtype=float))):.2g}"

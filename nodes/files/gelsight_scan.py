@@ -103,9 +103,11 @@ def read_scan(folder: Path) -> Scan:
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
     if not 0 <= pixel < 1e3:
         raise InputError(f"{file}: mmperpixel: {pixel:g} is no size of a pixel in mm")
-    radius = _number(entries.get("calibradius", 0), f"{file}: calibradius")
+    target = entries.get("target")
+    of_target = target.get("radius", 0) if isinstance(target, dict) else 0
+    radius = _number(entries.get("calibradius", of_target), f"{file}: radius of the balls")
     if not 0 <= radius < 1e3:
-        raise InputError(f"{file}: calibradius: {radius:g} is no radius of a ball in mm")
+        raise InputError(f"{file}: {radius:g} is no radius of a ball in mm")
     marks = [_circle(mark, file) for mark in entries.get("annotations") or []]
     model = PureWindowsPath(str(entries.get("calib") or "")).name
     return Scan(images, pixel, model, [mark for mark in marks if mark is not None], radius)

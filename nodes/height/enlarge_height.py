@@ -9,8 +9,10 @@ from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
 
 @node(derived=cells_by("factor"))
-def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 4) -> Height:
-    """Interpolate linearly between the cells that `coarsen` made.
+def enlarge_height(
+    height: CoarseHeight, like: Light, onto: Height | None = None, *, factor: CellSide = 4
+) -> Height:
+    """Interpolate linearly between the cells that `coarsen` made, and add that to a height.
 
     Parameters
     ----------
@@ -18,11 +20,14 @@ def enlarge_height(height: CoarseHeight, like: Light, *, factor: CellSide = 4) -
         h x w in mm, one value per cell.
     like
         K x H x W; only its size is read, which is that of the result.
+    onto
+        H x W in mm, which is added; without it nothing is.
     factor
         Side of a cell in pixels, as for `coarsen`.
     """
     _count, rows, columns = like.shape
-    return between_cells(height, (rows, columns), cell_side(rows, columns, factor))
+    large = between_cells(height, (rows, columns), cell_side(rows, columns, factor))
+    return large if onto is None else large + onto
 
 
 enlarge_height.opencl(grid="H W", lanes="rows")

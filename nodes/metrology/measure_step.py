@@ -1,4 +1,7 @@
-"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1."""
+"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1.
+
+Long because edges, levels and walls of a profile all follow from one definition of its zones.
+"""
 
 from __future__ import annotations
 
@@ -30,12 +33,19 @@ Line = NDArray[np.float64]
 
 class Profile(NamedTuple):
     """Depth of a profile in mm (above 0: a groove, or a step down), its standard deviation,
-    edges in px, walls in degrees."""
+    edges in px, walls in degrees, and what they were found by."""
 
     depth: float
     error: float
     edges: tuple[float, ...]
     walls: tuple[float, ...]
+    x: Line
+    """Places of the profile in px."""
+    z: Line
+    """Heights above the middle between both levels, without their common slope, in mm."""
+    upper: NDArray[np.bool_]
+    """The places whose heights make the first level."""
+    lower: NDArray[np.bool_]
 
 
 @node
@@ -88,19 +98,7 @@ def measure_step(
     InputError
         If too few profiles show such edges.
     """
-    every = height, np.zeros_like(height) if error is None else error
-    lines, doubts = every if along == "x" else (each.T for each in every)
-    measured = (
-        _measure(*each, pixel, edges, smooth_px) for each in zip(lines, doubts, strict=True)
-    )
-    profiles = [profile for profile in measured if profile]
-    if len(profiles) < MIN_PROFILES:
-        shape = "a groove or ridge" if edges == 2 else "a step"
-        raise InputError(
-            f"{len(profiles)} of {len(lines)} profiles along {along} show {shape}: "
-            "crop=x0,y0,x1,y1 to the part that holds one, say along=x or y, whichever crosses it, "
-            "and edges=1 or 2"
-        )
+    profiles = step_profiles(height, pixel, error, along, edges, smooth_px)
     depths = 1e3 * np.array([profile.depth for profile in profiles])
     spread = float(np.std(depths, ddof=1))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
@@ -122,6 +120,32 @@ def measure_step(
         figures |= _scale(depths, known_um)
     _warn_of_wide_walls(figures)
     return figures
+
+
+def step_profiles(
+    height: Height, pixel: float, error: HeightError | None, along: str, edges: int, smooth_px: int
+) -> list[Profile]:
+    """Every profile that shows such edges; the arguments are those of `measure_step`.
+
+    Raises
+    ------
+    InputError
+        If too few do.
+    """
+    every = height, np.zeros_like(height) if error is None else error
+    lines, doubts = every if along == "x" else (each.T for each in every)
+    measured = (
+        _measure(*each, pixel, edges, smooth_px) for each in zip(lines, doubts, strict=True)
+    )
+    profiles = [profile for profile in measured if profile]
+    if len(profiles) < MIN_PROFILES:
+        shape = "a groove or ridge" if edges == 2 else "a step"
+        raise InputError(
+            f"{len(profiles)} of {len(lines)} profiles along {along} show {shape}: "
+            "crop=x0,y0,x1,y1 to the part that holds one, say along=x or y, whichever crosses it, "
+            "and edges=1 or 2"
+        )
+    return profiles
 
 
 def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:
@@ -165,11 +189,12 @@ def _measure(line: Line, error: Line, pixel: float, edges: int, smooth_px: int) 
     side = np.where(upper, 1.0, -1.0)[used]
     terms = np.stack([x[used], np.ones(used.sum()), side], 1)
     slope, level, half = np.linalg.lstsq(terms, z[used], rcond=None)[0]
-    share = (z - slope * x - level) / half if half else np.zeros_like(z)
+    levelled = z - slope * x - level
+    share = levelled / half if half else np.zeros_like(z)
     walls = tuple(_wall_deg(x, share, place, 2 * abs(half) / pixel) for place in places)
     doubt = error[x.astype(int)]
     of_levels = np.hypot(*(np.nanmean(doubt[level]) for level in (upper, lower)))
-    return Profile(2 * half, float(of_levels), places, walls)
+    return Profile(2 * half, float(of_levels), places, walls, x, levelled, upper, lower)
 
 
 def _edges(x: Line, z: Line, count: int) -> tuple[float, ...] | None:

@@ -8,16 +8,21 @@ middle of the frame, in units of its shorter side.
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, Light
+from tactograph.nodes.optics.gauss_newton import along, normal_by_slope
 
 MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
+PIXEL_UNKNOWNS = 3
+"""Unknowns of a pixel: p, q and the brightness.  Only more LEDs than these show a model's error."""
 MIN_SCALE = np.float32(1e-3)
+MIN_DIVISOR = 1e-9
 
 
 class LightModel(NamedTuple):
@@ -77,3 +82,19 @@ def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:
     light = scale * (x * linear[0] + y * linear[1] + z * linear[2] + c[9])
     lit = np.where(light > 0, scale, np.float32(0))
     return np.maximum(light, np.float32(0)), lit * (turned + linear)
+
+
+def slope_by_light(slope: F4, brightness: F4, model: LightModel, place: tuple[F4, F4]) -> F4:
+    """The derivative of p and q by each LED's light, 2 x K x H x W, with the brightness free."""
+    powers = monomials(*place, int(model.degree))
+    _, n, by_p, by_q = normal_by_slope(*slope)
+    m, gradient = modelled_light(coefficients(model.quadratic, powers), np.stack(n))
+    norm = np.maximum(np.sum(m * m, axis=0), MIN_DIVISOR)
+    free = []
+    for direction in (by_p, by_q):
+        j = along(tuple(gradient), direction)
+        free.append(brightness * (j - m * (np.sum(m * j, axis=0) / norm)))
+    x_by, y_by = free
+    xx, xy, yy = (np.sum(a * b, axis=0) for a, b in combinations_with_replacement(free, 2))
+    determinant = np.maximum(xx * yy - xy * xy, MIN_DIVISOR)
+    return np.stack([yy * x_by - xy * y_by, xx * y_by - xy * x_by]) / determinant

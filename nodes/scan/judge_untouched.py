@@ -16,7 +16,7 @@ from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 
 MAX_LEAN = 0.02
-"""Slope of film at rest by its model above which heights bend: 0.02 is 20 um over a millimetre."""
+"""Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""
 
 
 @node
@@ -54,7 +54,7 @@ def judge_untouched(
     if lean > MAX_LEAN:
         warn(
             f"{folder}: the light model takes untouched film for tilted by {lean:.2g}, and "
-            f"{bright:.2g} times as bright as its own: heights bend over the frame; "
-            "'calibrate' learns this film from balls"
+            f"{bright:.2g} times as bright as its own: only film that is known to be flat (level=) "
+            "keeps heights from bending; 'calibrate' learns this film from balls"
         )
     return {"untouched_slope": lean, "untouched_brightness": bright}

@@ -47,7 +47,8 @@ def measured(
 
 @pytest.mark.parametrize("graph", ["reconstruct_filled", "precise_filled"])
 def test_the_depth_of_a_groove_through_the_frame(sensor: Path, graph: str) -> None:
-    figures, _ = measured(graph, sensor, 0.0)
+    figures, found = measured(graph, sensor, 0.0)
+    assert not found.warnings
     assert figures["step_depth_um"] == pytest.approx(1e3 * DEPTH_MM, abs=2)
     assert figures["step_spread_um"] < 1
 

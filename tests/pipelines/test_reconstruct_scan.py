@@ -23,6 +23,11 @@ def test_a_cap_has_its_height(tmp_path: Path) -> None:
     assert found["pixel"] == PIXEL
     assert found["height"].max() == pytest.approx(z.max(), rel=0.02)
     assert np.sqrt(np.mean((found["height"] - z) ** 2)) < 2e-3
+    given = {"capture": tmp_path / "scan", "model": tmp_path / "scan", "scale": (1.1, 0.05)}
+    (scaled,) = load("reconstruct_scan", **given).items()
+    np.testing.assert_allclose(scaled["height"], 1.1 * found["height"], rtol=1e-5)
+    of_scale = np.hypot(1.1 * found["error"], 0.05 * found["height"])
+    np.testing.assert_allclose(scaled["error"], of_scale, rtol=1e-4)
 
 
 def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ def calibrate_lights(
     height: SheetHeight,
     lit: SheetLabels,
     pixel: PixelSize,
+    slants: Annotated[F4, Port("K 2", "1", low=-1, high=1)] | None = None,
     *,
     steepest: Annotated[float, Gt(0)] = 3.0,
     shift_px: Annotated[float, Gt(0)] = 0.5,
@@ -76,6 +77,9 @@ def calibrate_lights(
         S x W, the LEDs that reach each pixel.
     pixel
         mm per px.
+    slants
+        L_x / L_z and L_y / L_z of each LED, from which the search starts; else it starts from the
+        objects' light.
     steepest
         Pixels steeper than this (mm per mm) are left out, because the shape is least certain
         there.
@@ -108,7 +112,7 @@ def calibrate_lights(
             f"({MIN_PIXELS} are needed): is it on?"
         )
     rest, width = rest_of(flat, pixel), pixel * light.shape[2]
-    placed = place_leds(objects, rest, shift_px, width)
+    placed = place_leds(objects, rest, shift_px, width, slants=slants)
     left = [
         residual_of(there, placed.leds, shift, placed.flat)
         for there, shift in zip(objects, placed.shifts, strict=True)

@@ -62,11 +62,17 @@ def place_leds(
     shift_px: float,
     width_mm: float,
     start: Placed | None = None,
+    slants: F4 | None = None,
 ) -> Placed:
-    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber)."""
+    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
+
+    Slants K x 2, if given, are where the search for the LEDs starts.
+    """
     count, flat = len(objects[0].light), rest is not None
     if start is None:
         leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
+        if slants is not None:
+            leds[:, :2] = slants
     else:
         leds = start.leds
     shifts = np.zeros((len(objects), 3))

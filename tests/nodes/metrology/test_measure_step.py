@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 from tactograph.graph import InputError, load
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
+from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
 from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.metrology.plot_step import plot_step
 
 PIXEL = 0.005
 
@@ -104,3 +107,13 @@ def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:
     (stated,) = pipeline.items()
     assert alone["step"]["step_uncertainty_um"] < 0.1
     assert stated["step"]["step_uncertainty_um"] == pytest.approx(np.sqrt(2), rel=0.01)
+
+
+def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:
+    z, file = groove(0.1, 0.6, 45), tmp_path / "step.png"
+    plot_step(z, PIXEL, measure_step(z, PIXEL), file=file)
+    picture = cv2.imread(str(file))
+    assert picture.shape == (400, 900, 3)
+    for colour in (BLUE, ORANGE):
+        bgr = np.array([int(colour[i : i + 2], 16) for i in (5, 3, 1)])
+        assert (np.abs(picture.astype(int) - bgr).max(axis=2) < 8).sum() > 100

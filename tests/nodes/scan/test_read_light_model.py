@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.nodes.scan.read_light_model import read_light_model
@@ -121,3 +123,26 @@ def test_a_scan_file_that_cannot_be_meant_is_refused(
     (tmp_path / "scan.yaml").write_text(content)
     with pytest.raises(InputError, match=message):
         read_scan(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("target", "mark", "message"),
+    [
+        ("target: {type: bga, radius: 0.18, pitch: 1}\n", 9, ""),
+        ("target: {type: bga, radius: 0.18, pitch: 1}\n", 12, "marked with a radius of 12 px"),
+        ("", 9, "the ball's radius is not known"),
+    ],
+)
+def test_a_scan_says_how_large_its_balls_are(
+    tmp_path: Path, target: str, mark: int, message: str
+) -> None:
+    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
+    file = tmp_path / "scan" / "scan.yaml"
+    file.write_text(file.read_text().replace("r: 9", f"r: {mark}") + target)
+    told: list[str] = []
+    try:
+        with collect_warnings(told):
+            assert read_balls(folder=tmp_path / "scan").radius == pytest.approx(0.18)
+    except InputError as error:
+        told.append(str(error))
+    assert any(message in each for each in told) if message else not told

@@ -1,0 +1,147 @@
+"""Print, as Markdown, how true heights of scans are by the light models that come with them.
+
+    python -m benchmarks.scans                      # balls, coin, grooves
+    python -m benchmarks.scans --pictures docs/pictures
+
+Balls: two grids on GelSight's OEM sensor, by the vendor's file alone and by a calibration that
+starts from it and is fitted to the other grid.  Coin: on a handheld sensor; its field is what lies
+flat, found by the height.  Grooves: 500 um deep with walls of 30 degrees, rendered through the
+models of three sensors with 1 % of noise.  The captures belong to GelSight (sdkdemo, gssim).
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from benchmarks.real_film import PIXEL_MM, ROOT, Grid, measure, row, run
+from tactograph.graph import load
+from tactograph.nodes import BAND_DEVIATIONS
+from tactograph.nodes.metrology.level_plane import plane_terms, weighted_plane
+from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.metrology.plot_step import plot_step
+from tactograph.nodes.scan.read_light_model import read_light_model
+from tests.nodes.scan.scans import seen
+
+DATA = ROOT.parent / "shared/data/real"
+GRIDS, SCANS = DATA / "gelsight_six_led", DATA / "gelsight_scans"
+MODEL = SCANS / "oem/demo-calibration.yaml"
+COIN, COIN_MODEL = (
+    SCANS / "handheld/japanese-coin-001",
+    SCANS / "handheld/model-test1.yaml",
+)
+RADIUS_MM = {"balls_1": 0.2465, "balls_2": 0.2475}
+FIELD_MM, FIELD_RADIUS_MM = 0.015, 6.3
+"""How far the coin's field lies from its plane at most, and how far it reaches."""
+DEVICES = "series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"
+GROOVE_CROP, GROOVE_MM, WALL_DEG = (32, 900, 2432, 1060), 0.5, 30
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--pictures", type=Path, help="draw the coin into this folder")
+    given = parser.parse_args()
+    if not GRIDS.is_dir() or not SCANS.is_dir():
+        raise SystemExit(f"there are no captures in {DATA}")
+    row("grid", "light", "normals / deg", "cap RMS / um", "film between / um")
+    row(*["---"] * 5)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, other in (("balls_1", "balls_2"), ("balls_2", "balls_1")):
+            size = {"capture": GRIDS / name}
+            alone = run("reconstruct_scan", model=MODEL, pixel_size_mm=PIXEL_MM, **size)
+            balls(name, "vendor's file alone", measure(alone, GRIDS / f"{name}.csv", 1))
+            file = Path(folder) / f"{other}.npz"
+            run(
+                "calibrate",
+                capture=GRIDS / other,
+                flat=GRIDS / "flat",
+                start=MODEL,
+                ball_radius_mm=RADIUS_MM[other],
+                ball_pitch_mm=1.0,
+                out=file,
+            )
+            fitted = run("reconstruct", calibration=file, **size)
+            balls(name, f"fitted to {other}", measure(fitted, GRIDS / f"{name}.csv", 1))
+    print()
+    height = run("reconstruct_scan", capture=COIN, model=COIN_MODEL)["height"]
+    relief, field = coin(height)
+    print(f"the coin's field, {field.mean():.0%} of the frame, departs from a plane by")
+    print(f"{1e3 * relief[field].std():.1f} um, its relief is {1e3 * top(relief):.0f} um high\n")
+    if given.pictures:
+        draw(relief, given.pictures / "scan_coin.png")
+    row("sensor", "depth / um", "stated / um", "rows in the 90 % band")
+    row(*["---"] * 4)
+    for device in DEVICES:
+        row(device, *groove(SCANS / "devices" / f"{device}.yaml", given.pictures))
+
+
+def balls(name: str, light: str, grid: Grid) -> None:
+    row(name, light, f"{grid.normal_deg:.2f}", f"{grid.cap_um:.2f}", f"{grid.film_um:.1f}")
+
+
+def coin(height: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The coin above the plane of its field, and the field, every fourth pixel."""
+    z = height[::4, ::4].astype(np.float64)
+    rows, columns = z.shape
+    y, x = np.mgrid[:rows, :columns]
+    pixel = 4 * read_light_model(file=COIN_MODEL).pixel_size
+    near = np.hypot(x - 0.485 * columns, y - 0.46 * rows) * pixel < FIELD_RADIUS_MM
+    terms = np.stack([np.broadcast_to(t, z.shape) for t in plane_terms(rows, columns)], -1)
+    above = z - np.median(z[near])
+    for _ in range(10):
+        close = near & (np.abs(above) < FIELD_MM)
+        field = cv2.erode(close.astype(np.uint8), np.ones((7, 7))) > 0
+        above = z - terms @ weighted_plane(terms[field], z[field], np.ones(field.sum()))
+    return above, field
+
+
+def top(relief: NDArray[np.float64]) -> float:
+    """The median height of what stands in the middle of the coin, in mm."""
+    rows, columns = relief.shape
+    middle = relief[rows // 4 : rows // 2, columns // 3 : columns // 2]
+    return float(np.median(middle[middle > 2 * FIELD_MM]))
+
+
+def draw(relief: NDArray[np.float64], file: Path) -> None:
+    figure = Figure(figsize=(6, 4.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    picture = axes.imshow(1e3 * relief, vmin=-30, vmax=100, cmap="gray")
+    axes.set(xticks=[], yticks=[])
+    figure.colorbar(picture, label="height above the field / um")
+    figure.savefig(file, dpi=100)
+
+
+def groove(file: Path, pictures: Path | None) -> tuple[str, str, str]:
+    sensor = read_light_model(file=file, crop=GROOVE_CROP)
+    x0, y0, x1, y1 = GROOVE_CROP
+    x = sensor.pixel_size * (np.arange(x1 - x0) - (x1 - x0) / 2)
+    wall = GROOVE_MM / np.tan(np.radians(WALL_DEG))
+    profile = -GROOVE_MM * np.clip((1 + wall / 2 - np.abs(x) + 0.5) / wall, 0, 1)
+    z = np.tile(profile.astype(np.float32), (y1 - y0, 1))
+    light = seen(z, sensor.model, sensor.pixel_size)
+    noise = 1 + 0.01 * np.random.default_rng(0).normal(size=light.shape)
+    images = np.clip((light * noise).astype(np.float32), 0, 1)
+    found = load("reconstruct_scan", model=file, crop=list(GROOVE_CROP))(frames=images)
+    figures = measure_step(found["height"], sensor.pixel_size, found["error"])
+    if pictures:
+        picture = pictures / "step_profile.png"
+        plot_step(found["height"], sensor.pixel_size, figures, file=picture)
+    depths = [
+        measure_step(np.repeat(line[None], 5, 0), sensor.pixel_size)["step_depth_um"]
+        for line in found["height"][::4]
+    ]
+    stated = figures["step_uncertainty_um"]
+    held = np.abs(np.array(depths) - 1e3 * GROOVE_MM) < BAND_DEVIATIONS * stated
+    return f"{figures['step_depth_um']:.2f}", f"{stated:.2f}", f"{held.mean():.0%}"
+
+
+if __name__ == "__main__":
+    main()

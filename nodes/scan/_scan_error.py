@@ -1,0 +1,95 @@
+"""The standard deviation of a scan's height, from what the light leaves unexplained."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from tactograph.nodes import F4
+from tactograph.nodes.optics.light_model import MIN_DIVISOR, PIXEL_UNKNOWNS
+from tactograph.nodes.scan._scan_levelling import ScanLevelling
+
+DRAW_COUNT = 16
+"""Random errors; they come in pairs, whose waves are a quarter of a wave apart."""
+REPEAT_TURN, REPEAT_FRAME = np.float32(1), np.float32(2)
+"""Change of the normal, and of the position over the frame's shorter side, after which a model's
+error repeats."""
+CHI_MEDIAN = 0.789
+"""Median over mean of a sum of three squares."""
+MAX_SLOPE_ERROR = np.float32(3)
+"""Largest error of a slope."""
+NOISE_STEEPENING = np.float32(3)
+"""Error of slopes that are steepened by noise, over the variances of p and q of a pixel and the
+slope: 0.4 to 1.6 on walls of 30 degrees by the models of five sensors, twice that at a groove."""
+NOISE_MEAN_CELLS = 2.0
+"""Cells over which the noise is averaged."""
+
+
+def scan_error(
+    slope: F4, residual: F4, single: F4, levelling: ScanLevelling, cell: int, seed: int
+) -> F4:
+    """Send random errors of the light the height's own way; their mean square is the variance.
+
+    What slope and brightness leave of a single pixel's light is noise and the model's error, what
+    they leave of a cell's mean light hardly any noise: the two tell both apart.
+
+    - Noise is independent from pixel to pixel.  What it does inside a cell of n x n pixels is
+      ln(n) / (2 pi) times the variance of a pixel's slope, in px^2.
+    - The model's error is a wave of normal and position, another one for every LED: film of one
+      slope errs alike wherever it lies, so that the depth of a groove errs with its walls.
+
+    Noise also makes slopes steeper, to second order.  As brightness is free, light that is wrong
+    under all LEDs alike turns no normal.
+    """
+    by_light = levelling.by_light
+    leds = by_light.shape[1]
+    noise, misfit = _parts(residual, single, leds, cell)
+    root = _root(by_light) * noise
+    normal = slope / np.sqrt(1 + np.sum(slope * slope, axis=0))
+    where = np.stack([*(normal / REPEAT_TURN), *(each / REPEAT_FRAME for each in levelling.place)])
+
+    wrong = [slope * NOISE_STEEPENING * np.square(root * cell).sum(axis=(0, 1))]
+    for number in range(DRAW_COUNT):
+        waves = np.float32(misfit) * _waves(number, leds, where)
+        of_model = np.einsum("aknm,knm->anm", by_light, waves)
+        drawn = np.random.default_rng([seed, number]).standard_normal(slope.shape, np.float32)
+        wrong.append(of_model + np.einsum("abnm,bnm->anm", root, drawn))
+    total = np.zeros(levelling.shape)
+    for number, each in enumerate(wrong):
+        height = levelling.heights(np.clip(each, -MAX_SLOPE_ERROR, MAX_SLOPE_ERROR))
+        total += np.square(height) / (DRAW_COUNT if number else 1)
+    inside = np.log(cell) / (4 * np.pi) * np.square(root).sum(axis=(0, 1)) * levelling.pixel**2
+    return np.sqrt(total + inside).astype(np.float32)
+
+
+def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
+    """Standard deviations of a LED's light: noise of a cell's mean, H x W, and the model's error.
+
+    Of n x n pixels the mean has 1 / n of a pixel's noise.
+    """
+    per_led = leds / (leds - PIXEL_UNKNOWNS)
+    square, of_cell = (per_led * np.square(each) for each in (single, residual))
+    variance = np.maximum(cv2.GaussianBlur(square - of_cell, (0, 0), NOISE_MEAN_CELLS), 0)
+    noise = np.sqrt(variance / cell**2)
+    left = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2
+    return noise.astype(np.float32), float(np.sqrt(max(left, 0)))
+
+
+def _root(by_light: F4) -> F4:
+    """A root of the covariance of p and q by equal noise of all LEDs: 2 x 2 x H x W."""
+    (pp, pq), (_, qq) = np.einsum("aknm,bknm->abnm", by_light, by_light)
+    alone = np.sqrt(pp + MIN_DIVISOR)
+    shared = pq / alone
+    return np.stack([[alone, 0 * alone], [shared, np.sqrt(np.maximum(qq - shared**2, 0))]])
+
+
+def _waves(number: int, leds: int, where: F4) -> F4:
+    """A wave of normal and position for every LED, of variance 1: K x H x W.
+
+    Those of an odd number are a quarter of a wave ahead of those before.
+    """
+    turned, moved, start = np.random.default_rng(number // 2).uniform(0, 2 * np.pi, (3, leds))
+    wave = np.stack([np.cos(turned), np.sin(turned), np.cos(moved), np.sin(moved)], 1)
+    phase = np.tensordot(2 * np.pi * wave.astype(np.float32), where, 1)
+    ahead = (start + number % 2 * np.pi / 2).astype(np.float32)
+    return np.asarray(np.sqrt(2) * np.cos(phase + ahead[:, None, None]), np.float32)

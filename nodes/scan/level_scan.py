@@ -1,0 +1,93 @@
+"""What levels a scan, as a height to be added, and the error that is left.
+
+Long because both go through one factor of the same equations.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Interval
+
+from tactograph.graph import Port, SizeLimit, node, warn
+from tactograph.nodes import F4, UM_PER_MM, Height, HeightError, Metrics, PixelSize, Slope
+from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.optics.light_model import LightModel
+from tactograph.nodes.scan._scan_error import scan_error
+from tactograph.nodes.scan._scan_levelling import ScanLevelling
+from tactograph.nodes.scan.judge_untouched import MAX_LEAN
+
+
+class ScanLevel(NamedTuple):
+    """What is added to a height to level it, the height's error, and how much is a bow."""
+
+    bend: Height
+    error: HeightError
+    metrics: Metrics
+
+
+@node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
+def level_scan(
+    slope: Slope,
+    brightness: Annotated[F4, Port("H W", "1", high=2)],
+    residual: Annotated[F4, Port("H W", "1", high=0.1)],
+    single: Annotated[F4, Port("H W", "1", high=0.1)],
+    model: LightModel,
+    pixel: PixelSize,
+    *,
+    level: str = "flat",
+    cell: Annotated[int, Interval(ge=1, le=64)] = 16,
+    seed: Annotated[int, Ge(0)] = 1,
+) -> ScanLevel:
+    """Return what to add to the integral of a scan's slopes, on cells.
+
+    Cells are integrated a second time, with weights: a slope counts by what the light that its
+    cell leaves unexplained may do to it.  So steep film, which is measured worst, bends no level
+    film.  From the slopes a drift is taken first, as far as film is known to be flat: a light model
+    tells level film only up to slopes that change linearly over the frame.
+
+    Parameters
+    ----------
+    slope, brightness, residual
+        As `light_model_slope` finds them from the mean light of cells.
+    single
+        The residual of one pixel of every cell.
+    model
+        The light model on cells.
+    pixel
+        Side of a cell in mm.
+    level
+        ``flat``: most of the surface is a plane, which tells drift and plane.  ``plane``: most of
+        it is level, but may bend; nothing but a plane is taken off.  ``rest``: the frame's border
+        is at rest.  Else an image of the scan's size, not 0 where the surface is flat and level.
+        Film that is known over less than half of the frame's width or height tells a plane only.
+    cell
+        Side of a cell in pixels.
+    seed
+        Seed of the error's random draws.
+
+    Returns
+    -------
+    ScanLevel
+        H x W in mm; the standard deviation of the height, H x W in mm; ``level_bow_um``, from the
+        lowest to the highest place of the bow that the drift would be.
+
+    Raises
+    ------
+    InputError
+        As `level_plane`.
+    """
+    levelling = ScanLevelling(slope, brightness, residual, model, pixel, level, cell)
+    bend = levelling.heights(slope) - integrate_dct(slope, pixel)
+    drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
+    bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
+    steepest = float(np.abs(drifting).max())
+    if steepest > MAX_LEAN:
+        warn(
+            f"the slopes of flat film drift by {steepest:.2g} to the frame's border, which would "
+            f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
+            "(level=plane leaves it)"
+        )
+    error = scan_error(slope, residual, single, levelling, cell, seed)
+    return ScanLevel(np.asarray(bend, np.float32), error, {"level_bow_um": bow})

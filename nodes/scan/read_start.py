@@ -1,0 +1,102 @@
+"""What a sensor's light model says before a calibration: light at rest, LEDs, pixel size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, Light, Metrics, PixelSize
+from tactograph.nodes.files.gelsight_scan import read_light_model_file
+from tactograph.nodes.files.image_files import Crop, lights_of
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.optics.light_model import (
+    PIXEL_UNKNOWNS,
+    coefficients,
+    modelled_light,
+    monomials,
+    positions,
+)
+from tactograph.nodes.scan.judge_light_model import judge_light_model
+from tactograph.nodes.scan.judge_untouched import judge_untouched
+from tactograph.nodes.scan.light_model_slope import light_model_slope
+from tactograph.nodes.scan.read_light_model import read_light_model
+from tactograph.nodes.scan.scan_pixel_size import scan_pixel_size
+
+CELL_PX = 16
+"""Side of the cells on which the model is compared with images, in px."""
+MIN_LIGHT_TOWARDS = 1e-3
+"""Smallest light of level film by the linear model."""
+
+
+class Start(NamedTuple):
+    """What a light model says; nothing but the pixel size where none is given."""
+
+    metrics: Metrics
+    rest: Light | None = None
+    slants: Annotated[F4, Port("K 2", "1", low=-1, high=1)] | None = None
+    """L_x / L_z and L_y / L_z of each LED, from the middle of the frame."""
+    pixel_size: PixelSize | None = None
+
+
+@node
+def read_start(
+    image: Light,
+    stated: PixelSize | None = None,
+    *,
+    file: Path | None = None,
+    flat: Path | None = None,
+    crop: Crop | None = None,
+) -> Start:
+    """Read a light model as the start of a calibration, and compare it with what was taken.
+
+    Parameters
+    ----------
+    image
+        K x H x W, a press.
+    stated
+        mm per px, as a scan states it.
+    file, crop
+        As for `read_light_model`; None: there is no such model.
+    flat
+        A capture of the untouched film, which is compared with the model and its flat field.
+
+    Returns
+    -------
+    Start
+        Figures of `judge_light_model` and `judge_untouched`, of four LEDs or more; the light of
+        level film by the model, K x H x W; K x 2; mm per px.
+
+    Raises
+    ------
+    InputError
+        As `read_light_model`; if the model has other LEDs, or another frame, than the press.
+    """
+    if file is None:
+        return Start({}, pixel_size=stated)
+    model, of_model = read_light_model(file=file, crop=crop)
+    leds, rows, columns = image.shape
+    said = read_light_model_file(file)
+    x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
+    if (said.leds, y1 - y0, x1 - x0) != image.shape:
+        raise InputError(
+            f"{file}: describes {said.leds} lights of {said.width} x {said.height} pixels, but the "
+            f"press has {lights_of(image)}"
+        )
+    y, x = np.indices((rows, columns), np.float32)
+    powers = monomials(*positions(x, y, model.view), int(model.degree))
+    level = np.zeros((3, rows, columns), np.float32)
+    level[2] = 1
+    rest, _ = modelled_light(coefficients(model.quadratic, powers), level)
+    towards = model.linear[:, :, 0]
+    slants = towards[:, :2] / np.maximum(towards[:, 2:], MIN_LIGHT_TOWARDS)
+    figures: Metrics = {}
+    if leds > PIXEL_UNKNOWNS:
+        of_cells = read_light_model(file=file, crop=crop, cell=CELL_PX).model
+        found = light_model_slope(coarsen(image, factor=CELL_PX), of_cells)
+        figures = judge_light_model(found.brightness, found.residual)
+        figures |= judge_untouched(of_cells, folder=flat, crop=crop, cell=CELL_PX)
+    rest = rest if model.gain is None else rest / model.gain
+    return Start(figures, rest, slants, scan_pixel_size(of_model, stated))
