@@ -47,4 +47,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
     reflectance[:, :2, 0] += rng.uniform(-0.6, 0.6, (K, 2))
     slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
-    return {"reflectance": reflectance, "slope": slope}
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    return {"reflectance": reflectance, "slope": slope, "height": height}
