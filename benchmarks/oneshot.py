@@ -38,7 +38,6 @@ from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.light.mapped_light import mapped_light
 from tactograph.nodes.optics.reflectance_map import ball_shape
-from tactograph.nodes.optics.sheet import cut
 
 RADIUS_MM, PIXEL_MM, FOLD_COUNT = 6.31 / 2, 0.0634, 5
 UNKNOWN = Provenance({}, None, [], {}, {}, [], [])
@@ -72,7 +71,7 @@ def main(data: Path, out: Path) -> None:
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
     shown: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     at_rest: list[tuple[float, float]] = []
-    presses, seen = list(cut(image, flat.shape[1])), []
+    seen: list[float] = []
     for fold in range(FOLD_COUNT):
         training = ball.copy()
         training[fold::FOLD_COUNT, 2] = 0
@@ -90,7 +89,7 @@ def main(data: Path, out: Path) -> None:
             found = ball[i].astype(np.float64)
             circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
             at_rest.append(resting(height, circle))
-            seen.append(rendered(presses[i], flat, circle, bench.radius, fit))
+            seen.append(rendered(image[i], flat, circle, bench.radius, fit))
             for row, truth in (("refined", circle), ("as found", found)):
                 rows[row].append(judge_contact(slope, height, truth, bench.radius, PIXEL_MM))
             shown[names[i]] = height, circle
