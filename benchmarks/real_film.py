@@ -15,7 +15,6 @@ calibrated with both ball presses, the grid on its film and the height of its pu
 With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row;
 with `--blur` a lens spreads every point by a Gaussian, and the noise is as it was.
 Long because one scan is judged in one way, as heights and, with `--rendered`, as images.
-Long because one scan is judged in one way, as heights and, with `--rendered`, as images.
 """
 
 from __future__ import annotations
