@@ -3,6 +3,7 @@
     python benchmarks/real_film.py                  # the real grid of balls, and the rigs
     python benchmarks/real_film.py --ablations      # reconstruct without each part of the film
     python benchmarks/real_film.py --only rigs      # or: real
+    python benchmarks/real_film.py --only real --rendered --scale 4 --graphs reconstruct
     python benchmarks/real_film.py --only real --scale 4 --leds 6 --graphs precise
     python benchmarks/real_film.py --only rigs --mosaic --rigs hand_ideal hand --graphs precise
     python benchmarks/real_film.py --only rigs --shapes sphere --blur 0.8 --graphs precise
@@ -13,6 +14,7 @@ part of it; of a graph that states an error the share of it that holds is printe
 calibrated with both ball presses, the grid on its film and the height of its pupil, if it has one.
 With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row;
 with `--blur` a lens spreads every point by a Gaussian, and the noise is as it was.
+Long because one scan is judged in one way, as heights and, with `--rendered`, as images.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import csv
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from tactograph.graph import load
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -46,6 +49,8 @@ ASTRAY_PX = 6
 """Normals that meet so far from a mark do not tell the ball's centre."""
 WITHIN_90 = 1.6449
 """Standard deviations of a normal distribution on either side that hold 90 %."""
+SHOWN, TEXTURE_PX = 0.8, 8.0
+"""Share of the radius on which rendered images count; width of what counts as smooth film."""
 BESIDE_REACH = 1.5
 """Film counts as such from so many radii from any ball."""
 RIG_PIXEL_MM = 1 / 14
@@ -96,12 +101,14 @@ def main() -> None:
     parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=(*SHAPES, "sphere"))
     parser.add_argument("--graphs", nargs="+", default=None)
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
+    parser.add_argument("--rendered", action="store_true", help="real scans against see_touch")
     given = parser.parse_args()
     graphs = given.graphs or (ABLATIONS if given.ablations else GRAPHS)
     with tempfile.TemporaryDirectory() as folder:
         if given.only != "rigs":
             data = given.data / "real/gelsight_six_led"
-            real(data, given.leds, graphs, Path(folder), given.scale)
+            show = rendered_rows if given.rendered else real
+            show(data, given.leds, graphs, Path(folder), given.scale)
         if given.only != "real":
             seen = given.data / "raytraced"
             if given.mosaic:
@@ -122,8 +129,6 @@ def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any
 
 def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, scale: int) -> None:
     """The grid of balls, calibrated with one ball and with a whole scan."""
-    if not data.is_dir():
-        raise SystemExit(f"there are no captures in {data}")
     row(
         "LEDs",
         "calibrated with",
@@ -136,32 +141,69 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
         "stated / um",
     )
     row(*["---"] * 9)
-    captures = {
-        name: reduced(data / name, folder, scale) for name in ("flat", "balls_1", "balls_2")
-    }
+    captures = _captures(data, folder, scale)
     centre = [(c + 0.5) / scale - 0.5 for c in CENTER_PX]
     for count in counts:
         leds = LEDS[count]
         one = {"ball_center_px": centre, "ball_contact_px": CONTACT_PX / scale}
         for title, how in (("one ball", one), ("a scan", {"ball_pitch_mm": PITCH_MM})):
             file = folder / f"real{count}{len(how)}.npz"
-            made = run(
-                "calibrate",
-                {"taken.leds": leds, "rest_taken.leds": leds},
-                capture=captures["balls_1"],
-                flat=captures["flat"],
-                ball_radius_mm=RADIUS_MM,
-                pixel_size_mm=PIXEL_MM * scale,
-                out=file,
-                **how,
-            )
-            chosen = f"{made['quality']['film_heldout_deg']:.2f}"
+            quality = _calibrated(captures, leds, scale, file, **how)
+            chosen = f"{quality['film_heldout_deg']:.2f}"
             for graph in graphs:
                 given = {"capture": captures["balls_2"], "calibration": file}
                 result = run(graph, {"frames.leds": leds}, **given)
                 found = measure(result, data / "balls_2.csv", scale)
                 figures = ("" if np.isnan(v) else f"{v:.2f}" for v in found)
                 row(str(count), f"{title} ({chosen})", graph, *figures)
+
+
+def rendered_rows(
+    data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, scale: int
+) -> None:
+    """Images by `see_touch` against those taken, by ball of the scan held out."""
+    row(
+        "LEDs",
+        "film beside the balls by",
+        "residual, median",
+        "nine of ten below",
+        "at most 1.5 / %",
+    )
+    row(*["---"] * 5)
+    captures = _captures(data, folder, scale)
+    for count in counts:
+        leds, file = LEDS[count], folder / f"rendered{count}.npz"
+        _calibrated(captures, leds, scale, file, ball_pitch_mm=PITCH_MM)
+        for graph in graphs:
+            given = {"capture": captures["balls_2"], "calibration": file}
+            height = run(graph, {"frames.leds": leds}, **given)["height"]
+            found = rendered(height, captures, leds, file, data / "balls_2.csv", scale)
+            figures = np.median(found), np.percentile(found, 90), 100 * np.mean(found <= 1.5)
+            row(str(count), graph, *(f"{figure:.2f}" for figure in figures))
+
+
+def _captures(data: Path, folder: Path, scale: int) -> dict[str, Path]:
+    if not data.is_dir():
+        raise SystemExit(f"there are no captures in {data}")
+    return {name: reduced(data / name, folder, scale) for name in ("flat", "balls_1", "balls_2")}
+
+
+def _calibrated(
+    captures: Mapping[str, Path], leds: list[int], scale: int, file: Path, **how: Any
+) -> dict[str, Any]:
+    """The quality of a calibration with the first scan."""
+    made = run(
+        "calibrate",
+        {"taken.leds": leds, "rest_taken.leds": leds},
+        capture=captures["balls_1"],
+        flat=captures["flat"],
+        ball_radius_mm=RADIUS_MM,
+        pixel_size_mm=PIXEL_MM * scale,
+        out=file,
+        **how,
+    )
+    quality: dict[str, Any] = made["quality"]
+    return quality
 
 
 def reduced(capture: Path, folder: Path, scale: int) -> Path:
@@ -182,50 +224,75 @@ def measure(result: Mapping[str, Any], marks: Path, scale: int) -> Grid:
     """Compare a height map with the balls of a grid; their centres follow from the normals."""
     height = result["height"]
     error = result["error"] if "error" in result else np.full_like(height, np.nan)
-    with marks.open() as file:
-        table = [[float(v) for v in line.values()] for line in csv.DictReader(file)]
-    numbers, centres = np.array(table)[:, :2], (np.array(table)[:, 2:] + 0.5) / scale - 0.5
-    smooth = gaussian_filter(height.astype(np.float64), SMOOTH_PX / scale)
+    numbers, centres = _marked(marks, scale)
     pixel, found = PIXEL_MM * scale, []
-    reach = RADIUS_MM / pixel
-    for centre in centres:
-        corner = np.maximum(centre.astype(int) - int(1.3 * reach), 0)
-        window = tuple(slice(a, a + int(2.6 * reach)) for a in corner[::-1])
-        maps = height[window], smooth[window], error[window]
-        found.append(_judge_ball(*maps, centre - corner, pixel))
+    for window, ball in _balls(height, centres, scale):
+        found.append(_judge_ball(height[window], error[window], ball))
     degrees, caps, tops, held, stated = np.array(found).T
-    between = _between(height.shape, numbers, centres, reach)
+    between = _between(height.shape, numbers, centres, RADIUS_MM / pixel)
     film = 1e3 * float(height[between].std())
     means = (float(v.mean()) for v in (degrees, caps))
     return Grid(*means, film, float(tops.std()), 100 * float(held.mean()), float(np.median(stated)))
 
 
-def _judge_ball(
-    height: NDArray[Any],
-    smooth: NDArray[Any],
-    error: NDArray[Any],
-    centre: NDArray[Any],
-    pixel: float,
-) -> tuple[float, float, float, float, float]:
-    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um;
-    share of the cap in the 90 % band, and the median of the stated error in um.
+class Ball(NamedTuple):
+    """A ball in a window of the map: the window's normals, and places over the radius from it."""
+
+    normals: NDArray[Any]
+    u: NDArray[Any]
+    v: NDArray[Any]
+
+    @property
+    def away(self) -> NDArray[Any]:
+        return np.hypot(self.u, self.v)
+
+    @property
+    def shape(self) -> NDArray[Any]:
+        """Its normals, and height over its centre in radii."""
+        u, v = self.u, self.v
+        return np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
+
+
+def _marked(marks: Path, scale: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The balls' numbers on the lattice, and their centres in px."""
+    with marks.open() as file:
+        table = [[float(v) for v in line.values()] for line in csv.DictReader(file)]
+    return np.array(table)[:, :2], (np.array(table)[:, 2:] + 0.5) / scale - 0.5
+
+
+def _balls(
+    height: NDArray[Any], centres: NDArray[Any], scale: int
+) -> Iterator[tuple[tuple[slice, ...], Ball]]:
+    """Every ball, with its window of the map.
 
     Marks err by about a pixel, so the centre is where the normals meet.
     """
-    q, p = np.gradient(smooth, pixel)
+    pixel = PIXEL_MM * scale
+    smooth = gaussian_filter(height.astype(np.float64), SMOOTH_PX / scale)
     radius = RADIUS_MM / pixel
-    n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    yy, xx = np.mgrid[: height.shape[0], : height.shape[1]]
-    x, y = centre
-    for _ in range(3):
-        inside = np.hypot(xx - x, yy - y) < INNER * radius
-        x, y = (np.median((a - c * radius)[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
-    if np.hypot(x - centre[0], y - centre[1]) * pixel > ASTRAY_PX * PIXEL_MM:
-        x, y = centre
-    u, v = (xx - x) / radius, (yy - y) / radius
-    inside = np.hypot(u, v) < INNER
-    truth = np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
-    angle = np.degrees(np.arccos(np.clip((n * truth).sum(0), -1, 1)))[inside].mean()
+    for mark in centres:
+        corner = np.maximum(mark.astype(int) - int(1.3 * radius), 0)
+        window = tuple(slice(a, a + int(2.6 * radius)) for a in corner[::-1])
+        q, p = np.gradient(smooth[window], pixel)
+        n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+        yy, xx = np.mgrid[: p.shape[0], : p.shape[1]]
+        centre = x, y = mark - corner
+        for _ in range(3):
+            inside = np.hypot(xx - x, yy - y) < INNER * radius
+            x, y = (np.median((a - c * radius)[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
+        if np.hypot(x - centre[0], y - centre[1]) * pixel > ASTRAY_PX * PIXEL_MM:
+            x, y = centre
+        yield window, Ball(n, (xx - x) / radius, (yy - y) / radius)
+
+
+def _judge_ball(
+    height: NDArray[Any], error: NDArray[Any], ball: Ball
+) -> tuple[float, float, float, float, float]:
+    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um;
+    share of the cap in the 90 % band, and the median of the stated error in um.
+    """
+    inside, truth = ball.away < INNER, ball.shape
+    angle = np.degrees(np.arccos(np.clip((ball.normals * truth).sum(0), -1, 1)))[inside].mean()
     apart = (height - truth[2] * RADIUS_MM)[inside]
     stated = error[inside]
     # NaN where nothing is stated, not a share of none.
@@ -237,6 +304,49 @@ def _judge_ball(
         float(held.mean()),
         1e3 * float(np.median(stated)),
     )
+
+
+def rendered(
+    height: NDArray[Any],
+    captures: Mapping[str, Path],
+    leds: list[int],
+    file: Path,
+    marks: Path,
+    scale: int,
+) -> NDArray[Any]:
+    """By ball: residual of the images that `see_touch` makes of its true shape, on its inner part.
+
+    It is relative to the film's noise and texture at rest, which scale with the light.  Around a
+    ball the film is as `height` has it; an LED's gain between flat frame and scan is taken out.
+    """
+    numbers, centres = _marked(marks, scale)
+    film = height.astype(np.float32)
+    balls = list(_balls(height, centres, scale))
+    for window, ball in balls:
+        inside, top = ball.away < INNER, RADIUS_MM * ball.shape[2]
+        film[window][inside] = (top + (height[window] - top)[inside].mean())[inside]
+    see = load("see_touch", calibration=file, seed=None, bits=16, outputs=["image"])
+    shown = see(height=film)["image"]
+    flat, taken = (
+        np.stack([_fractions(captures[name] / f"led{k}.png") for k in leds])
+        for name in ("flat", "balls_2")
+    )
+    between = _between(film.shape, numbers, centres, RADIUS_MM / (PIXEL_MM * scale))
+    gain = np.median((taken / shown)[:, between], axis=1)[:, None, None]
+    smooth = gaussian_filter(flat, (0, TEXTURE_PX, TEXTURE_PX))
+    texture = (flat / smooth - 1).std(axis=(1, 2))[:, None]
+    ratios = []
+    for window, ball in balls:
+        inside = ball.away < SHOWN
+        off = (taken / gain - shown)[(slice(None), *window)][:, inside]
+        at_rest = texture * taken[(slice(None), *window)][:, inside]
+        ratios.append(np.sqrt(np.mean(off**2) / np.mean(at_rest**2)))
+    return np.array(ratios)
+
+
+def _fractions(image: Path) -> NDArray[Any]:
+    read = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
+    return read.astype(np.float32) / np.iinfo(read.dtype).max
 
 
 def _between(

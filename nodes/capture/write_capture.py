@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -20,9 +20,9 @@ def write_capture(
     image: Light,
     height: Height,
     slope: Slope,
-    labels: Labels,
-    lights: LightPositions,
     pixel: PixelSize,
+    labels: Labels | None = None,
+    lights: LightPositions | None = None,
     *,
     folder: Path,
     bits: Annotated[int, Interval(ge=1, le=16)] = 8,
@@ -35,9 +35,9 @@ def write_capture(
         K x H x W, fractions of full scale, already quantised to `bits`.
     height, slope, labels
         The ground truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png``
-        (bit k-1 set where LED k does not reach the pixel).
+        (bit k-1 set where LED k does not reach the pixel), if it is known.
     lights, pixel
-        The LED positions in mm and the pixel size, written to ``scene.json``.
+        The LED positions in mm, if they are known, and the pixel size: ``scene.json``.
     folder
         Created if needed.
     bits
@@ -54,6 +54,9 @@ def write_capture(
             write_image(target / f"led{k}.png", np.rint(plane * full).astype(dtype))
         np.save(target / "truth_height_mm.npy", height)
         np.save(target / "truth_slope.npy", slope)
-        write_image(target / "truth_shadow.png", labels)
-        scene = {"pixel_size_mm": pixel, "lights_mm": lights.astype(float).tolist()}
+        scene: dict[str, Any] = {"pixel_size_mm": pixel}
+        if labels is not None:
+            write_image(target / "truth_shadow.png", labels)
+        if lights is not None:
+            scene["lights_mm"] = lights.astype(float).tolist()
         (target / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")

@@ -114,3 +114,39 @@ def harmonics(slope: F4) -> F4:
     z = 1 / np.sqrt(1 + p * p + q * q)
     x, y = -p * z, -q * z
     return np.stack([np.ones_like(z), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1])
+
+
+def maps_over_film(reflectance: F4, shape: tuple[int, ...]) -> F4:
+    """Return the coefficients of equation M1 at every pixel: K x 9 x H x W."""
+    rows, columns = shape
+    scale = 0.5 * np.float32(columns)
+    u = (np.arange(columns, dtype=np.float32) - 0.5 * np.float32(columns - 1)) / scale
+    v = (np.arange(rows, dtype=np.float32) - 0.5 * np.float32(rows - 1)) / scale
+    place = np.empty((PLACE_TERMS, rows, columns), np.float32)
+    place[0] = 1
+    last = 0
+    for degree in range(1, PLACE_DEGREE + 1):
+        first = last + degree
+        place[first : first + degree] = place[last : last + degree] * u[None, :]
+        place[first + degree] = place[first - 1] * v[:, None]
+        last = first
+    maps = np.zeros((*reflectance.shape[:2], rows, columns), np.float32)
+    for term in range(PLACE_TERMS):
+        maps += reflectance[:, :, term, None, None] * place[term]
+    return maps
+
+
+def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
+    """Return the sum over the eight harmonics of equation M1, and its derivative by n."""
+    x, y, z = n
+    value = (
+        c[0] * x + c[1] * y + c[2] * (z - 1)
+        + c[3] * (x * y) + c[4] * (x * z) + c[5] * (y * z)
+        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - 1))
+    )  # fmt: skip
+    gradient = (
+        c[0] + c[3] * y + c[4] * z + 2 * c[6] * x,
+        c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
+        c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
+    )
+    return value, gradient

@@ -11,7 +11,13 @@ from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
 from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
-from tactograph.nodes.optics.reflectance_map import PLACE_DEGREE, PLACE_TERMS, SHADE_COUNT
+from tactograph.nodes.optics.reflectance_map import (
+    PLACE_DEGREE,
+    PLACE_TERMS,
+    SHADE_COUNT,
+    maps_over_film,
+    shading,
+)
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
@@ -61,7 +67,7 @@ def solve_reflectance_map(
     still
         A pixel stops after a step no longer than this, or than half of `limit` if that is less.
     """
-    maps = _maps(reflectance, light.shape[1:])
+    maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
     p: F4 = np.zeros(light.shape[1:], np.float32)
     q = p
@@ -76,34 +82,6 @@ def solve_reflectance_map(
     return np.asarray(np.stack([p, q]), np.float32)
 
 
-def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> Light:
-    """Return the light that equation M1 gives a film of these slopes and heights, K x H x W."""
-    normal = normal_by_slope(*slope)[1]
-    maps = _maps(reflectance, height.shape)
-    shown = [_shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
-    return np.asarray(shown, np.float32) + 1
-
-
-def _maps(reflectance: F4, shape: tuple[int, ...]) -> F4:
-    """The coefficients at every pixel: K x 9 x H x W."""
-    rows, columns = shape
-    scale = 0.5 * np.float32(columns)
-    u = (np.arange(columns, dtype=np.float32) - 0.5 * np.float32(columns - 1)) / scale
-    v = (np.arange(rows, dtype=np.float32) - 0.5 * np.float32(rows - 1)) / scale
-    place = np.empty((PLACE_TERMS, rows, columns), np.float32)
-    place[0] = 1
-    last = 0
-    for degree in range(1, PLACE_DEGREE + 1):
-        first = last + degree
-        place[first : first + degree] = place[last : last + degree] * u[None, :]
-        place[first + degree] = place[first - 1] * v[:, None]
-        last = first
-    maps = np.zeros((*reflectance.shape[:2], rows, columns), np.float32)
-    for term in range(PLACE_TERMS):
-        maps += reflectance[:, :, term, None, None] * place[term]
-    return maps
-
-
 def _step(
     rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
 ) -> tuple[F4, F4, F4]:
@@ -113,29 +91,13 @@ def _step(
     b = np.zeros_like(p)
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
-        value, gradient = _shading(normal, coefficients)
+        value, gradient = shading(normal, coefficients)
         j_p, j_q = along(gradient, by_p), along(gradient, by_q)
         left = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * left, t + w_q * left
     return square, *limited_step((a, b, c), (s, t), limit * square)
-
-
-def _shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
-    """The sum over the eight harmonics of equation M1, and its derivative by n."""
-    x, y, z = n
-    value = (
-        c[0] * x + c[1] * y + c[2] * (z - 1)
-        + c[3] * (x * y) + c[4] * (x * z) + c[5] * (y * z)
-        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - 1))
-    )  # fmt: skip
-    gradient = (
-        c[0] + c[3] * y + c[4] * z + 2 * c[6] * x,
-        c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
-        c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
-    )
-    return value, gradient
 
 
 @solve_reflectance_map.opencl()
@@ -165,8 +127,8 @@ def _coloured_film(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     p, q = rng.uniform(-0.5, 0.5, (2, *shape))
     w = 1 / np.sqrt(1 + p * p + q * q)
     light = [
-        1 + _shading((-p * w, -q * w, w), maps)[0]
-        for maps in _maps(reflectance.astype(np.float32), shape)
+        1 + shading((-p * w, -q * w, w), maps)[0]
+        for maps in maps_over_film(reflectance.astype(np.float32), shape)
     ]
     return {
         "light": np.asarray(light, np.float32),

@@ -8,8 +8,9 @@ import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F4, Height, Light, Misfit, Slope
+from tactograph.nodes.light.mapped_light import mapped_light
 from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
-from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap, mapped_light
+from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 from tactograph.nodes.trust.light_departure import Departure
 
 MIN_MAP_ERROR = 0.007

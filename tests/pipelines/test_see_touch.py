@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph import load
+from tactograph.graph import Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
+from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
 from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
 
 COUNTS = 255
@@ -69,3 +70,37 @@ def test_a_seed_gives_the_same_noise_from_a_start_and_another_in_every_image(
     np.testing.assert_array_equal(images(3), [first, second])
     assert (images(4)[0] != first).any()
     np.testing.assert_array_equal(*images(None))
+
+
+def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """The height comes back on the camera's pixels, as `see_touch` gives it there."""
+    with np.load(calibration("near33"), allow_pickle=False) as read:
+        made = {**read, "lens": np.float32([-0.1, 0, 0, 0, 0, 0, 0, 0])}
+    np.savez(tmp_path / "bent.npz", **made)
+    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
+    seen = load("see_touch", calibration=tmp_path / "bent.npz")(height=truth)
+    back = load("reconstruct", calibration=tmp_path / "bent.npz")(frames=seen["image"])["height"]
+    off, apart = (np.sqrt(np.mean((back - z) ** 2)) for z in (seen["height"], truth))
+    assert off < 0.15 * RIG_PIXEL_MM["near33"]
+    assert apart > 3 * off
+
+
+def test_a_one_shot_sensor_forwards_and_back(tmp_path: Path) -> None:
+    """From its map of light alone: a press and the film at rest."""
+    rows, columns, pixel = 120, 160, 0.1
+    reflectance = np.zeros((3, 9, 15), np.float32)
+    reflectance[:, 0, 0], reflectance[:, 1, 0] = (0.6, -0.3, -0.3), (0, 0.5, -0.5)
+    reflectance[:, 2, 0] = 0.8
+    flat = np.full((3, rows, columns), 0.4, np.float32)
+    file = tmp_path / "map.npz"
+    none = Provenance({}, None, [], {}, {}, [], [])
+    write_press_calibration(flat, pixel, reflectance, {}, "", file=file, provenance=none)
+    y, x = np.mgrid[:rows, :columns].astype(np.float32)
+    cap = np.sqrt(np.maximum(50**2 - (x - 80) ** 2 - (y - 60) ** 2, 0)) - 40
+    z = np.asarray(np.maximum(cap * pixel, 0) * 0.5, np.float32)
+    seen = load("see_touch_oneshot", calibration=file, bits=16, seed=None)(height=z)
+    assert seen["image"].shape == (3, rows, columns)
+    back = load("gelsight_mini", calibration=file)(frames=seen["image"])["height"]
+    assert np.sqrt(np.mean((back - seen["height"]) ** 2)) < 0.1 * pixel

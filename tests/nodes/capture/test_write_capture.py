@@ -18,7 +18,7 @@ LIGHT, LEVEL = np.full((4, 6, 8), 0.5, np.float32), np.zeros((6, 8), np.float32)
 
 def write(folder: Path) -> None:
     write_capture(
-        LIGHT, LEVEL, np.zeros((2, 6, 8), np.float32), LEVEL.astype(np.uint8), np.ones((4, 3)), 0.1,
+        LIGHT, LEVEL, np.zeros((2, 6, 8), np.float32), 0.1, LEVEL.astype(np.uint8), np.ones((4, 3)),
         folder=folder,
     )  # fmt: skip
 
