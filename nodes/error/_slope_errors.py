@@ -158,8 +158,8 @@ def _wrong_bounce(seen: Unperturbed, causes: Causes, number: int) -> F4:
     wrong = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
     level = 1 - np.minimum(np.hypot(*seen.slope) / FULL_MISFIT_SLOPE, np.float32(1))
     coated = causes.film.refraction != 1
-    by_led = COATED_LEVEL_BOUNCE_ERROR if coated else LEVEL_BOUNCE_ERROR
-    by_led = by_led * LED_SIGNS[number, : len(seen.light), None, None]
+    share = COATED_LEVEL_BOUNCE_ERROR if coated else LEVEL_BOUNCE_ERROR
+    by_led = share * LED_SIGNS[number, : len(seen.light), None, None]
     settling = UNSETTLED_SHARE * np.float32(SETTLING_SIGNS[number])
     return np.asarray((wrong + by_led * level) * seen.bounced + settling * seen.changed)
 

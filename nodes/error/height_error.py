@@ -368,7 +368,8 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
         *(inputs[name] for name in ("light", "sigma", "height", "slope")), networks.state,
         *(inputs[name] for name in ("used", "film.lights", "film.others")), slopes,
         *frame, *networks.place, networks.pixel, settings["flat_noise"],
-        math.sqrt(inputs.get("correlation") or 1.0), inputs["film.uneven"], inputs["film.refraction"],
+        math.sqrt(inputs.get("correlation") or 1.0),
+        inputs["film.uneven"], inputs["film.refraction"],
         told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},

@@ -1,4 +1,7 @@
-"""Compare the model error of a touch with that of the presses that the model was fitted to."""
+"""Compare the model error of a touch with that of the presses that the model was fitted to.
+
+Long because noise, brightness and what normals have in common are told apart.
+"""
 
 from __future__ import annotations
 

@@ -62,10 +62,10 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     Products of the errors of two pixels contain no noise, because noise is independent.  Their
     mean by distance is the covariance of the model's errors.  The common tilt of all normals of
     a ball is removed first and measured separately.  Level and width include what chance may have
-    hidden, which is the less the farther pixels are apart, because more pairs are.  All figures are for one further press: the finite number n of presses adds 1/n to
-    the variance; a tilt known from n presses and an albedo from n parts follow Student's
-    distribution instead of a normal one; and errors of the level cause a common tilt by chance,
-    by 1/n of their variance.
+    hidden, which is the less the farther pixels are apart, because more pairs are.  All figures
+    are for one further press: the finite number n of presses adds 1/n to the variance; a tilt
+    known from n presses and an albedo from n parts follow Student's distribution instead of a
+    normal one; and errors of the level cause a common tilt by chance, by 1/n of their variance.
 
     Parameters
     ----------
