@@ -238,7 +238,9 @@ def measure(result: Mapping[str, Any], marks: Path, scale: int) -> Grid:
         found.append(_judge_ball(height[window], error[window], ball))
     level, alike = _common_plane(centres, np.array([cap.apart.mean() for cap in found]))
     seated = [
-        (cap.apart - z, cap.stated) for cap, z, good in zip(found, level, alike, strict=True) if good
+        (cap.apart - z, cap.stated)
+        for cap, z, good in zip(found, level, alike, strict=True)
+        if good
     ]
     whole, stated = (np.concatenate(each) for each in zip(*seated, strict=True))
     between = _between(height.shape, numbers, centres, RADIUS_MM / pixel)
