@@ -47,6 +47,8 @@ CENTER_PX, CONTACT_PX = [1014.46, 1023.27], 65.0
 SMOOTH_PX, INNER = 1.5, 0.85
 ASTRAY_PX = 6
 """Normals that meet so far from a mark do not tell the ball's centre."""
+ASTRAY_BALL = 4.0
+"""Median departures from the balls' plane beyond which a ball is loose, or none."""
 WITHIN_90 = 1.6449
 """Standard deviations of a normal distribution on either side that hold 90 %."""
 SHOWN, TEXTURE_PX = 0.8, 8.0
@@ -85,6 +87,10 @@ class Grid(NamedTuple):
     """Standard deviation of the balls' tops."""
     band_percent: float
     """Of the pixels, whose cap, its mean taken out, lies in the 90 % band; NaN without an error."""
+    seated_percent: float
+    """The same for heights against spheres whose tops lie in one plane, loose balls left out."""
+    stated_ratio: float
+    """Root mean squares of the stated error and of the departure from those spheres, divided."""
     stated_um: float
     """Median of the stated standard deviation on the balls."""
 
@@ -138,9 +144,11 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
         "film / um",
         "tops / um",
         "in the band / %",
+        "seated, in the band / %",
+        "stated / actual",
         "stated / um",
     )
-    row(*["---"] * 9)
+    row(*["---"] * 11)
     captures = _captures(data, folder, scale)
     centre = [(c + 0.5) / scale - 0.5 for c in CENTER_PX]
     for count in counts:
@@ -228,11 +236,57 @@ def measure(result: Mapping[str, Any], marks: Path, scale: int) -> Grid:
     pixel, found = PIXEL_MM * scale, []
     for window, ball in _balls(height, centres, scale):
         found.append(_judge_ball(height[window], error[window], ball))
-    degrees, caps, tops, held, stated = np.array(found).T
+    level, alike = _common_plane(centres, np.array([cap.apart.mean() for cap in found]))
+    seated = [
+        (cap.apart - z, cap.stated)
+        for cap, z, good in zip(found, level, alike, strict=True)
+        if good
+    ]
+    whole, stated = (np.concatenate(each) for each in zip(*seated, strict=True))
     between = _between(height.shape, numbers, centres, RADIUS_MM / pixel)
-    film = 1e3 * float(height[between].std())
-    means = (float(v.mean()) for v in (degrees, caps))
-    return Grid(*means, film, float(tops.std()), 100 * float(held.mean()), float(np.median(stated)))
+    return Grid(
+        normal_deg=float(np.mean([cap.deg for cap in found])),
+        cap_um=1e3 * float(np.mean([cap.apart.std() for cap in found])),
+        film_um=1e3 * float(height[between].std()),
+        top_um=1e3 * float(np.std([cap.top for cap in found])),
+        band_percent=float(np.mean([_band(c.apart - c.apart.mean(), c.stated) for c in found])),
+        seated_percent=_band(whole, stated),
+        stated_ratio=float(np.sqrt(np.square(stated).mean() / np.square(whole).mean())),
+        stated_um=1e3 * float(np.median(stated)),
+    )
+
+
+class Cap(NamedTuple):
+    """What the inner part of a ball shows."""
+
+    deg: float
+    """Mean angle between normals, in degrees."""
+    top: float
+    """mm."""
+    apart: NDArray[Any]
+    """Height of its pixels above a sphere around the film at rest, in mm, and ..."""
+    stated: NDArray[Any]
+    """... its stated standard deviation."""
+
+
+def _band(apart: NDArray[Any], stated: NDArray[Any]) -> float:
+    """Per cent of the pixels in the 90 % band; NaN where nothing is stated, not a share of none."""
+    if np.isnan(stated).any():
+        return float("nan")
+    return 100 * float((np.abs(apart) <= WITHIN_90 * stated).mean())
+
+
+def _common_plane(
+    centres: NDArray[Any], heights: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """The plane that most balls lie in, at every ball, and which do: others are worn, or loose."""
+    terms = np.column_stack([centres, np.ones(len(centres))])
+    used = np.ones(len(heights), bool)
+    for _ in range(5):
+        plane = terms @ np.linalg.lstsq(terms[used], heights[used], rcond=None)[0]
+        away = np.abs(heights - plane)
+        used = away <= ASTRAY_BALL * np.median(away)
+    return np.asarray(plane), used
 
 
 class Ball(NamedTuple):
@@ -285,25 +339,12 @@ def _balls(
         yield window, Ball(n, (xx - x) / radius, (yy - y) / radius)
 
 
-def _judge_ball(
-    height: NDArray[Any], error: NDArray[Any], ball: Ball
-) -> tuple[float, float, float, float, float]:
-    """Mean angle between normals in degrees; RMS of the cap in um, its mean taken out; top in um;
-    share of the cap in the 90 % band, and the median of the stated error in um.
-    """
+def _judge_ball(height: NDArray[Any], error: NDArray[Any], ball: Ball) -> Cap:
+    """Compare a ball's cap with a sphere."""
     inside, truth = ball.away < INNER, ball.shape
     angle = np.degrees(np.arccos(np.clip((ball.normals * truth).sum(0), -1, 1)))[inside].mean()
     apart = (height - truth[2] * RADIUS_MM)[inside]
-    stated = error[inside]
-    # NaN where nothing is stated, not a share of none.
-    held = np.where(np.isnan(stated), np.nan, np.abs(apart - apart.mean()) <= WITHIN_90 * stated)
-    return (
-        float(angle),
-        1e3 * float(apart.std()),
-        1e3 * float(height[inside].max()),
-        float(held.mean()),
-        1e3 * float(np.median(stated)),
-    )
+    return Cap(float(angle), float(height[inside].max()), apart, error[inside])
 
 
 def rendered(

@@ -15,6 +15,9 @@
 #define MIN_WAVE_WIDTH_MM 1e-3f
 #define FULL_MISFIT_SLOPE 0.1f
 #define LEVEL_MISFIT_SHARE 0.3f
+#define LEVEL_BOUNCE_ERROR 0.03f
+#define COATED_LEVEL_BOUNCE_ERROR 0.1f
+#define UNSETTLED_SHARE 0.4f
 #define ERROR_COUNT 8
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
@@ -143,7 +146,8 @@ LANED __kernel void err_slopes(
     __global const float *restrict lights, __global const float *restrict others,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float flat_noise, const float shared, const float uneven, __global const float *restrict kinds,
+    const float flat_noise, const float shared, const float uneven, const float refraction,
+    __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *bounced, __global const float *earlier)
 {
@@ -159,6 +163,10 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
+    const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
+    const floats whole = 1.0f, by_tilt = slant / FULL_MISFIT_SLOPE;
+    const floats by_led = (refraction != 1.0f ? COATED_LEVEL_BOUNCE_ERROR : LEVEL_BOUNCE_ERROR)
+        * (1.0f - LESS_OF(by_tilt, whole));
     floats noise[MAX_LEDS];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
     const ints free_ = load_bytes(state + i, count) == 0;
@@ -188,7 +196,10 @@ LANED __kernel void err_slopes(
             const floats thrown = load_floats(bounced + at, count);
             const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
             for (int n = 0; n < ERROR_COUNT; ++n) {
-                const floats change = kind[n].sign * wrong * thrown + kind[n].settling * changed;
+                // A row of Hadamard's matrix for each LED (LED_SIGNS).
+                const float led_sign = popcount(n & ((k + 2) % ERROR_COUNT)) & 1 ? -1.0f : 1.0f;
+                const floats change = (kind[n].sign * wrong + led_sign * by_led) * thrown
+                    + UNSETTLED_SHARE * kind[n].settling * changed;
                 p[n] += to_p * change;
                 q[n] += to_q * change;
             }
@@ -203,9 +214,7 @@ LANED __kernel void err_slopes(
         p[n] += alone * first;
         q[n] += along * first + across * second;
     }
-    const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
-    const floats level = LEVEL_MISFIT_SHARE, whole = 1.0f, tilt = FULL_MISFIT_SLOPE;
-    const floats by_tilt = slant / FULL_MISFIT_SLOPE;
+    const floats level = LEVEL_MISFIT_SHARE, tilt = FULL_MISFIT_SLOPE;
     const floats above = MORE_OF(by_tilt, level), tilted = LESS_OF(above, whole);
     const floats leans = MORE_OF(slant, tilt);
     for (int n = 0; n < ERROR_COUNT; ++n) {

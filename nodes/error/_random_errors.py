@@ -9,6 +9,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import hadamard
 
 from tactograph.nodes import F4
 
@@ -17,6 +18,8 @@ ERROR_COUNT = 8
 BOUNCE_SIGNS, SETTLING_SIGNS = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
 LEAN_SIGNS = 1, -1, 1, -1, 1, -1, 1, -1
 """Signs of the errors that every random error holds in full, so that they hardly interfere."""
+LED_SIGNS = np.roll(hadamard(ERROR_COUNT), -2, axis=1).astype(np.float32)
+"""Signs of an error that every LED has alone, by error and LED."""
 WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
 of the first has fallen to a half."""

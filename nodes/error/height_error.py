@@ -115,8 +115,9 @@ def height_error(
       quarter of a wave apart, so that their squares have a constant sum.  Only the part of such
       a field that leans along its wave changes a height, which is half of it.  In a second error
       all normals lean too much, or too little;
-    - two errors of the light that the film throws on itself: the share of it by which the
-      calibration's presses disagree, and its change in the last pass;
+    - three errors of the light that the film throws on itself: the share of it by which the
+      calibration's presses disagree; a share for every LED on level film, where no press is
+      fitted; and what is still to come after its change in the last pass;
     - the error of a step computed from two or four slopes, in proportion to their difference;
     - errors of the shadows' rises: one that is independent of the others', and one that all
       share, since the blur moves all edges of shadows alike;
@@ -367,7 +368,8 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
         *(inputs[name] for name in ("light", "sigma", "height", "slope")), networks.state,
         *(inputs[name] for name in ("used", "film.lights", "film.others")), slopes,
         *frame, *networks.place, networks.pixel, settings["flat_noise"],
-        math.sqrt(inputs.get("correlation") or 1.0), inputs["film.uneven"],
+        math.sqrt(inputs.get("correlation") or 1.0),
+        inputs["film.uneven"], inputs["film.refraction"],
         told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},

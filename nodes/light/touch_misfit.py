@@ -1,4 +1,7 @@
-"""Compare the model error of a touch with that of the presses that the model was fitted to."""
+"""Compare the model error of a touch with that of the presses that the model was fitted to.
+
+Long because noise, brightness and what normals have in common are told apart.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +41,14 @@ MIN_LAG_PX = 2
 """The noise of pixels this far apart is independent."""
 BLOCK_PX = 16
 """Side of a block in pixels; single places that depart, dirt or an edge, are no model error."""
+MEDIAN_ERROR = 1.86
+"""Standard error of the median of n normal values, times the root of n, over their median absolute
+deviation."""
 MIN_SHARE, MAX_SHARE = 0.5, 1.5
 """Limits of a normal's error per residual light: on the presses either may be all noise."""
+MIN_COMMON_SHARE = 0.3
+"""Least share of a further error that all normals of a touch have in common; on the presses of
+simulated sensors it is 0.25 to 0.65, on those of a real one 1."""
 WARN_MISFIT_RATIO, MIN_WARN_MISFIT = 2.0, 0.005
 """Multiple of the calibration's residual, and light, above which a departure gives a warning."""
 
@@ -63,7 +72,8 @@ def touch_misfit(
     With more than three LEDs the light over-determines normal and brightness.  The residual
     that neighbouring pixels share is model error.  Its median over blocks is used.  The error
     of the normals is proportional to it, by the ratio that the presses had.  What exceeds the
-    residual of the presses is added to their misfit in quadrature.
+    residual of the presses is added to their misfit in quadrature; as large a share of it as on
+    the presses is a tilt that all normals have in common.
 
     Parameters
     ----------
@@ -99,7 +109,8 @@ def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
         return misfit
     share = min(max(level / pressed, MIN_SHARE), MAX_SHARE) if pressed > 0 else MIN_SHARE
     beyond = share**2 * (residual**2 - pressed**2)
-    wider, tilt = (float(np.sqrt(before**2 + beyond)) for before in (level, tilt))
+    common = min(max(tilt / level, MIN_COMMON_SHARE), 1.0) if level > 0 else 1.0
+    tilt, wider = float(np.hypot(tilt, common * np.sqrt(beyond))), float(np.sqrt(level**2 + beyond))
     if residual > WARN_MISFIT_RATIO * pressed and residual > MIN_WARN_MISFIT:
         times = wider / max(level, pressed)
         warn(
@@ -111,9 +122,17 @@ def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
 
 
 def _typical(total: F4, known: F4) -> float:
-    """The root mean square of the residual that neighbours share, in the median block."""
+    """The root mean square of the residual that neighbours share, in the median block.
+
+    Noise leaves products of either sign; what the median is beyond its standard error counts.
+    """
     plenty = known > BLOCK_PX * BLOCK_PX
-    return float(np.sqrt(max(np.median(total[plenty] / known[plenty]), 0))) if plenty.any() else 0.0
+    if not plenty.any():
+        return 0.0
+    product = total[plenty] / known[plenty]
+    middle = np.median(product)
+    error = MEDIAN_ERROR * np.median(np.abs(product - middle)) / np.sqrt(product.size)
+    return float(np.sqrt(max(middle - error, 0)))
 
 
 def _lag(misfit: Misfit, pixel: float) -> int:

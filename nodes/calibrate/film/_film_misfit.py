@@ -6,6 +6,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.special import ndtri, stdtrit
 
 from tactograph.nodes import F4, F8
@@ -44,7 +45,10 @@ class Held(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Sums by lag over pairs of pixels: products of normals and of light, and number of pairs."""
+    """Sums by lag over pairs of pixels: products of normals and of light, and number of pairs.
+
+    Pairs of a lag lie as far apart in any direction, within half a pixel.
+    """
 
     lags: NDArray[np.intp]
     normal: F8
@@ -57,11 +61,11 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
 
     Products of the errors of two pixels contain no noise, because noise is independent.  Their
     mean by distance is the covariance of the model's errors.  The common tilt of all normals of
-    a ball is removed first and measured separately.  The level includes what chance may have
-    hidden.  All figures are for one further press: the finite number n of presses adds 1/n to
-    the variance; a tilt known from n presses and an albedo from n parts follow Student's
-    distribution instead of a normal one; and errors of the level cause a common tilt by chance,
-    by 1/n of their variance.
+    a ball is removed first and measured separately.  Level and width include what chance may have
+    hidden, which is the less the farther pixels are apart, because more pairs are.  All figures
+    are for one further press: the finite number n of presses adds 1/n to the variance; a tilt
+    known from n presses and an albedo from n parts follow Student's distribution instead of a
+    normal one; and errors of the level cause a common tilt by chance, by 1/n of their variance.
 
     Parameters
     ----------
@@ -91,13 +95,14 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
             tilts.append(tilt)
     pairs = np.maximum(total.pairs, 1)
     normal, light = total.normal / pairs, total.light / pairs
-    chance = spread / (2 * max(count, 1)) / np.sqrt(pairs[0])
-    reach = _half_way(lags, normal) * pixel
+    chance = spread / (2 * max(count, 1)) / np.sqrt(pairs)
+    possible = np.maximum(normal, 0) + chance
+    reach = _half_way(lags, possible) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    sure = _root(normal[0] - chance)
+    sure = _root(normal[0] - chance[0])
     known = np.mean([_led_tilt(part, others, uneven) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
-    level = _root(max(normal[0], 0) + chance) * float(np.sqrt(1 + 1 / len(held)))
+    level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held)))
     tilt *= float(stdtrit(len(tilts), BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
     tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
@@ -170,26 +175,27 @@ def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
 
 
 def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
-    """Add the products of one ball's pixels with those to the right of and below them."""
+    """Add the products of one ball's pixels, by the correlation of its planes (Wiener 1930)."""
     row, column = (np.rint(p - p.min()).astype(int) for p in place)
     planes = np.zeros((1 + len(errors) + len(left), row.max() + 1, column.max() + 1))
     planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, left])
-    normals, lights = slice(1, 1 + len(errors)), slice(1 + len(errors), None)
+    reach = int(total.lags[-1]) + 1
+    size = [next_fast_len(side + reach) for side in planes.shape[1:]]
+    power = np.square(np.abs(rfft2(planes, size)))
+    kinds = power[:1], power[1 : 1 + len(errors)] / 2, power[1 + len(errors) :] / len(left)
+    products = irfft2(np.stack([kind.sum(axis=0) for kind in kinds]), size)
+    down, right = (fftfreq(side, 1 / side) for side in size)
+    away = np.hypot(down[:, None], right)
     for i, lag in enumerate(total.lags):
-        for turned_planes in (planes, planes.transpose(0, 2, 1)):
-            product = turned_planes[:, lag:] * turned_planes[:, :-lag]
-            total.pairs[i] += product[0].sum()
-            total.normal[i] += product[normals].sum() / 2
-            total.light[i] += product[lights].sum() / len(left)
+        # Each pair is met from both of its ends.
+        pairs, normal, light = products[:, np.abs(away - lag) < 0.5].sum(axis=1) / 2
+        total.pairs[i] += pairs
+        total.normal[i] += normal
+        total.light[i] += light
 
 
 def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
-    """The interpolated lag at which the covariance has fallen to one half.
-
-    The longest lag if noise hides it.
-    """
-    if covariance[0] <= 0:
-        return float(lags[-1])
+    """The interpolated lag at which the covariance has fallen to one half; at most the longest."""
     low = np.flatnonzero(covariance < 0.5 * covariance[0])
     if not low.size:
         return float(lags[-1])
