@@ -32,7 +32,7 @@ def height_levels(height: Height) -> Levels:
     if levels.size and (levels.min() <= UNKNOWN_LEVEL or levels.max() > MAX_LEVEL):
         raise InputError(
             f"heights from {height[known].min():.2f} to {height[known].max():.2f} mm do not fit "
-            f"into {OFFSET_MM} to {OFFSET_MM + MAX_LEVEL * STEP_MM:.2f} mm"
+            f"into {OFFSET_MM + STEP_MM:.4f} to {OFFSET_MM + MAX_LEVEL * STEP_MM:.4f} mm"
         )
     grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
     grey[known] = levels

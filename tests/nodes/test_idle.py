@@ -20,7 +20,7 @@ def test_no_lens_perspective_or_light_and_film_that_is_matt_and_everywhere_make_
 ):
     seen = ["as_seen", "confidence_as_seen", "error_as_seen", "labels_as_seen"]
     bent = ["matt_light", "undistort", "undo_perspective", "view_slope"]
-    assert sorted([*seen, "film_bounce", *bent, "within_film"]) == sorted(IDLE)
+    assert sorted([*seen, *bent, "edge_variance", "film_bounce", "within_film"]) == sorted(IDLE)
 
 
 @pytest.mark.parametrize("name", IDLE)

@@ -61,7 +61,7 @@ DARKEST_QUANTILE, MAX_DARKENING = 0.005, 0.88
 """Quantile of the light that the gel's diffused share may exceed at most by the inverse of this."""
 GAMMA_EXPONENTS = (1 / 1.5, 1 / 1.15, 1.15, 1.5)
 """Powers of the light that may undo a camera's gamma."""
-MIN_PATTERN, MAX_PATTERN_RATIO = 0.004, 0.7
+MIN_PATTERN, MAX_PATTERN_RATIO = 0.005, 0.7
 """Departure of the light's means up to which film is plain, and the ratio of two such departures
 below which the smaller one is believed."""
 RADIUS_TOLERANCE = 0.02

@@ -59,7 +59,9 @@ def test_every_level_is_a_picture_of_its_own() -> None:
 
 
 def test_a_height_that_sixteen_bits_do_not_hold_is_refused() -> None:
-    with pytest.raises(InputError, match=r"from -0.10 to 6.00 mm do not fit into -1.0 to 5.55 mm"):
+    with pytest.raises(
+        InputError, match=r"from -0.10 to 6.00 mm do not fit into -0.9999 to 5.5535 mm"
+    ):
         columns_of(a_touch(height=np.where(HEIGHT > 1.4, np.float32(6), HEIGHT)))
 
 

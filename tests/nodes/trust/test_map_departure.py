@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.light.mapped_light import mapped_light
 from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
-from tactograph.nodes.slope.solve_reflectance_map import mapped_light, solve_reflectance_map
+from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
 from tactograph.nodes.trust.map_departure import map_departure
 from tests.nodes.scenes import waves
 
