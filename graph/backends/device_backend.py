@@ -62,6 +62,8 @@ class DeviceBackend(Protocol):
         The exception type of the device's library.
     lanes
         Number of elements that a work-item does side by side.
+    built
+        Whether the kernels that `compile` was last given were on disk.
     poison
         Value of every byte of a fresh buffer, in tests.
     """
@@ -73,6 +75,7 @@ class DeviceBackend(Protocol):
     error: type[Exception]
     lanes: int
     is_cpu: bool
+    built: bool
     poison: int | None
 
     @property

@@ -1,7 +1,7 @@
 """A line on a terminal, from two seconds on: the present stage, and the time that is left.
 
-The time left is that of the last run of the same graph from this stage on, by the disk cache.  It
-is left out if the graph has not run yet, or a run has several items.
+The time left is that of the last run of the same graph from this stage on, by the disk cache.  If
+the graph has not run yet, or a run has several items, the time since the start stands for it.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class ProgressLine:
             description=stage,
             total=None if left is None else now + left,
             completed=now,
-            left="" if left is None else f"{left:.0f} s left",
+            left=f"{now:.0f} s" if left is None else f"{left:.0f} s left",
         )
         self._bar.start()
         self._bar.refresh()

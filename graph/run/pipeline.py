@@ -36,7 +36,7 @@ class Pipeline:
 
     A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
     leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` are those that came after the last item.
+    `closing_warnings` came after the last item.  `built`: a device had all kernels on disk.
     """
 
     def __init__(
@@ -50,6 +50,7 @@ class Pipeline:
         self._stand_ins = StandIns(plan)
         self._items = Items(plan, device)
         self._runner = self._items.runner
+        self.built = device is not None and device.built
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
