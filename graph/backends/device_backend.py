@@ -63,7 +63,7 @@ class DeviceBackend(Protocol):
     lanes
         Number of elements that a work-item does side by side.
     built
-        Whether the kernels that `compile` was last given were on disk.
+        Whether kernels were on disk that `compile` was last given, of nodes that are never idle.
     poison
         Value of every byte of a fresh buffer, in tests.
     """

@@ -52,8 +52,8 @@ class OpenCL(Queue):
         longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
         needed = [programs[node] for node in longest_first if node.is_idle is None]
         perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
-        # Launch functions add constants to a recipe, which are not known yet.
-        known = [programs[node] for node in programs if not node.kernels.launch]
+        # A launch function may add constants, which are not known yet; an idle node is not built.
+        known = [programs[n] for n in programs if n.is_idle is None and not n.kernels.launch]
         self.built = all(is_ready(self.context.devices[0], *recipe) for recipe in known)
         build_ahead(self.context, needed, perhaps)
 
