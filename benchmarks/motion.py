@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactograph.graph import load
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.backends.opencl import open_device
 from tactograph.nodes.force.drag_to_shear import drag_to_shear
@@ -27,17 +29,22 @@ from tactograph.nodes.motion.follow_contacts import follow_contacts
 from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
+from tactograph.nodes.simulate.expose import expose
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.press import press
+from tactograph.nodes.simulate.render import render
 from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from tests.conftest import simulated_sensor
 from tests.nodes.force.test_drag_to_shear import Press, deviations, values
 from tests.nodes.motion import moved_objects, test_find_slip, test_stitch
 from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
 from tests.nodes.motion.test_track_pose import astray, way
 
 Row = tuple[str, str]
-FRAMES = 30
+FRAMES, STREAM_FRAMES = 30, 60
 SIZE, PIXEL = (240, 320), 0.05
 
 
@@ -154,6 +161,44 @@ def times() -> Iterator[Row]:
     yield f"drag_to_shear, {many}", milliseconds(partial(drag_to_shear, **gel), *dragged)
 
 
+def streams() -> Iterator[Row]:
+    """`reconstruct` without and with the pose, in turns on frames of a dome that moves."""
+    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
+    rig = {"slant_deg": 33.0, "distance_mm": 60.0}
+    lights, frames, motions = light_ring(**rig), [], []
+    for n in range(STREAM_FRAMES):
+        # To and fro on a circle, leaning and turning.
+        t = 2 * np.pi * n / STREAM_FRAMES
+        motions.append(moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t)))
+        film = press(pressed(coin, motions[-1]).astype(np.float32), PIXEL)
+        frames.append(expose(render(film, PIXEL, lights).light, seed=n).image)
+    with tempfile.TemporaryDirectory() as folder:
+        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
+        cal = str(simulated_sensor(Path(folder), radius_mm=3.0, **size, **rig) / "cal.npz")
+        names = "reconstruct", "reconstruct_pose"
+        pipelines = [load(name, calibration=cal) for name in names]
+        took: list[list[tuple[float, float]]] = [[], []]
+        poses = []
+        for frame in frames:
+            for each, pipeline in zip(took, pipelines, strict=True):
+                start = time.process_time(), time.perf_counter()
+                found = pipeline(frames=frame)
+                each.append((time.process_time() - start[0], time.perf_counter() - start[1]))
+            poses.append(found["pose"])
+    for name, each in zip(names, took, strict=True):
+        processor, wall = np.median(each[2:], axis=0)
+        value = f"{1e3 * processor:.1f} ms of the processor, {1 / wall:.0f} a second"
+        yield f"stream of moving frames, {name}", value
+    first = np.linalg.inv(motions[0])
+    off = [
+        np.abs(moved_objects.shift_and_turn(moved(*pose) @ np.linalg.inv(motion @ first)))
+        for pose, motion in zip(poses, motions, strict=True)
+    ]
+    worst = np.max(off, axis=0)
+    value = f"{1e3 * worst[:2].max():.0f} um, {worst[5]:.2f} degrees about z"
+    yield "stream of moving frames: largest error of the pose", value
+
+
 def milliseconds(call: Callable[..., object], *given: object) -> str:
     """Median of the processor's time."""
     call(*given)
@@ -165,7 +210,14 @@ def milliseconds(call: Callable[..., object], *given: object) -> str:
     return f"{1e3 * np.median(took):.1f} ms"
 
 
-PARTS = {"poses": poses, "slips": slips, "surfaces": surfaces, "forces": forces, "times": times}
+PARTS = {
+    "poses": poses,
+    "slips": slips,
+    "surfaces": surfaces,
+    "forces": forces,
+    "times": times,
+    "streams": streams,
+}
 
 
 def main() -> None:
