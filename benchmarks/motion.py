@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -18,26 +19,41 @@ from pathlib import Path
 
 import numpy as np
 
+from tactograph.graph import load
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.backends.opencl import open_device
+from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.force.drag_to_shear import drag_to_shear
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.nodes.live.simulated.simulated_sensor import _Pressed, read_scene
 from tactograph.nodes.motion.find_slip import find_slip
 from tactograph.nodes.motion.follow_contacts import follow_contacts
 from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
+from tactograph.nodes.simulate.expose import expose
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.press import press
+from tactograph.nodes.simulate.render import render
+from tactograph.nodes.slope.height_slopes import height_slopes
+from tactograph.nodes.stream.colour_planes import planes_of
 from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from tests.conftest import simulated_sensor
 from tests.nodes.force.test_drag_to_shear import Press, deviations, values
+from tests.nodes.live import oneshot
 from tests.nodes.motion import moved_objects, test_find_slip, test_stitch
 from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
 from tests.nodes.motion.test_track_pose import astray, way
 
 Row = tuple[str, str]
-FRAMES = 30
+FRAMES, STREAM_FRAMES = 30, 60
 SIZE, PIXEL = (240, 320), 0.05
 
 
@@ -154,6 +170,90 @@ def times() -> Iterator[Row]:
     yield f"drag_to_shear, {many}", milliseconds(partial(drag_to_shear, **gel), *dragged)
 
 
+def streams() -> Iterator[Row]:
+    """`reconstruct` without and with the pose, in turns on frames of a dome that moves."""
+    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
+    rig = {"slant_deg": 33.0, "distance_mm": 60.0}
+    lights, frames, motions = light_ring(**rig), [], []
+    for n in range(STREAM_FRAMES):
+        # To and fro on a circle, leaning and turning.
+        t = 2 * np.pi * n / STREAM_FRAMES
+        motions.append(moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t)))
+        film = press(pressed(coin, motions[-1]).astype(np.float32), PIXEL)
+        frames.append(expose(render(film, PIXEL, lights).light, seed=n).image)
+    with tempfile.TemporaryDirectory() as folder:
+        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
+        cal = str(simulated_sensor(Path(folder), radius_mm=3.0, **size, **rig) / "cal.npz")
+        names = "reconstruct", "reconstruct_pose"
+        pipelines = [load(name, calibration=cal) for name in names]
+        took: list[list[tuple[float, float]]] = [[], []]
+        poses = []
+        for frame in frames:
+            for each, pipeline in zip(took, pipelines, strict=True):
+                start = time.process_time(), time.perf_counter()
+                found = pipeline(frames=frame)
+                each.append((time.process_time() - start[0], time.perf_counter() - start[1]))
+            poses.append(found["pose"])
+    for name, each in zip(names, took, strict=True):
+        processor, wall = np.median(each[2:], axis=0)
+        value = f"{1e3 * processor:.1f} ms of the processor, {1 / wall:.0f} a second"
+        yield f"stream of moving frames, {name}", value
+    first = np.linalg.inv(motions[0])
+    off = [
+        np.abs(moved_objects.shift_and_turn(moved(*pose) @ np.linalg.inv(motion @ first)))
+        for pose, motion in zip(poses, motions, strict=True)
+    ]
+    worst = np.max(off, axis=0)
+    value = f"{1e3 * worst[:2].max():.0f} um, {worst[5]:.2f} degrees about z"
+    yield "stream of moving frames: largest error of the pose", value
+
+
+class Pressed(SimulatedColourSensor):
+    """A simulated one-shot sensor under an object that the caller moves."""
+
+    motion = np.eye(4)
+
+    def _press(self, moment: float) -> _Pressed:
+        height = press(pressed(coin, self.motion).astype(np.float32), oneshot.PIXEL_MM)
+        slope = height_slopes(height, oneshot.PIXEL_MM).slope
+        rows, columns = slice(0, height.shape[0]), slice(0, height.shape[1])
+        return _Pressed(rows, columns, self._x, self._y, height, slope, np.ones_like(height))
+
+
+def one_shot() -> Iterator[Row]:
+    """The pose from heights of `gelsight_mini`, which state no variance."""
+    oneshot.PIXEL_MM = 0.0634
+    oneshot.BY_HAND = (
+        "simulated?width_px=320&height_px=240&pixel_size_mm=0.0634&radius_mm=3&depth_mm=0.8"
+        "&by_hand=true&path_mm=8&press_s=0.8&rest_s=4"
+    )
+    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, oneshot.PIXEL_MM
+    sensor = Pressed(read_scene(oneshot.BY_HAND, ColourScene), start=0.0)
+    off, stated, state = [], [], (None, None)
+    with tempfile.TemporaryDirectory() as folder:
+        oneshot.calibrated(Path(folder) / "cal.npz")
+        pipeline = load("gelsight_mini", calibration=str(Path(folder) / "cal.npz"))
+        for n in range(FRAMES):
+            sensor.motion = moved(0.05 * n, -0.03 * n, 0, 0, 0, 0.4 * n)
+            frame = planes_of(sensor.picture(n, n), "bgr", 255)
+            height = pipeline(frames=frame)["height"]
+            contact = find_contact(height)
+            found = track_pose(height, contact, oneshot.PIXEL_MM, None, *state)
+            state = found[2:4]
+            if n:
+                off.append(np.abs(astray(found, sensor.motion)))
+                stated.append(np.sqrt(np.diag(found.covariance)))
+    errors, spreads = np.array(off)[:, [0, 1, 5]], np.array(stated)[:, [0, 1, 5]]
+    worst = errors.max(axis=0)
+    name = "one-shot, a textured dome"
+    yield (
+        f"{name}: largest error",
+        f"{1e3 * worst[:2].max():.0f} um, {worst[2]:.2f} degrees about z",
+    )
+    shares = " ".join(f"{share:.1f}" for share in np.sqrt(np.mean((errors / spreads) ** 2, axis=0)))
+    yield f"{name}: error over its deviation, x, y, turn", shares
+
+
 def milliseconds(call: Callable[..., object], *given: object) -> str:
     """Median of the processor's time."""
     call(*given)
@@ -165,7 +265,15 @@ def milliseconds(call: Callable[..., object], *given: object) -> str:
     return f"{1e3 * np.median(took):.1f} ms"
 
 
-PARTS = {"poses": poses, "slips": slips, "surfaces": surfaces, "forces": forces, "times": times}
+PARTS = {
+    "poses": poses,
+    "slips": slips,
+    "surfaces": surfaces,
+    "forces": forces,
+    "times": times,
+    "streams": streams,
+    "one_shot": one_shot,
+}
 
 
 def main() -> None:

@@ -9,8 +9,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, node
+from tactograph.graph import InputError, Port, load, node
 from tactograph.nodes import F4, PixelSize
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.files.calibration_file import is_of_kind
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.image_files import check_heights, read_heights
 from tactograph.nodes.files.mcap_read import McapFile
@@ -38,6 +40,7 @@ def read_touches(
     folder: Path,
     most: Annotated[int, Interval(ge=2, le=MAX_TOUCHES)] = 60,
     pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    calibration: Path | None = None,
 ) -> Touches:
     """Read heights, and their errors where they are stated.
 
@@ -47,11 +50,14 @@ def read_touches(
     ----------
     folder
         Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
-        holds ``.mcap`` files with heights, as `write_mcap` writes them, which state no pixel size.
+        holds ``.mcap`` files: heights, as `write_mcap` writes them, which state no pixel size, or
+        with a calibration frames, as `record` writes them.
     most
         Number of touches.
     pixel_size_mm
-        For ``.mcap`` files, and stores of graphs that put out no pixel size.
+        For heights in ``.mcap`` files, and stores of graphs that put out no pixel size.
+    calibration
+        Of the sensor whose frames `folder` holds: `replay` makes heights of them, without errors.
 
     Raises
     ------
@@ -61,6 +67,8 @@ def read_touches(
     if (folder / RESULT_FILE).is_file():
         raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
     read: Callable[..., Touches] = _read_results
+    if calibration is not None:
+        return _replayed(folder, most, calibration)
     if (folder / "zarr.json").is_file():
         read = _read_store
     elif folder.suffix == ".mcap" or any(folder.glob("*.mcap")):
@@ -130,8 +138,7 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
         topics |= file.topics
     if any(topic.endswith("image_raw") for topic in topics) and not heights:
         raise InputError(
-            f"{folder}: holds frames, not heights; make them with 'tactograph run replay "
-            f"recording={folder} calibration=... out=results' and give over=results"
+            f"{folder}: holds frames, not heights; give the sensor's calibration=... as well"
         )
     if pixel is None:
         raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
@@ -140,4 +147,24 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
     if len({heights[n].shape for n in taken}) > 1:
         raise InputError(f"{folder}: its heights differ in size")
     chosen = np.stack([heights[n] for n in taken])
+    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [names[n] for n in taken])
+
+
+def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
+    """Heights of a recording's frames; not more than twice `most` are kept at a time."""
+    graph = "replay_oneshot" if is_of_kind(calibration, PRESS_CALIBRATION) else "replay"
+    given = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
+    if graph == "replay":
+        given["refresh"] = "cycle"
+    heights, stride, pixel = dict[int, F4](), 1, 0.0
+    with load(graph, given, outputs=["height", "pixel"]) as pipeline:
+        for number, result in enumerate(pipeline.items()):
+            if number % stride == 0:
+                heights[number], pixel = result["height"].copy(), float(result["pixel"])
+            if len(heights) > 2 * most:
+                stride *= 2
+                heights = {n: height for n, height in heights.items() if n % stride == 0}
+    names = [f"{number:05d}" for number in heights]
+    taken = _spread(names, most, folder, "record more touches")
+    chosen = np.stack([[*heights.values()][n] for n in taken])
     return Touches(chosen, np.full_like(chosen, np.nan), pixel, [names[n] for n in taken])

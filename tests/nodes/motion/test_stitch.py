@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,7 +20,9 @@ from tactograph.nodes import F4
 from tactograph.nodes.motion.read_touches import read_touches
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
 from tactograph.nodes.recording.write_mcap import write_mcap
+from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch
+from tests.conftest import Calibration, Raytraced
 from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
@@ -30,6 +33,7 @@ from tests.nodes.motion.moved_objects import (
     seen,
     shift_and_turn,
 )
+from tests.nodes.recording.recordings import LEDS, record_touch
 
 COUNT = 9
 NAMES = [str(number) for number in range(COUNT)]
@@ -174,6 +178,32 @@ def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path)
     assert np.isnan(found.errors).all()
     with pytest.raises(InputError, match="states no pixel size"):
         read_touches(folder=tmp_path)
+
+
+def test_frames_of_a_recording_become_one(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """One press three times: made into heights by the calibration, and put together."""
+    press = raytraced / "near33" / "cat_film"
+    files = [str(press / f"led{led}.png") for led in range(1, LEDS + 1)]
+    images, session = [cv2.imread(file, cv2.IMREAD_UNCHANGED) for file in files], Session()
+    for touch in range(3):
+        first = LEDS * touch
+        frames = [
+            RawFrame(first + k, k + 1, 1000 + (first + k) / 30, image)
+            for k, image in enumerate(images)
+        ]
+        record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
+    session.close()
+    given = {"over": str(tmp_path / "frames"), "out": str(tmp_path / "whole")}
+    with pytest.raises(InputError, match="holds frames, not heights; give the sensor's calib"):
+        list(open_pipeline(read_graph("stitch"), given).items())
+    given |= {"calibration": calibration("near33"), "most": 2}
+    (found,) = open_pipeline(read_graph("stitch"), given).items()
+    assert found["metrics"]["stitched_touches"] == 2
+    assert found["metrics"]["stitched_x_mm/00002"] == pytest.approx(0, abs=1e-3)
+    truth = np.load(press / "truth_height_mm.npy")
+    assert np.nanmax(found["height"]) == pytest.approx(truth.max(), abs=0.1)
 
 
 def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:

@@ -26,6 +26,12 @@ FIGURES = measure_contact(HEIGHT, CONTACT, PIXEL)
 MARKERS = np.array([[1, 2, 1.5], [5, 3, 2]], np.float32)
 SHIFT = np.array([[0.5, -0.25], [2, 1]], np.float32)
 SEEN = np.array([1, 0], np.uint8)
+FORCES = {
+    "contact_force_n/c1": 1.25,
+    "contact_shear_x_n/c1": -0.5,
+    "contact_shear_sd_x_n/c1": 0.0625,
+    "contact_torque_n_mm/c1": 2.5,
+}
 POSE = np.array([0.5, -0.25, 0.1, 0, 0, 90], np.float32)
 COVARIANCE = np.diag([0.01, 0.01, 0.01, 1, 1, 1]).astype(np.float32)
 COVARIANCE[0, 5] = COVARIANCE[5, 0] = 0.02
@@ -48,7 +54,7 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
             f"{number:06}",
             now + number / 30,
             shadow=SHADOW,
-            metrics={"rmse": 0.5, **FIGURES},
+            metrics={"rmse": 0.5, **FIGURES, **FORCES},
             contact=CONTACT,
             tracks=MarkerTracks(MARKERS, SHIFT, SEEN),
             pose=ObjectPose(POSE, COVARIANCE),
@@ -190,6 +196,7 @@ def test_diagnostics_hold_times_metrics_and_warnings(messages: dict[str, Any]) -
     assert values["height / ms"] == "2.5"
     assert values["rmse"] == "0.5"
     assert float(values["contact_depth_mm/c1"]) == FIGURES["contact_depth_mm/c1"]
+    assert {name: float(values[name]) for name in FORCES} == FORCES
     levels = [a.status[0].level for _, _, a in messages["/diagnostics"]]
     assert [int.from_bytes(v) if isinstance(v, bytes) else v for v in levels] == [0, 1]
     assert messages["/diagnostics"][1][2].status[0].message == "too bright"
