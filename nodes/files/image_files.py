@@ -34,6 +34,10 @@ MAX_SATURATED = 1e-3
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
 """Share of full scale above which a plateau at the largest value is saturation, and of that value
 above which light that was not cut off has at most as many pixels."""
+PARITY_BLOCK_PX = 64
+"""Side of the middle block in which pixels of even and odd rows and columns are compared."""
+MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
+"""Spread of their means, relative and in standard errors, up to which they show one light."""
 EXIF_ORIENTATION = 0x0112
 TIFF_PHOTOMETRIC = 0x0106
 """TIFF tag that is 0 where white is 0."""
@@ -324,6 +328,12 @@ def check_exposed(
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
+        spread = _parity_spread(plane)
+        if spread:
+            warn(
+                f"{name}: even and odd pixels differ by {spread:.0%}: a colour camera's raw mosaic "
+                "or interlaced lines? Give the colour image (channel=red takes one) or whole frames"
+            )
     if shallow and bits is None:
         warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")
 
@@ -340,6 +350,21 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
         return share
     side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
     return share if 0 < side_share < share else 0.0
+
+
+def _parity_spread(plane: NDArray[Any]) -> float:
+    """The spread of the means of even and odd pixels over their mean; 0: none, or chance."""
+    if plane.ndim > 2 or min(plane.shape) < PARITY_BLOCK_PX:
+        return 0.0
+    y, x = ((side - PARITY_BLOCK_PX) // 2 for side in plane.shape)
+    block = plane[y : y + PARITY_BLOCK_PX, x : x + PARITY_BLOCK_PX].astype(np.float32)
+    kinds = block.reshape(PARITY_BLOCK_PX // 2, 2, PARITY_BLOCK_PX // 2, 2)
+    means = kinds.mean((0, 2))
+    spread = float(np.ptp(means)) / max(float(means.mean()), 1e-6)
+    if spread <= MAX_PARITY_SPREAD:
+        return 0.0
+    error = float(kinds.std((0, 2)).max()) / (PARITY_BLOCK_PX // 2) / float(means.mean())
+    return spread if spread > PARITY_ERRORS * error else 0.0
 
 
 def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:

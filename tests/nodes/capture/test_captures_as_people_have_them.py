@@ -201,6 +201,24 @@ def test_bright_light_that_is_not_cut_off_is_not_saturated(tmp_path: Path) -> No
         assert read_one(write(tmp_path, LEDS, (255 * light).astype(np.uint8)))[1] == []
 
 
+PARITY = np.indices((72, 80))
+UNEVEN = {
+    "a mosaic of every second pixel": PARITY.sum(0) % 2 == 0,
+    "a mosaic of every fourth pixel": (PARITY % 2 == 0).all(0),
+    "interlaced lines": PARITY[0] % 2 == 0,
+}
+
+
+@pytest.mark.parametrize("what", UNEVEN)
+def test_a_raw_mosaic_and_interlaced_lines_are_told(tmp_path: Path, what: str) -> None:
+    light = RNG.normal(0.6, 0.03, (4, 72, 80)) * (0.6 + 0.4 * PARITY[1] / 80)
+    assert read_one(write(tmp_path / "even", LEDS, (255 * light).astype(np.uint8)))[1] == []
+    light *= np.where(UNEVEN[what], 0.85, 1)
+    _, notes = read_one(write(tmp_path / "odd", LEDS, (255 * light).astype(np.uint8)))
+    assert len(notes) == 4
+    assert "led1.png: even and odd pixels differ by 1" in notes[0]
+
+
 def test_presses_can_be_cropped(tmp_path: Path) -> None:
     write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
     write(tmp_path, ["film.png"], COLOURS[1:])
