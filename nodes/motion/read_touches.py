@@ -9,7 +9,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, load, node
+from tactograph.graph import InputError, Port, load, node, warn
+from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind
@@ -151,19 +152,24 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
 
 
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
-    """Heights of a recording's frames; not more than twice `most` are kept at a time."""
+    """Heights of a recording's frames, at most twice `most` at a time; one warning of each kind."""
     graph = "replay_oneshot" if is_of_kind(calibration, PRESS_CALIBRATION) else "replay"
     given = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
     if graph == "replay":
         given["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
+    told = dict[str, str]()
     with load(graph, given, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
+            for line in result.warnings:
+                told.setdefault(NUMBER_PATTERN.sub("", line), line)
             if number % stride == 0:
                 heights[number], pixel = result["height"].copy(), float(result["pixel"])
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
+    for line in told.values():
+        warn(line)
     names = [f"{number:05d}" for number in heights]
     taken = _spread(names, most, folder, "record more touches")
     chosen = np.stack([[*heights.values()][n] for n in taken])

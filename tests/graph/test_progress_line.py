@@ -14,11 +14,11 @@ from tests.graph.conftest import STREAM, Command, Write
 
 
 class Terminal(io.StringIO):
-    """Remembers what was written, and when a word comes."""
+    """Remembers what was written, and when a word comes, behind another one if need be."""
 
-    def __init__(self, word: str) -> None:
+    def __init__(self, word: str, behind: str = "") -> None:
         super().__init__()
-        self._word = word
+        self._word, self._behind = word, behind
         self.came = threading.Event()
 
     def isatty(self) -> bool:
@@ -26,7 +26,8 @@ class Terminal(io.StringIO):
 
     def write(self, text: str) -> int:
         written = super().write(text)
-        if self._word in self.getvalue():
+        start = self.getvalue().find(self._behind)
+        if start >= 0 and self._word in self.getvalue()[start:]:
             self.came.set()
         return written
 
@@ -40,7 +41,7 @@ def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def shown(monkeypatch: pytest.MonkeyPatch, line_of: str, word: str, key: str = "one") -> str:
     """The output of a run in one stage on a terminal, once a word had come."""
-    terminal = Terminal(word)
+    terminal = Terminal(word, behind=line_of)
     monkeypatch.setattr(sys, "stderr", terminal)
     with ProgressLine() as line:
         line.recall(key)

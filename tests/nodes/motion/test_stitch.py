@@ -198,8 +198,14 @@ def test_frames_of_a_recording_become_one(
     given = {"over": str(tmp_path / "frames"), "out": str(tmp_path / "whole")}
     with pytest.raises(InputError, match="holds frames, not heights; give the sensor's calib"):
         list(open_pipeline(read_graph("stitch"), given).items())
-    given |= {"calibration": calibration("near33"), "most": 2}
+    doubtful = tmp_path / "cal.npz"
+    with np.load(calibration("near33")) as file:
+        about = {**json.loads(str(file["about"])), "doubts": ["the ball was an egg"]}
+        np.savez(doubtful, **{**file, "about": np.array(json.dumps(about))})
+    given |= {"calibration": str(doubtful), "most": 2}
     (found,) = open_pipeline(read_graph("stitch"), given).items()
+    (told,) = [line for line in found.warnings if "doubtful" in line]
+    assert "the ball was an egg" in told
     assert found["metrics"]["stitched_touches"] == 2
     assert found["metrics"]["stitched_x_mm/00002"] == pytest.approx(0, abs=1e-3)
     truth = np.load(press / "truth_height_mm.npy")
