@@ -359,11 +359,11 @@ def _parity_spread(plane: NDArray[Any]) -> float:
     y, x = ((side - PARITY_BLOCK_PX) // 2 for side in plane.shape)
     block = plane[y : y + PARITY_BLOCK_PX, x : x + PARITY_BLOCK_PX].astype(np.float32)
     kinds = block.reshape(PARITY_BLOCK_PX // 2, 2, PARITY_BLOCK_PX // 2, 2)
-    means = kinds.mean((0, 2))
-    spread = float(np.ptp(means)) / max(float(means.mean()), 1e-6)
-    if spread <= MAX_PARITY_SPREAD:
+    means, mean = kinds.mean((0, 2)), max(float(block.mean()), 1e-6)
+    spread = float(np.ptp(means)) / mean
+    if spread <= MAX_PARITY_SPREAD:  # the slow deviation need not be computed
         return 0.0
-    error = float(kinds.std((0, 2)).max()) / (PARITY_BLOCK_PX // 2) / float(means.mean())
+    error = float(kinds.std((0, 2)).max()) / mean / (PARITY_BLOCK_PX // 2)
     return spread if spread > PARITY_ERRORS * error else 0.0
 
 
