@@ -30,7 +30,7 @@ from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePictu
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-FIGURES_PER_LINE = 6
+FIGURES_PER_LINE = 5
 """Figures per line of the title."""
 MAX_NAMES = 20
 """Most balls that are labelled with the names of their presses."""
