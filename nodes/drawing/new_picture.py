@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,8 @@ from tactograph.graph.disk.atomic_files import atomic_file
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 """Colours of plots that people with any sight tell apart."""
+FIGURES_PER_LINE = 5
+"""Figures per line of a title."""
 DRAWN_BY = "Matplotlib"
 """Beginning of a picture's text chunk ``Software``."""
 
@@ -28,6 +31,14 @@ def write_picture(figure: Figure, file: Path) -> None:
     """
     with atomic_file(file) as target:
         FigureCanvasAgg(figure).print_png(target)
+
+
+def in_lines(figures: Sequence[str]) -> str:
+    """Return figures as a title of several lines."""
+    return "\n".join(
+        "  ".join(figures[i : i + FIGURES_PER_LINE])
+        for i in range(0, len(figures), FIGURES_PER_LINE)
+    )
 
 
 def _is_free(picture: Path) -> bool:

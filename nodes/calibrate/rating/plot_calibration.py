@@ -26,12 +26,17 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
-from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, BesidePicture, write_picture
+from tactograph.nodes.drawing.new_picture import (
+    BLUE,
+    GREY,
+    ORANGE,
+    BesidePicture,
+    in_lines,
+    write_picture,
+)
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-FIGURES_PER_LINE = 5
-"""Figures per line of the title."""
 MAX_NAMES = 20
 """Most balls that are labelled with the names of their presses."""
 MAX_NAME_LETTERS = 24
@@ -151,10 +156,7 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if "/" not in name
     ]
-    return "\n".join(
-        "  ".join(figures[i : i + FIGURES_PER_LINE])
-        for i in range(0, len(figures), FIGURES_PER_LINE)
-    )
+    return in_lines(figures)
 
 
 def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:

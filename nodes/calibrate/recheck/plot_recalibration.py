@@ -12,11 +12,8 @@ from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
-from tactograph.nodes.drawing.new_picture import ORANGE, BesidePicture, write_picture
+from tactograph.nodes.drawing.new_picture import ORANGE, BesidePicture, in_lines, write_picture
 from tactograph.nodes.optics.sheet import SheetLight, cut
-
-FIGURES_PER_LINE = 5
-"""Figures per line of the title."""
 
 
 @node
@@ -73,7 +70,4 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if not name.startswith("light_percent")
     ]
-    return "\n".join(
-        "  ".join(figures[i : i + FIGURES_PER_LINE])
-        for i in range(0, len(figures), FIGURES_PER_LINE)
-    )
+    return in_lines(figures)
