@@ -64,6 +64,8 @@ class DeviceBackend(Protocol):
         Number of elements that a work-item does side by side.
     built
         Whether kernels were on disk that `compile` was last given, of nodes that are never idle.
+    queue
+        The library's own queue, for arrays that a caller makes there.
     poison
         Value of every byte of a fresh buffer, in tests.
     """
@@ -76,6 +78,7 @@ class DeviceBackend(Protocol):
     lanes: int
     is_cpu: bool
     built: bool
+    queue: Any
     poison: int | None
 
     @property
@@ -102,6 +105,30 @@ class DeviceBackend(Protocol):
     def start_upload(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]: ...
 
     def start_upload_of_fraction(self, array: NDArray[Any]) -> tuple[DeviceArray, Timer]: ...
+
+    def copied(self, source: DeviceArray) -> DeviceArray: ...
+
+    def lent(self, array: DeviceArray) -> Any:
+        """An array of the device's library that holds the memory of another."""
+        ...
+
+    def stacked(self, arrays: Sequence[Any]) -> Any:
+        """Arrays of the device's library, put together along a first axis."""
+        ...
+
+    def mapped(self, array: Any, name: str) -> NDArray[Any]:
+        """An array of the device's library for the host, which on a CPU reads it where it lies.
+
+        Raises
+        ------
+        InputError
+            If this device cannot read it.
+        """
+        ...
+
+    def adopted(self, array: Any) -> DeviceArray:
+        """An array that was mapped, read where it lies if that can be."""
+        ...
 
     def download(self, source: DeviceArray) -> NDArray[Any]: ...
 

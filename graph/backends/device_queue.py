@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pyopencl as cl
@@ -28,6 +29,10 @@ from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.programs import build, context_of
+from tactograph.graph.errors import InputError
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
 _FRACTION_KERNEL = """
 #if LANES == 16
@@ -59,6 +64,13 @@ build kernels whose work-items do several elements."""
 def usual_lanes(device: Device) -> int:
     """Return the number of elements that a work-item does side by side on a device."""
     return 16 if device.kind == "CPU" and device.handle.platform.name not in SCALAR_PLATFORMS else 1
+
+
+def _array_class() -> type[Array]:
+    """pyopencl's arrays, whose module costs time that few need."""
+    from pyopencl.array import Array
+
+    return Array
 
 
 class Queue:
@@ -155,6 +167,62 @@ class Queue:
         marker.wait()
         ended: Any = marker.get_profiling_info(cl.profiling_info.END)
         return 1e-9 * float(ended) - time.perf_counter()
+
+    def copied(self, source: DeviceArray) -> DeviceArray:
+        """Copy an array on the device."""
+        target = self.empty(source.shape, source.dtype)
+        self._copy(source.buffer, target, 0)
+        return target
+
+    def _copy(self, source: Any, target: DeviceArray, offset: int) -> None:
+        if target.nbytes:
+            count = target.nbytes
+            cl.enqueue_copy(
+                self.queue, target.buffer, source, byte_count=count, src_offset=offset
+            ).wait()
+
+    def lent(self, array: DeviceArray) -> Array:
+        """An array of pyopencl's; its memory returns to the pool with the last view of it."""
+        # Views of an array hold its buffer alone, so the buffer must hold the memory.
+        buffer: Any = cl.Buffer.from_int_ptr(array.buffer.int_ptr)
+        buffer.memory = array.memory
+        return _array_class()(self.queue, array.shape, array.dtype, data=buffer)
+
+    def stacked(self, arrays: Sequence[Array]) -> Array:
+        """Arrays of pyopencl's, put together along a first axis on the device."""
+        from pyopencl.array import stack
+
+        made: Array = stack(arrays, queue=self.queue)
+        return made
+
+    def mapped(self, array: Array, name: str) -> NDArray[Any]:
+        """An array of pyopencl's for the host, which on a CPU reads it where it lies.
+
+        Raises
+        ------
+        InputError
+            If it lies in another context, or with gaps.
+        """
+        if not isinstance(array, _array_class()) or array.context != self.context:
+            raise InputError(
+                f"{name} lies in another OpenCL context; make it with pipeline.queue, "
+                "or hand in array.get()"
+            )
+        if not array.flags.c_contiguous:
+            raise InputError(f"{name} lies with gaps; hand in array.copy()")
+        array.finish()
+        view: NDArray[Any] = array.map_to_host(self.queue, cl.map_flags.READ)
+        return view
+
+    def adopted(self, array: Array) -> DeviceArray:
+        """An array that was mapped, read where it lies; one that begins within it is copied."""
+        buffer: Any = array.base_data
+        nbytes = bytes_for(array.shape, array.dtype)
+        if array.offset == 0 and buffer.size >= nbytes:
+            return DeviceArray(self.pool.own(buffer), array.shape, array.dtype)
+        target = self.empty(array.shape, array.dtype)
+        self._copy(buffer, target, array.offset)
+        return target
 
     def constant(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array to a buffer of its own, outside the pool."""

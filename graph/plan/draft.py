@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.ports import PortType
 from tactograph.graph.files.flat_graph import Entry, Graph
 
 
@@ -64,10 +65,18 @@ class Task:
 
 @dataclass
 class Draft:
-    """A graph with its names resolved: its tasks, outputs, and nodes that do not run."""
+    """A graph with its names resolved: its tasks, outputs, and nodes that do not run.
+
+    `stays` are the outputs that the caller takes on the device.
+    """
 
     graph: Graph
     tasks: dict[str, Task]
     outputs: dict[str, Value]
     passed: dict[str, Value] = field(default_factory=dict)
     unused: list[str] = field(default_factory=list)
+    stays: set[Value] = field(default_factory=set)
+
+    def port(self, value: Value) -> PortType:
+        """The port that makes a value."""
+        return self.tasks[value.node].node.outputs[value.port]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import backends, names, order, ports, sizes, transfers
 from tactograph.graph.plan.plan import Plan
@@ -22,6 +23,7 @@ def make_plan(
     sinks: bool = True,
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
+    stays: bool = False,
 ) -> Plan:
     """Verify `graph` and plan its run, without running or writing anything.
 
@@ -37,16 +39,27 @@ def make_plan(
         Source nodes whose items the caller will hand in as arrays.
     outputs
         References by name, to put out in place of the graph's own outputs.
+    stays
+        Whether arrays among the outputs are left on the device.
 
     Raises
     ------
     GraphError
         If the graph does not verify; the message says where.
+    InputError
+        If arrays are to stay on a device that no node uses.
     """
     draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
+    if stays:
+        draft.stays = {
+            value for value in draft.outputs.values() if draft.port(value).kind == "array"
+        }
     ports.check(draft)
     classes = sizes.unify(draft)
     placements = backends.place(draft, device, no_device)
+    if stays and not any(placement.on_device for placement in placements.values()):
+        why = f": {no_device}" if no_device else ""
+        raise InputError(f"{graph.name}: to='device': none of its nodes runs on a device{why}")
     steps = order.order(transfers.insert(draft, placements), draft)
     return Plan(
         graph=graph,
@@ -59,4 +72,5 @@ def make_plan(
         device=device.name if device else None,
         passed=draft.passed,
         unused=draft.unused,
+        stays=draft.stays,
     )

@@ -51,7 +51,7 @@ def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
 def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
     """Mark the last step of an item that reads each value on the device.
 
-    Values that the next item recalls stay.
+    Values that the next item recalls, or the caller takes there, stay.
     """
     last: dict[Value, int] = {}
     for index, step in enumerate(steps):
@@ -61,7 +61,7 @@ def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
             for value in (*step.reads, *step.writes):
                 last[value] = index
     made = {v for s in steps if s.stream for v in s.writes}
-    made -= {v for task in draft.tasks.values() for v in task.recalls.values()}
+    made -= draft.stays.union(*(task.recalls.values() for task in draft.tasks.values()))
     return [
         replace(step, release=tuple(v for v, at in last.items() if at == index and v in made))
         for index, step in enumerate(steps)

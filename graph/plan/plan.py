@@ -71,6 +71,7 @@ class Plan:
     device: str | None
     passed: dict[str, Value]
     unused: list[str]
+    stays: set[Value]
     inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:

@@ -18,7 +18,7 @@ def check(draft: Draft) -> None:
     for task in draft.tasks.values():
         for name, value in task.edges.items():
             wanted = task.node.inputs[name]
-            offered = draft.tasks[value.node].node.outputs[value.port]
+            offered = draft.port(value)
             clash = _clash(wanted, offered)
             if clash:
                 where = task.entry.where(f"in.{name}")

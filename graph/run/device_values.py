@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from itertools import combinations
 from typing import Any
 
@@ -21,10 +21,14 @@ from tactograph.graph.run.whole_images import read_whole
 
 
 class DeviceValues:
-    """Buffers on the device by value, those of the item before, and launches."""
+    """Buffers on the device by value, those of the item before, and launches.
+
+    `given` are arrays that the caller handed in there, beside the views of them on the host.
+    """
 
     def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
         self._plan, self._device, self._host = plan, device, host
+        self.given: Mapping[Value, DeviceArray] = {}
         self._values: dict[Value, DeviceArray] = {}
         self._before: dict[Value, DeviceArray] = {}
         self._launches: dict[str, PreparedNode] = {}
@@ -83,6 +87,9 @@ class DeviceValues:
             port = self._plan.tasks[value.node].node.outputs[value.port]
             as_float = array.dtype != port.dtype and value not in self._read_whole
             device = self._device
+            if value in self.given and not as_float:
+                self._values[value] = self.given[value]
+                return
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._values[value], timer = start(array)
         else:
@@ -210,10 +217,34 @@ class DeviceValues:
         """Forget a node's launch, since its settings changed."""
         self._launches.pop(node, None)
 
+    def lent(self, values: Collection[Value], *, kept: bool) -> dict[Value, Any]:
+        """Arrays of the device's library, in memory that nothing else holds, or copied.
+
+        `kept` says that a cache holds all values.
+        """
+        free = set() if kept else {v for v in values if self._plan.tasks[v.node].stream}
+        free -= {*self._recalled}
+        held = [*self.given.values(), *self._before.values()]
+        held += [array for value, array in self._values.items() if value not in free]
+        numbers = {array.memory.number for array in held}
+        lent: dict[Value, Any] = dict.fromkeys(values)
+        for value in lent:
+            if (array := self._values.get(value)) is not None:
+                mine = self._device.copied(array) if array.memory.number in numbers else array
+                numbers.add(mine.memory.number)
+                lent[value] = self._device.lent(mine)
+        self.drop(free)
+        return lent
+
     def remember(self) -> None:
-        """Keep the values that the next item recalls."""
+        """Keep the values that the next item recalls; the caller may refill what was given."""
         taken = {v: self._values.pop(v, None) for v in self._recalled}
-        self._before = {v: array for v, array in taken.items() if array is not None}
+        given = {array.memory.number for array in self.given.values()}
+        self._before = {
+            v: self._device.copied(array) if array.memory.number in given else array
+            for v, array in taken.items()
+            if array is not None
+        }
 
     def forget(self) -> None:
         """Let the next item be a first one."""

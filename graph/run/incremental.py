@@ -81,7 +81,12 @@ class OnlyChanged(Executor):
             return {}, 0.0  # it is made when an item needs it
         steps = [*self._once, *part.computing] if part.stream else part.computing
         names = {step.name for step in steps}
-        targets = [Spot(value, "host") for value in outputs.values() if value.node in names]
+        stays = self._plan.stays
+        targets = [
+            Spot(value, "device" if value in stays else "host")
+            for value in outputs.values()
+            if value.node in names
+        ]
         targets += [spot for step in part.sinks for spot in read_by(self._plan, step)]
         targets += self._recalled if part.stream else []
         needed = self._needed(tuple(targets))
@@ -249,6 +254,7 @@ class OnlyChanged(Executor):
         """Release the device's values of this item; kept values are in the cache."""
         device = self._runner.device
         stays = {spot for spot in self._recalled if spot.side == "device"}
+        stays |= {Spot(value, "device") for value in self._plan.stays}
         for spot in [s for s in self._here if s.side == "device" and s not in stays]:
             if self._plan.tasks[spot.value.node].stream and device is not None:
                 device.drop([spot.value])

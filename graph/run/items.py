@@ -7,6 +7,7 @@ from typing import Any
 
 from threadpoolctl import ThreadpoolController
 
+from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import EndOfStream, collect_warnings
@@ -76,9 +77,24 @@ class Items:
         """The warnings since `begin`."""
         return self.runner.notes[self._lasting :]
 
-    def item(self, given: Mapping[str, Any], repeats: int = 1) -> Result:
-        """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`."""
-        return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
+    def item(
+        self,
+        given: Mapping[str, Any],
+        repeats: int = 1,
+        there: Mapping[Value, DeviceArray] | None = None,
+    ) -> Result:
+        """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`.
+
+        Of what was given, some may lie on the device as well; it is the caller's again afterwards.
+        """
+        device, host = self.runner.device, self.runner.host
+        if device is not None:
+            device.given = there or {}
+        try:
+            return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
+        finally:
+            for value in there or {}:
+                host.put(value, None)
 
     def again(self, names: Collection[str] | None = None) -> Result:
         """Run the last item once more: settings as they are now, its sources as they were.
@@ -139,8 +155,9 @@ class Items:
         total = self._run(part, given, repeats, outputs)
         tasks = self._plan.tasks
         yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]
+        lent = self.runner.lent(outputs.values(), kept=self.keeps)
         result = Result(
-            outputs={name: host.lent(value) for name, value in outputs.items()},
+            outputs={name: lent[value] for name, value in outputs.items()},
             times=dict(self.runner.times),
             plan=self._plan,
             warnings=list(self.runner.notes),

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.backends.device_backend import open_device
@@ -32,6 +32,7 @@ def load(
     strict: bool = False,
     changes: Mapping[str, Any] | None = None,
     outputs: Collection[str] | None = None,
+    to: Literal["host", "device"] = "host",
     cache: Cache | None = None,
     nodes: Iterable[Node] = (),
     **given: Any,
@@ -57,6 +58,8 @@ def load(
     outputs
         Names of the graph's outputs that are wanted; steps that only the others need do not
         run.
+    to
+        "device": arrays among the outputs stay there, as ``pyopencl.array.Array``.
     cache
         Keeps results of nodes, so that equal work is done once; pipelines of one thread may
         share it.  Without it a pipeline gets one of its own at the first `set`.
@@ -85,6 +88,8 @@ def load(
     for word in given.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
     given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
+    if to not in ("host", "device"):
+        raise InputError(f"to={to!r}: 'host' or 'device'")
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
     graph = with_changes(read, changes or {})
@@ -98,6 +103,7 @@ def load(
         cache=cache,
         stand_ins=_ungiven_sources(graph, given),
         outputs=None if outputs is None else _chosen_outputs(graph, outputs),
+        stays=to == "device",
     )
     for line in pipeline.plan.brief_fallbacks:
         warnings.warn(f"fallback: {line}", stacklevel=2)
@@ -115,6 +121,7 @@ def open_pipeline(
     cache: Cache | None = None,
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
+    stays: bool = False,
 ) -> Pipeline:
     """Plan and compile a graph that has been read; see `load` and `make_plan`.
 
@@ -141,6 +148,7 @@ def open_pipeline(
         sinks=sinks,
         stand_ins=stand_ins,
         outputs=outputs,
+        stays=stays,
     )
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")

@@ -26,7 +26,7 @@ from tactograph.graph.run.ownership import own, shares
 from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result, joined
 from tactograph.graph.run.source_stream import SourceStream, in_thread
-from tactograph.graph.run.stand_ins import HandedIn, StandIns
+from tactograph.graph.run.stand_ins import Given, HandedIn, StandIns
 from tactograph.graph.run.trace import Trace
 from tactograph.graph.show.draw_folded import to_folded_svg
 
@@ -47,7 +47,7 @@ class Pipeline:
         self.closing_warnings: list[str] = []
         self._device = device
         self._turn = Turn(plan.graph.name)
-        self._stand_ins = StandIns(plan)
+        self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
         self.built = device is not None and device.built
@@ -73,7 +73,8 @@ class Pipeline:
             By source node: an array of the sizes and the unit of its first output, such as a
             height H x W in mm, or a K x H x W stack of images.  Images of unsigned integers count
             as fractions of their full scale; floats have to lie within 0..1.  An object that has
-            ``__array__`` or ``__dlpack__``, and lies on the host, counts as an array.
+            ``__array__`` or ``__dlpack__``, and lies on the host, counts as an array, and so does
+            a ``pyopencl.array.Array`` of the context of `queue`; the device reads it in place.
 
         Warns
         -----
@@ -107,7 +108,7 @@ class Pipeline:
         with self._turn:
             self._items.prepare()
             results = [*map(self._on_arrays, handed_in.items, repeat(handed_in.told))]
-            return joined(results) if handed_in.batch else results[0]
+            return joined(results, self._device) if handed_in.batch else results[0]
 
     def _refuse_own_stream(self) -> None:
         if self._source is not None:
@@ -116,15 +117,16 @@ class Pipeline:
                 "go through items()"
             )
 
-    def _on_arrays(self, arrays: Mapping[str, NDArray[Any]], told: list[str]) -> Result:
+    def _on_arrays(self, given: Mapping[str, Given], told: list[str]) -> Result:
+        arrays, there = self._stand_ins.split(given)
         if self._items.keeps:  # what is kept must not change with the caller's arrays
-            arrays = {name: own(array) for name, array in arrays.items()}
+            arrays, there = {name: own(array) for name, array in arrays.items()}, {}
         self._items.begin()
         self._runner.notes += told
         told.clear()
         self._has_run = False
         try:
-            result = self._items.item(self._stand_ins.item(arrays))
+            result = self._items.item(self._stand_ins.item(arrays), there=there)
         finally:
             raise_warnings(self._runner.notes, self._raised)
         # An array that a node passed on is still the caller's own memory.
@@ -151,8 +153,7 @@ class Pipeline:
         Raises
         ------
         InputError
-            If the pipeline was closed, is going through its stream already, or another thread
-            is using it.
+            If the pipeline was closed, goes through its stream already, or another thread uses it.
         """
         if self._stand_ins.names:
             waiting = ", ".join(self._stand_ins.names)
@@ -297,7 +298,7 @@ class Pipeline:
 
         Returns
         -------
-        An array is read-only.  None if the item has no such value.
+        An array is read-only.  None: the item has no such value.
 
         Raises
         ------
@@ -322,13 +323,7 @@ class Pipeline:
             raise InputError(f"{self.plan.graph.name}: {method}: {why}")
 
     def trace(self) -> Trace:
-        """Record from now on when each step runs; return the record.
-
-        Examples
-        --------
-        >>> trace = pipeline.trace()  # doctest: +SKIP
-        >>> trace.write(Path("trace.json"))  # doctest: +SKIP
-        """
+        """Record when steps run, from now on; ``.write(path)`` writes the record."""
         with self._turn:
             self._runner.trace = Trace(self.plan)
             return self._runner.trace
@@ -340,6 +335,11 @@ class Pipeline:
     def buffers(self) -> int:
         """The number of buffers ever allocated on the device; a steady stream adds none."""
         return self._device.buffers if self._device is not None else 0
+
+    @property
+    def queue(self) -> Any:
+        """The device's queue, by which arrays are made that are handed in there; or None."""
+        return self._device and self._device.queue
 
     @property
     def stage(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.show.notebook import result_html
@@ -17,7 +18,7 @@ from tactograph.graph.show.notebook import result_html
 class Result(Mapping[str, Any]):
     """The outputs of one item by name.
 
-    Arrays are read-only, since the pipeline may still hold them.
+    Arrays of the host are read-only, since the pipeline may still hold them.
 
     Attributes
     ----------
@@ -59,7 +60,7 @@ class Result(Mapping[str, Any]):
     def __repr__(self) -> str:
         names = (
             f"{name}: {value.dtype} {' x '.join(map(str, value.shape))}"
-            if isinstance(value, np.ndarray)
+            if hasattr(value, "dtype")
             else f"{name}: {value!r}"
             for name, value in self.outputs.items()
         )
@@ -68,18 +69,19 @@ class Result(Mapping[str, Any]):
     def _repr_html_(self) -> str:
         plan = self.plan
         ports = {name: plan.port(name) for name in self.outputs}
-        return result_html(plan.graph.title or plan.graph.name, self.outputs, ports, self.total)
+        on_host = {n: v.get() if hasattr(v, "map_to_host") else v for n, v in self.items()}
+        return result_html(plan.graph.title or plan.graph.name, on_host, ports, self.total)
 
 
-def joined(results: Sequence[Result]) -> Result:
-    """The results of a batch as one: arrays of one shape stacked, all else in lists.
+def joined(results: Sequence[Result], device: DeviceBackend | None) -> Result:
+    """The results of a batch as one: arrays of one shape stacked, where they are; else lists.
 
     Times are sums; a warning of several items is told once.
     """
     first = results[0]
     return replace(
         first,
-        outputs={name: _stacked([each[name] for each in results]) for name in first},
+        outputs={name: _stacked([each[name] for each in results], device) for name in first},
         times={name: sum(each.times.get(name, 0.0) for each in results) for name in first.times},
         warnings=list(dict.fromkeys(line for each in results for line in each.warnings)),
         total=sum(each.total for each in results),
@@ -87,10 +89,12 @@ def joined(results: Sequence[Result]) -> Result:
     )
 
 
-def _stacked(values: list[Any]) -> Any:
-    arrays = all(isinstance(value, np.ndarray) for value in values)
+def _stacked(values: list[Any], device: DeviceBackend | None) -> Any:
+    arrays = all(hasattr(value, "shape") for value in values)
     if not arrays or len({value.shape for value in values}) > 1:
         return values
+    if device is not None and not isinstance(values[0], np.ndarray):
+        return device.stacked(values)
     stack = np.stack(values)
     stack.flags.writeable = False
     return stack

@@ -8,8 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph.backends.arrays import DeviceArray
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError, collect_warnings, message_of
+from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.ownership import own
 from tactograph.graph.run.whole_images import as_fractions
@@ -18,13 +21,20 @@ MAX_LIGHTS = 32
 """A stack of more images is taken for the rows of one image."""
 
 
+class Given(NamedTuple):
+    """An array that a caller hands in; where it lies `there`, on the device, a view of it."""
+
+    array: NDArray[Any]
+    there: DeviceArray | None = None
+
+
 class HandedIn(NamedTuple):
     """The arrays by source node, of one item after the other.
 
     `batch` says whether the caller's had a B; `told` holds what their checks warn of.
     """
 
-    items: list[dict[str, NDArray[Any]]]
+    items: list[dict[str, Given]]
     batch: bool
     told: list[str]
 
@@ -32,8 +42,8 @@ class HandedIn(NamedTuple):
 class StandIns:
     """The source nodes that a caller stands in for."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+    def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
+        self._plan, self._device = plan, device
         self._waiting = {task.id for task in plan.tasks.values() if task.stand_in}
 
     @property
@@ -70,11 +80,22 @@ class StandIns:
         """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
         arrays = item if isinstance(item, Mapping) else dict.fromkeys(self._waiting, item)
         handed_in = self.check(arrays)
-        copies = [{name: own(array) for name, array in each.items()} for each in handed_in.items]
+        copies = [
+            {name: Given(own(given.array)) for name, given in each.items()}
+            for each in handed_in.items
+        ]
         return handed_in._replace(items=copies)
 
-    def _checked(self, name: str, array: Any) -> tuple[list[NDArray[Any]], bool]:
-        """One item, or those of a batch: images of 8 or 16 bits as they are, all else converted."""
+    def _checked(self, name: str, array: Any) -> tuple[list[Given], bool]:
+        """One item, or those of a batch: images of 8 or 16 bits as they are, all else converted.
+
+        What needs no conversion, and lies on the device, is read there as well.
+        """
+        there, adopt = array, None
+        if hasattr(array, "map_to_host"):
+            if self._device is None:
+                raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
+            array, adopt = self._device.mapped(there, name), self._device.adopted
         node = self._plan.tasks[name].node
         port = next(iter(node.outputs.values()))
         given = _images(array) if _takes_images(port) else _values(array, name, port)
@@ -83,8 +104,23 @@ class StandIns:
         for number, item in enumerate(given if batch else given[None]):
             if node.check_handed_in is not None:
                 node.check_handed_in(item, f"{name}[{number}]" if batch else name)
-            items.append(_converted(item, port).view())
+            array = _converted(item, port).view()
+            part = None
+            if adopt is not None and array.dtype == item.dtype:
+                part = adopt(there[number] if batch else there)
+            items.append(Given(array, part))
         return items, batch
+
+    def split(
+        self, given: Mapping[str, Given]
+    ) -> tuple[dict[str, NDArray[Any]], dict[Value, DeviceArray]]:
+        """Arrays of the host by node, and those on the device by the values they stand for."""
+        there = {
+            Value(name, next(iter(self._plan.tasks[name].node.outputs))): each.there
+            for name, each in given.items()
+            if each.there is not None
+        }
+        return {name: each.array for name, each in given.items()}, there
 
     def item(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         """The item that the nodes would have yielded."""

@@ -10,7 +10,7 @@ from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.errors import DeviceError, InputError
-from tactograph.graph.plan.draft import Task
+from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
 from tactograph.graph.run.device_values import DeviceValues
@@ -140,6 +140,12 @@ class StepRunner:
         """Ask a node for the outputs that the plan reads of it now."""
         for side in self._sides:
             side.want(node)
+
+    def lent(self, values: Iterable[Value], *, kept: bool) -> dict[Value, Any]:
+        """Outputs for the caller; `kept` ones are held by a cache, too."""
+        stays = {value for value in values if value in self.plan.stays}
+        there = {} if self.device is None else self.device.lent(stays, kept=kept)
+        return {**{v: self.host.lent(v) for v in values if v not in stays}, **there}
 
     def to_host(self, value: Any) -> Any:
         """A value as the host can read it."""
