@@ -20,9 +20,9 @@ from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Known
+from tactograph.graph.plan.spots import Spot, put_out, read_by, recalled_by, written_by
 from tactograph.graph.run.executor import Executor, Part, part_of
 from tactograph.graph.run.ownership import lent
-from tactograph.graph.run.spots import Spot, read_by, recalled_by, written_by
 from tactograph.graph.run.step_runner import StepRunner
 from tactograph.graph.run.whole_images import in_fractions
 
@@ -81,12 +81,7 @@ class OnlyChanged(Executor):
             return {}, 0.0  # it is made when an item needs it
         steps = [*self._once, *part.computing] if part.stream else part.computing
         names = {step.name for step in steps}
-        stays = self._plan.stays
-        targets = [
-            Spot(value, "device" if value in stays else "host")
-            for value in outputs.values()
-            if value.node in names
-        ]
+        targets = [put_out(self._plan, v) for v in outputs.values() if v.node in names]
         targets += [spot for step in part.sinks for spot in read_by(self._plan, step)]
         targets += self._recalled if part.stream else []
         needed = self._needed(tuple(targets))

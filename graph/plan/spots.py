@@ -17,6 +17,11 @@ class Spot(NamedTuple):
     side: Side
 
 
+def put_out(plan: Plan, value: Value) -> Spot:
+    """The spot where the caller takes an output."""
+    return Spot(value, "device" if value in plan.stays else "host")
+
+
 def read_by(plan: Plan, step: Step) -> list[Spot]:
     """The spots of this item that a step reads."""
     if step.is_transfer:
