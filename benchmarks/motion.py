@@ -4,7 +4,7 @@
     python benchmarks/motion.py --only times
 
 Objects, noise and truths are those of the tests.  Times are of the processor, medians of 30 frames
-of 320 x 240 pixels; those of `track_pose` also with its normal equations on a device.
+of 320 x 240 pixels.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import load
-from tactograph.graph.backends.device_call import DeviceCall
-from tactograph.graph.backends.opencl import open_device
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.force.drag_to_shear import drag_to_shear
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
@@ -32,7 +30,6 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 from tactograph.nodes.live.simulated.simulated_sensor import _Pressed, read_scene
 from tactograph.nodes.motion.find_slip import find_slip
 from tactograph.nodes.motion.follow_contacts import follow_contacts
-from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.expose import expose
@@ -136,7 +133,6 @@ def forces() -> Iterator[Row]:
 def times() -> Iterator[Row]:
     """Nodes at 320 x 240, on contacts of 18,000 pixels and on the whole frame."""
     moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
-    device, _ = open_device()
     stated = np.full((2, *SIZE), SIGMA**2, np.float32)
     for shape in (plate, coin):
         rng = np.random.default_rng(3)
@@ -144,14 +140,8 @@ def times() -> Iterator[Row]:
         first, second = (seen(pressed(shape, motion), rng) for motion in motions)
         key = track_pose(*first, PIXEL, stated)[2:4]
         touched = f"{second[1].sum():,} px"
-        yield (
-            f"track_pose, {touched}, numpy",
-            milliseconds(track_pose, *second, PIXEL, stated, *key),
-        )
-        if device is not None:
-            there = partial(track_pose, equations=DeviceCall(motion_equations, device))
-            took = milliseconds(there, *second, PIXEL, stated, *key)
-            yield f"track_pose, {touched}, {device.backend}", took
+        took = milliseconds(track_pose, *second, PIXEL, stated, *key)
+        yield f"track_pose, {touched}", took
     height, contact = second
     begun = follow_contacts(first[1], PIXEL)
     yield f"follow_contacts, {touched}", milliseconds(follow_contacts, contact, PIXEL, *begun[:2])

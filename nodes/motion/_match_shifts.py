@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from tactograph.nodes.motion._surface import F8, Surface, small_motion
+from tactograph.nodes import F8
+from tactograph.nodes.motion._surface import Surface, small_motion
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0
@@ -63,12 +64,17 @@ def likely_motions(
 def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
     """Spectra of the mask of touched cells, their curvature, and its square, turned about the
     middle."""
-    curved = cv2.Laplacian(cv2.GaussianBlur(surface.height, (0, 0), SMOOTH_CELLS), cv2.CV_32F)
-    inner = cv2.erode(surface.touched.view(np.uint8), np.ones((5, 5), np.uint8), borderValue=0)
+    seen = surface.touched.astype(np.float32)
+    height, share = (
+        cv2.GaussianBlur(plane, (0, 0), SMOOTH_CELLS)
+        for plane in (np.nan_to_num(surface.height), seen)
+    )
+    curved = cv2.Laplacian(height / np.maximum(share, np.float32(0.1)), cv2.CV_32F)
+    inner = cv2.erode(seen, np.ones((5, 5), np.uint8), borderValue=0)
     rows, columns = inner.shape
     # OpenCV's angles are positive against the clock; here from x to y.
     place = cv2.getRotationMatrix2D(((columns - 1) / 2, (rows - 1) / 2), -turn, 1)
-    mask = cv2.warpAffine(inner.astype(np.float32), place, (columns, rows)) > 0.99
+    mask = cv2.warpAffine(inner, place, (columns, rows)) > 0.99
     plane = cv2.warpAffine(curved, place, (columns, rows))
     plane = np.where(mask, plane - (plane[mask].mean() if mask.any() else 0), 0)
     return [rfft2(p, size) for p in (mask.astype(np.float32), plane, plane**2)]

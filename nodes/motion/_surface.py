@@ -9,66 +9,61 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8
 
-F8 = NDArray[np.float64]
-CELL_SIDES_PX = 8, 4, 2, 1
-"""Pixels of a side in a cell, coarse to fine."""
 IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
 """Six numbers in mm and rad to mm and degrees."""
 
 
 class Surface(NamedTuple):
-    """Heights of cells in mm, those that are touched, and the variance of a touched slope."""
+    """Heights of cells in mm, NaN where not all of a cell is touched."""
 
     height: F4
-    touched: NDArray[np.bool_]
     variance: float | None
+    """Of a slope; None where not stated."""
     side: float
     left: float
     top: float
     """Vector in mm from the image's middle to that of the first cell."""
 
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """Mask of the cells."""
+        return np.isfinite(self.height)
 
-def pyramid(
-    height: F4, touched: NDArray[np.bool_], variance: float | None, pixel: float, finest: int
-) -> list[Surface]:
-    """The surface on cells of `CELL_SIDES_PX` down to `finest` px, without its untouched film."""
-    return [
-        _cells(height, touched, variance, pixel, factor)
-        for factor in CELL_SIDES_PX
-        if factor >= finest
-    ]
+    def coarser(self, factor: int) -> Surface:
+        """The surface on cells of `factor` x `factor` of these."""
+        rows, columns = (size // factor for size in self.height.shape)
+        inside = self.height[: rows * factor, : columns * factor]
+        height = cv2.resize(inside, (columns, rows), interpolation=cv2.INTER_AREA)
+        doubt = None if self.variance is None else self.variance / factor**2
+        more = (factor - 1) / 2 * self.side
+        left, top = self.left + more, self.top + more
+        return Surface(np.asarray(height), doubt, factor * self.side, left, top)
+
+    def cropped(self) -> Surface:
+        """The rows and columns that are touched."""
+        down, right = (np.flatnonzero(self.touched.any(axis=axis)) for axis in (1, 0))
+        if not len(down):
+            return self
+        left, top = self.left + right[0] * self.side, self.top + down[0] * self.side
+        height = self.height[down[0] : down[-1] + 1, right[0] : right[-1] + 1]
+        return Surface(np.ascontiguousarray(height), self.variance, self.side, left, top)
+
+    def places(self) -> tuple[F4, F4]:
+        """x and y in mm from the image's middle: a row, and a column."""
+        x, y = (np.arange(n, dtype=np.float32) for n in self.height.shape[::-1])
+        return x * np.float32(self.side) + np.float32(self.left), (
+            y * np.float32(self.side) + np.float32(self.top)
+        )[:, None]
 
 
-def _cells(
-    height: F4, touched: NDArray[np.bool_], variance: float | None, pixel: float, factor: int
+def surface_of(
+    height: F4, touched: NDArray[np.bool_], variance: float | None, px: float
 ) -> Surface:
-    """The surface on cells of `factor` px, where it is touched."""
-    rows, columns = (size // factor for size in height.shape)
-
-    def means(plane: F4) -> F4:
-        inside = plane[: rows * factor, : columns * factor]
-        return np.asarray(cv2.resize(inside, (columns, rows), interpolation=cv2.INTER_AREA))
-
-    whole = means(touched.astype(np.float32)) > 0.99
-    doubt = None if variance is None else variance / factor**2
-    left, top = ((factor - size) / 2 * pixel for size in height.shape[::-1])
-    return Surface(means(height), whole, doubt, factor * pixel, left, top)
-
-
-def trimmed(surface: Surface) -> Surface:
-    """Rows and columns that are touched, without the rim, which has no central differences."""
-    inner = cv2.erode(surface.touched.view(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
-    down, right = np.nonzero(surface.touched)
-    if not len(down):
-        return surface
-    y, x = max(down.min() - 1, 0), max(right.min() - 1, 0)
-    part = slice(y, down.max() + 2), slice(x, right.max() + 2)
-    left, top = surface.left + x * surface.side, surface.top + y * surface.side
-    height = np.ascontiguousarray(surface.height[part])
-    touched = np.ascontiguousarray(inner[part])
-    return Surface(height, touched, surface.variance, surface.side, left, top)
+    """The touched surface on pixels of `px` mm."""
+    left, top = ((1 - size) / 2 * px for size in height.shape[::-1])
+    return Surface(np.where(touched, height, np.float32(np.nan)), variance, px, left, top)
 
 
 def small_motion(step: F8) -> F8:
@@ -91,14 +86,6 @@ def carried(motion: F8) -> F8:
     return np.block([[turn, cross @ turn], [np.zeros((3, 3)), turn]])
 
 
-def places(surface: Surface) -> tuple[F4, F4]:
-    """x and y in mm from the image's middle, of all cells."""
-    rows, columns = surface.height.shape
-    x = np.float32(surface.left) + np.arange(columns, dtype=np.float32) * np.float32(surface.side)
-    y = np.float32(surface.top) + np.arange(rows, dtype=np.float32) * np.float32(surface.side)
-    return np.broadcast_to(x, (rows, columns)), np.broadcast_to(y[:, None], (rows, columns))
-
-
 def normals(height: F4, side: float) -> F4:
     """-dz/dx and -dz/dy, 2 x H x W, by central differences."""
     down, right = np.gradient(height, np.float32(side))
@@ -113,20 +100,15 @@ def cells_at(surface: Surface, motion: F8, x: F4, y: F4, z: F4) -> tuple[F4, F4,
     return (across - np.float32(surface.left)) / side, (down - np.float32(surface.top)) / side, up
 
 
-def pulled_back(
-    surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: F4
-) -> tuple[F4, NDArray[np.bool_]]:
-    """Height of `surface`, moved back by `motion`, above the points, and the mask where it is
-    touched.
+def pulled_back(surface: Surface, motion: F8, x: F4, y: F4, z: F4, steepness: F4) -> F4:
+    """Height of `surface`, moved back by `motion`, above the points; NaN where it is not touched.
 
-    Parameters
-    ----------
-    steepness
-        -dz/dx and -dz/dy of the points' surface.
+    `steepness` is -dz/dx and -dz/dy of the points' surface.
     """
     column, row, up = cells_at(surface, motion, x, y, z)
-    heights = cv2.remap(surface.height, column, row, cv2.INTER_LINEAR)
-    touched = cv2.remap(surface.touched.astype(np.float32), column, row, cv2.INTER_LINEAR) > 0.99
+    heights = cv2.remap(
+        surface.height, column, row, cv2.INTER_LINEAR, borderValue=(float("nan"),) * 4
+    )
     r = motion.astype(np.float32)
     leaning = r[2, 0] * steepness[0] + r[2, 1] * steepness[1] + r[2, 2]
-    return (heights - up) * leaning, touched
+    return np.asarray((heights - up) * leaning)

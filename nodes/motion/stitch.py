@@ -13,29 +13,26 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, NodeCall, Port, node, warn
-from tactograph.nodes import F4, U1, Metrics, PixelSize
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.force.elastic_layer import wave_numbers
 from tactograph.nodes.motion._match_shifts import likely_motions
 from tactograph.nodes.motion._pose_graph import Pair, solve_poses
 from tactograph.nodes.motion._rigid_fit import fit_motion
 from tactograph.nodes.motion._surface import (
-    F8,
     IN_DEGREES,
     Surface,
     cells_at,
     normals,
-    places,
     pulled_back,
-    pyramid,
     six_numbers,
+    surface_of,
 )
-from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.motion.read_touches import TouchHeights
 
-COARSE_LEVEL = 1
-"""The level, of 4 px, on which touches are matched."""
+MATCHED_CELLS = 2
+"""Side of the cells on which touches are matched, in fine ones."""
 HEIGHT_STEPS = 4
 """Steps in which a height on a turned surface is found."""
 MAX_CELLS = 10**8
@@ -69,7 +66,6 @@ def stitch(
     least_likeness: Annotated[float, Interval(ge=0, le=1)] = 0.9,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
-    equations: NodeCall = motion_equations,
 ) -> StitchedSurface:
     """Put touches of one rigid object together.
 
@@ -100,8 +96,6 @@ def stitch(
         Width of the contacts' rims that are left out.
     cell_px
         Side of the finest cells on which touches are matched.
-    equations
-        The normal equations of a step.
 
     Returns
     -------
@@ -118,13 +112,12 @@ def stitch(
         If no two touches fit.
     """
     touched = [_touched(*each, margin_px) for each in zip(heights, errors, strict=True)]
-    levels = [
-        pyramid(np.nan_to_num(height), mask, _slope_variance(error, mask, pixel), pixel, cell_px)
+    surfaces = [
+        surface_of(height, mask, _slope_variance(error, mask, pixel), pixel)
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
-    poses, pairs = solve_poses(
-        len(names), _matched(levels, turn_deg, least_overlap, least_likeness, equations)
-    )
+    cells = [surface.coarser(cell_px) for surface in surfaces]
+    poses, pairs = solve_poses(len(names), _matched(cells, turn_deg, least_overlap, least_likeness))
     if len(poses) < 2:
         raise InputError(
             f"stitch: no two of {len(names)} touches fit together; they need texture in common, "
@@ -133,10 +126,6 @@ def stitch(
     out = [name for number, name in enumerate(names) if number not in poses]
     if out:
         warn(f"stitch: touches that fit no other are left out: {', '.join(out)}")
-    surfaces = [
-        pyramid(np.nan_to_num(h), t, None, pixel, 1)[-1]
-        for h, t in zip(heights, touched, strict=True)
-    ]
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
     grid = _grid(surfaces, poses)
@@ -174,23 +163,17 @@ def _slope_variance(error: F4, touched: NDArray[np.bool_], pixel: float) -> floa
 
 
 def _matched(
-    levels: list[list[Surface]],
-    turn_deg: float,
-    least_overlap: float,
-    least_likeness: float,
-    equations: NodeCall,
+    cells: list[Surface], turn_deg: float, least_overlap: float, least_likeness: float
 ) -> list[Pair]:
     """All pairs of touches that fit."""
-    pairs = []
-    for first, second in combinations(range(len(levels)), 2):
-        one, other = levels[first], levels[second]
-        if not (one[COARSE_LEVEL].touched.any() and other[COARSE_LEVEL].touched.any()):
+    pairs, coarse = [], [surface.coarser(MATCHED_CELLS) for surface in cells]
+    sizes = [np.count_nonzero(surface.touched) for surface in cells]
+    for first, second in combinations(range(len(cells)), 2):
+        if not (coarse[first].touched.any() and coarse[second].touched.any()):
             continue
-        sizes = [np.count_nonzero(surface[-1].touched) for surface in (one, other)]
-        least = least_overlap * min(sizes) / sizes[0]
-        guesses = likely_motions(one[COARSE_LEVEL], other[COARSE_LEVEL], turn_deg, least_overlap)
-        both = one[COARSE_LEVEL:], other[COARSE_LEVEL:]
-        fits = [fit_motion(*both, guess, equations) for guess in guesses]
+        least = least_overlap * min(sizes[first], sizes[second]) / sizes[first]
+        guesses = likely_motions(coarse[first], coarse[second], turn_deg, least_overlap)
+        fits = [fit_motion(cells[first], cells[second], g, (MATCHED_CELLS,)) for g in guesses]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))
@@ -231,8 +214,8 @@ def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
     corners = []
     for number, pose in poses.items():
         surface = surfaces[number]
-        x, y = (plane[surface.touched] for plane in places(surface))
-        points = pose[:2, :3] @ np.stack([x, y, surface.height[surface.touched]]) + pose[:2, 3:]
+        planes = np.broadcast_arrays(*surface.places(), surface.height)
+        points = pose[:2, :3] @ np.stack([p[surface.touched] for p in planes]) + pose[:2, 3:]
         corners += [points.min(axis=1), points.max(axis=1)]
     side = surfaces[0].side
     left, top = np.min(corners, axis=0)
@@ -240,15 +223,16 @@ def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
     if rows * columns > MAX_CELLS:
         raise InputError(f"stitch: the touches lie {columns * side:.0f} mm apart; check them")
     empty = np.zeros((int(rows), int(columns)), np.float32)
-    return Surface(empty, empty > 0, None, side, float(left), float(top))
+    return Surface(empty, None, side, float(left), float(top))
 
 
 def _turned(surface: Surface, deviation: F4, motion: F8, grid: Surface) -> tuple[F8, F8]:
     """A touch's height on the grid, and its weight, 0 where it does not touch."""
-    x, y = places(grid)
+    x, y = grid.places()
     height, steepness = grid.height, np.stack([grid.height, grid.height])
     for _ in range(HEIGHT_STEPS):
-        above, touched = pulled_back(surface, motion, x, y, height, steepness)
+        above = pulled_back(surface, motion, x, y, height, steepness)
+        touched = np.isfinite(above)
         height = np.where(touched, height + above, np.float32(0))
         steepness = normals(height, grid.side)
     column, row, _ = cells_at(surface, motion, x, y, height)

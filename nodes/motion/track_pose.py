@@ -9,18 +9,16 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import NodeCall, Port, node, warn
-from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize, SlopeVariance
+from tactograph.graph import Port, node, warn
+from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
-    F8,
     IN_DEGREES,
     carried,
-    pyramid,
     six_numbers,
     small_motion,
+    surface_of,
 )
-from tactograph.nodes.motion.motion_equations import motion_equations
 from tactograph.nodes.stream.touch import Pose, PoseCovariance
 
 KeySurface = Annotated[F4, Port("H W", "mm", nan=True)]
@@ -34,6 +32,8 @@ POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
 POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
 MAX_CELLS = 15_000
 """Touched cells from which larger ones do."""
+SPARSE_PX = 3
+"""Distance of the pixels whose stated variances are looked at."""
 OPEN_SHARE = 0.3
 """Share of an axis that lies in the open motions."""
 
@@ -60,7 +60,6 @@ def track_pose(
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     least_overlap: Annotated[float, Interval(ge=0.1, le=1)] = 0.6,
-    equations: NodeCall = motion_equations,
 ) -> TrackedPose:
     """Track the rigid motion of the object that presses against the film.
 
@@ -94,8 +93,6 @@ def track_pose(
         Width of the contact's rim that is left out: film bends there that does not touch.
     least_overlap
         Share of the smaller contact.
-    equations
-        The normal equations of a step.
 
     Returns
     -------
@@ -109,11 +106,12 @@ def track_pose(
     touched = cv2.erode((contact > 0).view(np.uint8), rim, borderValue=0) > 0
     stated = 0.0
     if variance is not None and touched.any():
-        stated = float(np.median(variance[:, touched]))
+        sparse = slice(None, None, SPARSE_PX), slice(None, None, SPARSE_PX)
+        stated = float(np.median(variance[:, *sparse][:, touched[sparse]]))
     heights = np.where(touched, height, np.float32(np.nan))
     if key is None or memory is None:
         return _begin(heights, stated, touched)
-    fit = _fit(key, memory, heights, stated, pixel, cell_px, equations)
+    fit = _fit(key, memory, heights, stated, pixel, cell_px)
     shared = 0.0 if fit is None else _shared(fit, key, touched)
     if fit is None or shared < least_overlap / 2:
         return _begin(heights, stated, touched)
@@ -139,17 +137,16 @@ def _fit(
     stated: float,
     pixel: float,
     cell_px: int,
-    equations: NodeCall,
 ) -> Fit | None:
     variances = float(memory[ROW_COUNTS, 2]) or None, stated or None
     masks = np.isfinite(key), np.isfinite(heights)
     fewest = min(np.count_nonzero(mask) for mask in masks)
     finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
     first, second = (
-        pyramid(np.where(mask, plane, np.float32(0)), mask, doubt, pixel, finest)
+        surface_of(plane, mask, doubt, pixel).coarser(finest)
         for plane, mask, doubt in zip((key, heights), masks, variances, strict=True)
     )
-    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)), equations)
+    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
 
 
 def _shared(fit: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
