@@ -47,8 +47,11 @@ CENTER_PX, CONTACT_PX = [1014.46, 1023.27], 65.0
 SMOOTH_PX, INNER = 1.5, 0.85
 ASTRAY_PX = 6
 """Normals that meet so far from a mark do not tell the ball's centre."""
+SAME_CHIP = 4, 4
+"""Both scans show one chip, whose balls differ in height.  Ball (i, j) of the second is ball
+(4 + i, 4 - j) of the first."""
 ASTRAY_BALL = 4.0
-"""Median departures from the balls' plane beyond which a ball is loose, or none."""
+"""Median departures from the plane of all beyond which a ball is not seen alike by both scans."""
 WITHIN_90 = 1.6449
 """Standard deviations of a normal distribution on either side that hold 90 %."""
 SHOWN, TEXTURE_PX = 0.8, 8.0
@@ -88,11 +91,14 @@ class Grid(NamedTuple):
     band_percent: float
     """Of the pixels, whose cap, its mean taken out, lies in the 90 % band; NaN without an error."""
     seated_percent: float
-    """The same for heights against spheres whose tops lie in one plane, loose balls left out."""
+    """The same for heights against spheres that stand as the other scan has them, but for a plane,
+    as the chip lay otherwise there; both scans' errors count."""
     stated_ratio: float
     """Root mean squares of the stated error and of the departure from those spheres, divided."""
     stated_um: float
     """Median of the stated standard deviation on the balls."""
+    alike: float
+    """Correlation between both scans of what the balls' heights depart from a plane."""
 
 
 def main() -> None:
@@ -147,12 +153,15 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
         "seated, in the band / %",
         "stated / actual",
         "stated / um",
+        "balls alike",
     )
-    row(*["---"] * 11)
+    row(*["---"] * 12)
     captures = _captures(data, folder, scale)
     centre = [(c + 0.5) / scale - 0.5 for c in CENTER_PX]
     for count in counts:
         leds = LEDS[count]
+        other = folder / f"other{count}.npz"
+        stand: Seats = {}
         one = {"ball_center_px": centre, "ball_contact_px": CONTACT_PX / scale}
         for title, how in (("one ball", one), ("a scan", {"ball_pitch_mm": PITCH_MM})):
             file = folder / f"real{count}{len(how)}.npz"
@@ -161,7 +170,9 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
             for graph in graphs:
                 given = {"capture": captures["balls_2"], "calibration": file}
                 result = run(graph, {"frames.leds": leds}, **given)
-                found = measure(result, data / "balls_2.csv", scale)
+                if "error" in result and not stand:
+                    stand = seats(captures, leds, scale, other, data / "balls_1.csv")
+                found = measure(result, data / "balls_2.csv", scale, stand)
                 figures = ("" if np.isnan(v) else f"{v:.2f}" for v in found)
                 row(str(count), f"{title} ({chosen})", graph, *figures)
 
@@ -197,13 +208,18 @@ def _captures(data: Path, folder: Path, scale: int) -> dict[str, Path]:
 
 
 def _calibrated(
-    captures: Mapping[str, Path], leds: list[int], scale: int, file: Path, **how: Any
+    captures: Mapping[str, Path],
+    leds: list[int],
+    scale: int,
+    file: Path,
+    scan: str = "balls_1",
+    **how: Any,
 ) -> dict[str, Any]:
-    """The quality of a calibration with the first scan."""
+    """The quality of a calibration with a scan."""
     made = run(
         "calibrate",
         {"taken.leds": leds, "rest_taken.leds": leds},
-        capture=captures["balls_1"],
+        capture=captures[scan],
         flat=captures["flat"],
         ball_radius_mm=RADIUS_MM,
         pixel_size_mm=PIXEL_MM * scale,
@@ -228,32 +244,58 @@ def reduced(capture: Path, folder: Path, scale: int) -> Path:
     return small
 
 
-def measure(result: Mapping[str, Any], marks: Path, scale: int) -> Grid:
+def measure(result: Mapping[str, Any], marks: Path, scale: int, stand: Seats | None = None) -> Grid:
     """Compare a height map with the balls of a grid; their centres follow from the normals."""
     height = result["height"]
-    error = result["error"] if "error" in result else np.full_like(height, np.nan)
-    numbers, centres = _marked(marks, scale)
-    pixel, found = PIXEL_MM * scale, []
-    for window, ball in _balls(height, centres, scale):
-        found.append(_judge_ball(height[window], error[window], ball))
-    level, alike = _common_plane(centres, np.array([cap.apart.mean() for cap in found]))
-    seated = [
-        (cap.apart - z, cap.stated)
-        for cap, z, good in zip(found, level, alike, strict=True)
-        if good
-    ]
-    whole, stated = (np.concatenate(each) for each in zip(*seated, strict=True))
-    between = _between(height.shape, numbers, centres, RADIUS_MM / pixel)
+    numbers, centres, found = _caps(result, marks, scale)
+    apart, stated, alike = _seated(numbers, centres, found, stand or {})
+    between = _between(height.shape, numbers, centres, RADIUS_MM / (PIXEL_MM * scale))
     return Grid(
         normal_deg=float(np.mean([cap.deg for cap in found])),
         cap_um=1e3 * float(np.mean([cap.apart.std() for cap in found])),
         film_um=1e3 * float(height[between].std()),
         top_um=1e3 * float(np.std([cap.top for cap in found])),
         band_percent=float(np.mean([_band(c.apart - c.apart.mean(), c.stated) for c in found])),
-        seated_percent=_band(whole, stated),
-        stated_ratio=float(np.sqrt(np.square(stated).mean() / np.square(whole).mean())),
-        stated_um=1e3 * float(np.median(stated)),
+        seated_percent=_band(apart, stated),
+        stated_ratio=float(np.sqrt(np.square(stated).mean() / np.square(apart).mean())),
+        stated_um=1e3 * float(np.median(np.concatenate([cap.stated for cap in found]))),
+        alike=alike,
     )
+
+
+def _caps(
+    result: Mapping[str, Any], marks: Path, scale: int
+) -> tuple[NDArray[Any], NDArray[Any], list[Cap]]:
+    """Numbers, centres and caps of the marked balls."""
+    height = result["height"]
+    error = result["error"] if "error" in result else np.full_like(height, np.nan)
+    numbers, centres = _marked(marks, scale)
+    balls = _balls(height, centres, scale)
+    return numbers, centres, [_judge_ball(height[at], error[at], ball) for at, ball in balls]
+
+
+def _seated(
+    numbers: NDArray[Any], centres: NDArray[Any], found: list[Cap], stand: Seats
+) -> tuple[NDArray[Any], NDArray[Any], float]:
+    """Departures of all pixels from balls as the other scan has them; their stated deviation.
+
+    Last the correlation of what the balls depart from a plane.
+    """
+    both = [n for n, number in enumerate(numbers) if tuple(number) in stand]
+    if not both:
+        return np.full(1, np.nan), np.full(1, np.nan), np.nan
+    there, known = np.transpose([stand[tuple(numbers[n])] for n in both])
+    here = np.array([found[n].apart.mean() for n in both])
+    level, alike = _common_plane(centres[both], here - there)
+    seated = [
+        (found[both[k]].apart - there[k] - level[k], np.hypot(found[both[k]].stated, known[k]))
+        for k in np.flatnonzero(alike)
+    ]
+    apart, stated = (np.concatenate(each) for each in zip(*seated, strict=True))
+    planes = [_common_plane(centres[both], each) for each in (here, there)]
+    on_both = planes[0][1] & planes[1][1]
+    out = [(each - plane)[on_both] for each, (plane, _) in zip((here, there), planes, strict=True)]
+    return apart, stated, float(np.corrcoef(out)[0, 1])
 
 
 class Cap(NamedTuple):
@@ -287,6 +329,23 @@ def _common_plane(
         away = np.abs(heights - plane)
         used = away <= ASTRAY_BALL * np.median(away)
     return np.asarray(plane), used
+
+
+Seats = Mapping[tuple[float, ...], tuple[float, float]]
+"""By a ball's number in the second scan: its height over a sphere on the film at rest, as the first
+scan has it, and the stated standard deviation of that, in mm."""
+
+
+def seats(
+    captures: Mapping[str, Path], leds: list[int], scale: int, file: Path, marks: Path
+) -> Seats:
+    """How the balls stand by the first scan, read by `precise` with a calibration by the second."""
+    _calibrated(captures, leds, scale, file, scan="balls_2", ball_pitch_mm=PITCH_MM)
+    result = run("precise", {"frames.leds": leds}, capture=captures["balls_1"], calibration=file)
+    numbers, _, caps = _caps(result, marks, scale)
+    stand = [(float(c.apart.mean()), float(np.sqrt(np.square(c.stated).mean()))) for c in caps]
+    down, right = SAME_CHIP
+    return {(i - down, right - j): at for (i, j), at in zip(numbers, stand, strict=True)}
 
 
 class Ball(NamedTuple):
