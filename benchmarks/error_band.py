@@ -125,7 +125,8 @@ def simulate(
     middle = np.s_[FINE // 2 :: FINE, FINE // 2 :: FINE]
     z, labels = (np.ascontiguousarray(scene[part][middle]) for part in ("height", "labels"))
     slope = height_slopes(z, rig.pixel_mm).slope
-    write_capture(image, z, slope, labels, scene["lights"], rig.pixel_mm, folder=out, bits=rig.bits)
+    given_to = image, z, slope, rig.pixel_mm, labels, scene["lights"]
+    write_capture(*given_to, folder=out, bits=rig.bits)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 #include "near_light.clh"
 #include "group.clh"
 #include "border.clh"
+#include "bend.clh"
 #include "springs.clh"
 #include "spring_cells.clh"
 #include "height_system.clh"
@@ -381,13 +382,8 @@ LANED __kernel void bends(
     const float pixel)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    __global const float *row = height + y * W;
-    const floats twice = 2.0f * load_floats(row + x, count), none = 0.0f;
-    const floats across = load_within_border(row, x + 1, count, W, REPLICATE) - twice
-        + load_within_border(row, x - 1, count, W, REPLICATE);
-    const floats along = load_floats(height + min(y + 1, H - 1) * W + x, count) - twice
-        + load_floats(height + max(y - 1, 0) * W + x, count);
-    const floats found = sqrt(across * across + along * along) - RESOLVED_BEND * pixel;
+    const floats none = 0.0f;
+    const floats found = sqrt(squared_bend(height, y, x, count, H, W)) - RESOLVED_BEND * pixel;
     store_floats(MORE_OF(found, none), bent + y * W + x, count);
 }
 

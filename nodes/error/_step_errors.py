@@ -80,9 +80,14 @@ def unresolved(height: Height, pixel: float, blur: float = 0.0) -> F4:
 
     The result is the largest of 3 x 3 pixels.
     """
+    bend = bends(height) - RESOLVED_BEND * np.float32(pixel)
+    beyond = np.maximum(bend, np.float32(0)) * edge_share(blur)
+    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
+
+
+def bends(height: Height) -> F4:
+    """Return the height's second differences along both axes, as the root of their squares."""
     around = np.pad(height, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
     along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
-    bend = np.sqrt(across * across + along * along) - RESOLVED_BEND * np.float32(pixel)
-    beyond = np.maximum(bend, np.float32(0)) * edge_share(blur)
-    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
+    return np.asarray(np.sqrt(across * across + along * along))

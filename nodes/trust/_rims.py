@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1
 
@@ -21,21 +22,29 @@ MAX_RIM_SHARE = 0.25
 
 
 def rim_share(height: F4, slope: F4, shadow: U1) -> float:
-    """Return the share of the touched film that is rim, or that rims part from all other film.
+    """Return the share of the touched film that hangs on rims."""
+    touched = _touched(height)
+    return float(hangs_on_rims(height, slope, shadow).sum() / max(touched.sum(), 1))
+
+
+def hangs_on_rims(height: F4, slope: F4, shadow: U1) -> NDArray[np.bool_]:
+    """Return which touched film is rim, or is parted by rims from all other film.
 
     Heights are sums of slopes.  Where a path leads down to the film at rest and crosses no rim,
     the height is measured; what rims close in is as high as they rise, which light does not say.
     """
-    touched = height > max(TOUCHED_MM, TOUCHED_SHARE * float(height.max()))
-    if not touched.any():
-        return 0.0
+    touched = _touched(height)
     rim = _edges(slope) | (np.bitwise_count(shadow) >= MIN_DARK_LEDS)
     _, parts = cv2.connectedComponents((~rim).astype(np.uint8), connectivity=4)
     measured = np.isin(parts, np.unique(parts[~touched & ~rim]))
-    return float((touched & ~(measured & ~rim)).sum() / touched.sum())
+    return np.asarray(touched & ~(measured & ~rim))
 
 
-def _edges(slope: F4) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _touched(height: F4) -> NDArray[np.bool_]:
+    return np.asarray(height > max(TOUCHED_MM, TOUCHED_SHARE * float(height.max())))
+
+
+def _edges(slope: F4) -> NDArray[np.bool_]:
     """Whether the slope changes too much to the next cell, on either side of the edge."""
     edge = np.zeros(slope.shape[1:], bool)
     across = np.hypot(*np.diff(slope, axis=2)) > MAX_CELL_TURN

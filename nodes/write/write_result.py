@@ -11,7 +11,7 @@ import numpy as np
 
 from tactograph.graph import Provenance, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Metrics
+from tactograph.nodes import Mask, Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT_FILE, checksum, read_result
@@ -22,7 +22,7 @@ from tactograph.nodes.stream.touch import Touch, now_in_touch
 OPTIONAL_FILES = (
     *("height.ply", "height.png", "shadow.png", "shadow_view.png", "error.npy", "error.png"),
     *("confidence.npy", "confidence.png", "highlight.png", "highlight_view.png"),
-    *("contact.png", "contact_view.png"),
+    *("contact.png", "contact_view.png", "unresolved.png"),
 )
 """Files that one result has and another lacks."""
 
@@ -36,6 +36,7 @@ OPTIONAL_FILES = (
 def write_result(
     touch: Touch,
     metrics: Metrics | None = None,
+    unresolved: Mask | None = None,
     *,
     folder: Path,
     grid: Literal["pixel", "metric"] = "pixel",
@@ -50,7 +51,8 @@ def write_result(
     holds: ``shadow.png`` (bit k-1 set where LED k does not light the pixel), ``highlight.png``
     (bits as in ``shadow.png``), ``contact.png`` (8 bit, the contact's number, 0: none),
     ``error.npy`` and ``error.png``, ``confidence.npy`` (float32, 0 to 1) and
-    ``confidence.png``.  ``shadow.png``, ``highlight.png`` and ``contact.png`` hold numbers and
+    ``confidence.png``; ``unresolved.png`` (8 bit, 255 where an edge leaves the height open).
+    ``shadow.png``, ``highlight.png`` and ``contact.png`` hold numbers and
     look black; beside each is a picture of them for people, ``shadow_view.png`` and so on.
 
     ``result.json`` names these files, and a checksum of each but itself (CRC-32): a kill while
@@ -63,6 +65,8 @@ def write_result(
         As `join_touch` makes it.
     metrics
         Further figures for ``result.json``, such as errors against a truth.
+    unresolved
+        H x W, as `unresolved_edges` gives it.
     folder
         Created if needed.
     grid
@@ -85,6 +89,8 @@ def write_result(
     place = folder / touch.name if touch.name else folder
     with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:
         _write_arrays(touch, target)
+        if unresolved is not None:
+            write_image(target / "unresolved.png", unresolved * np.uint8(255))
         if mesh:
             file, camera = target / "height.ply", touch.camera or 0.0
             write_mesh(file, touch.height, touch.pixel, touch.lens, camera)
