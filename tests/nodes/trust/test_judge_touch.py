@@ -8,6 +8,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
 from tactograph.nodes.trust._rims import rim_share
+from tactograph.nodes.trust.film_on_rims import film_on_rims
 from tactograph.nodes.trust.judge_touch import FilmErrors, judge_touch
 
 SHAPE = (30, 40)
@@ -147,6 +148,14 @@ def test_what_rims_close_in_hangs_on_them() -> None:
     shaded["shadow"][shaded["slope"][0] > 0] = 0b0101
     assert rim_share(**shaded) == 1
     assert rim_share(HEIGHT, np.zeros_like(SLOPE), shaded["shadow"]) == 0, "nothing is touched"
+
+
+def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
+    like = np.zeros((1, 4 * SHAPE[0] - 1, 4 * SHAPE[1] - 1), np.float32)
+    marked = film_on_rims(**dome(3.0), like=like)
+    assert marked.shape == like.shape[1:]
+    assert np.array_equal(marked[2::4, 2::4], dome(3.0)["height"] > 0)
+    assert not film_on_rims(**dome(1.1), like=like).any()
 
 
 @pytest.mark.parametrize(

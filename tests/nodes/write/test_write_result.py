@@ -80,6 +80,13 @@ def test_the_labels_confidence_is_written_beside_them(tmp_path: Path) -> None:
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
 
 
+def test_what_is_unresolved_is_white(tmp_path: Path) -> None:
+    open_there = np.eye(*SHAPE, dtype=np.uint8)
+    write_result(flat(), unresolved=open_there, folder=tmp_path, mesh=False, provenance=MADE)
+    kept = cv2.imread(str(tmp_path / "unresolved.png"), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(kept, 255 * open_there)
+
+
 def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
     numbers = np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5] = 2

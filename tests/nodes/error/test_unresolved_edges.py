@@ -1,0 +1,55 @@
+"""One pixel's light does not tell on which side of an edge its height lies."""
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.error.unresolved_edges import unresolved_edges
+from tactograph.nodes.evaluate.evaluate_error import evaluate_error
+
+PIXEL_MM = 0.1
+EDGE = 10
+"""The first column of the upper side."""
+
+
+def wall(rise_px: float) -> F4:
+    height = np.zeros((12, 20), np.float32)
+    height[:, EDGE:] = rise_px * PIXEL_MM
+    return height
+
+
+def test_pixels_on_both_sides_of_an_edge_are_marked() -> None:
+    marked = unresolved_edges(wall(6.0), PIXEL_MM)[6]
+    assert marked[EDGE - 2 : EDGE + 2].all()
+    assert not marked[: EDGE - 2].any()
+    assert not marked[EDGE + 2 :].any()
+
+
+@pytest.mark.parametrize(
+    "height", [wall(2.5), PIXEL_MM * np.indices((12, 20), np.float32)[1] * 4], ids=["low", "ramp"]
+)
+def test_a_low_step_and_an_even_wall_are_resolved(height: F4) -> None:
+    assert not unresolved_edges(height, PIXEL_MM)[:, 2:-2].any()
+
+
+def test_the_band_leaves_them_out_and_counts_them() -> None:
+    height, error = wall(6.0), np.full((12, 20), 0.01, np.float32)
+    truth = np.roll(height, 1, axis=1)
+    truth[:, 0] = 0
+    marked = unresolved_edges(height, PIXEL_MM)
+    assert evaluate_error(height, error, truth)["in_90_percent_band"] == pytest.approx(95)
+    found = evaluate_error(height, error, truth, marked)
+    assert found["in_90_percent_band"] == 100
+    assert found["unresolved_percent"] == pytest.approx(20)
+
+
+def test_stated_over_actual_compares_root_mean_squares() -> None:
+    truth, error = np.full((4, 5), 0.02, np.float32), np.full((4, 5), 0.01, np.float32)
+    found = evaluate_error(np.zeros_like(truth), error, truth)
+    assert found["stated_over_actual"] == pytest.approx(0.5)
+
+
+def test_where_all_is_unresolved_only_that_is_told() -> None:
+    plane = np.ones((4, 5), np.float32)
+    found = evaluate_error(plane, plane, plane, np.ones((4, 5), np.uint8))
+    assert found == {"unresolved_percent": 100}
