@@ -1,6 +1,7 @@
 #include "common.clh"
 #include "bend.clh"
 
+// Where equation H2 of docs/model.md does not hold.
 // 1 where the largest bend of 3 x 3 pixels is that of an edge within one of them.
 LANED __kernel void unresolved_edges(
     __global const float *restrict height,

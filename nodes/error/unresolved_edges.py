@@ -20,9 +20,9 @@ def unresolved_edges(
     """Return 1 where the height may as well be that of the other side of an edge, else 0.
 
     At a rim a pixel sees the top, the film below, or both, and its light does not tell which
-    share it has of each.  One Gaussian does not describe such a height.  The mark is set on all
-    3 x 3 pixels around one whose height departs by more than `resolved_px` from a line through
-    its neighbours; soft film does not bend so sharply.
+    share it has of each.  One Gaussian, as that of H2, does not describe such a height.  The mark
+    is set on all 3 x 3 pixels around one whose height departs by more than `resolved_px` from a
+    line through its neighbours; soft film does not bend so sharply.
 
     Parameters
     ----------
