@@ -42,9 +42,12 @@ def in_row_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
     return (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
 
 
-def local_size(axes: int) -> tuple[int, ...]:
-    """Work-group size: a run of 128 along the fastest axis, which vectorises on CPUs too."""
-    return (128, *(1,) * (axes - 1))
+def local_size(axes: int, lanes: int = 1) -> tuple[int, ...]:
+    """Work-group size: a run of 128 along the fastest axis, which vectorises on CPUs too.
+
+    Work-items of several lanes are few, and fewer in a group share them out evenly.
+    """
+    return (128 if axes > 1 or lanes == 1 else 32, *(1,) * (axes - 1))
 
 
 def global_size(grid: tuple[int, ...], local: tuple[int, ...]) -> tuple[int, ...]:

@@ -143,7 +143,7 @@ class Queue:
         target = self.empty(array.shape, np.dtype(np.float32))
         full = np.float32(np.iinfo(array.dtype).max)
         kernel = self._fraction(array.dtype.itemsize)
-        local = local_size(1)
+        local = local_size(1, self.lanes)
         work_items = global_size(in_lanes(array.shape, self.lanes), local)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
         return target, (started, kernel.enqueue(self.queue, work_items, local, arguments))

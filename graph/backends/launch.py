@@ -130,7 +130,7 @@ class Launch:
             Macros for the source, so that loops over them can be unrolled; the file is
             compiled once for each set of values.
         """
-        local = local or local_size(len(grid))
+        local = local or local_size(len(grid), self.lanes)
         kernel = self._compiled.kernels_with(constants or {})[name]
         work_items, converted = global_size(grid, local), kernel.converted(arguments)
         if self._captured is not None:

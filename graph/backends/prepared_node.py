@@ -92,7 +92,7 @@ class Prepared:
         elif self._declared.lanes == "rows":
             grid = in_row_lanes(grid, self._device.lanes)
         self._kernels: dict[np.dtype[Any], Kernel] = {}
-        self._local = local_size(len(grid))
+        self._local = local_size(len(grid), self._device.lanes)
         self._work_items = global_size(grid, self._local)
         self._plain = [np.int32(sizes[symbol]) for symbol in node.symbols]
         for name, convert in self._compiled.converters.items():

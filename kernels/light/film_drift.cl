@@ -5,12 +5,12 @@
 #include "pixels.clh"
 #include "cells.clh"
 #include "group.clh"
+#include "drift.clh"
 
 #define DRIFT_TERMS 6
 #define TERM_PAIRS 21
 #define MAX_LEDS 8
 #define FIT_SUMS (TERM_PAIRS + MAX_LEDS * (DRIFT_TERMS + 1))
-#define MIN_GAIN 0.02f
 #define MIN_CALM_SHARE 0.05f
 #define SHAPE_REGULARISATION 0.003f
 #define WINDOW_CELLS 5
@@ -190,21 +190,7 @@ static float furthest(__global const float *away, const int size, __local float 
         const floats here = load_floats(away + i, count);
         far = MORE_OF(far, here);
     }
-    parts[get_local_id(0)] = highest_lane(far);
-    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    float most = 1.0f;
-    for (int g = 0; g < GROUP; ++g) most = fmax(most, parts[g]);
-    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    return most;
-}
-
-// The place number j of the outermost ring of H x W cells.
-static int on_ring(const int j, const int H, const int W)
-{
-    if (min(H, W) <= 2 || j < W) return j;
-    if (j < 2 * W) return (H - 1) * W + j - W;
-    const int side = j - 2 * W;
-    return (1 + side / 2) * W + (side & 1 ? W - 1 : 0);
+    return group_highest(fmax(highest_lane(far), 1.0f), parts);
 }
 
 // The lower median of the light of LED k over its drift, along the border.
@@ -213,7 +199,7 @@ static float border_level(
     __local float *parts)
 {
     const int H = film->H, W = film->W;
-    const int size = min(H, W) <= 2 ? H * W : 2 * W + 2 * (H - 2);
+    const int size = ring_size(H, W);
     const floats darkest = MIN_GAIN;
     EACH_OF_GROUP(j, count, size)
     {

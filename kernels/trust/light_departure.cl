@@ -7,8 +7,10 @@
 #define MIN_FREEDOM 0.5f
 #define MIN_ERROR 0.0015f
 #define UNEVEN_SHARE 0.25f
+#define MIN_SQUARES 1e-6f
 
-// The reduced chi-squared of the light of LANES pixels under their slopes, equation T1.
+// The reduced chi-squared of the light of LANES pixels under their slopes, equation T1, and the
+// excess of their brightness, T4.
 LANED __kernel void light_departure(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -19,7 +21,8 @@ LANED __kernel void light_departure(
     __global const float *restrict misfit,
     const float pixel,
     const float uneven,
-    __global float *restrict out,
+    __global float *restrict departure,
+    __global float *restrict brighter,
     const int K, const int H, const int W,
     const int cell_px)
 {
@@ -33,27 +36,33 @@ LANED __kernel void light_departure(
     const float share_of_noise = 1.0f / (float)cell_px;
     floats x, y;
     places(at, H, W, pixel, &x, &y);
-    floats departs[MAX_LEDS], along[MAX_LEDS], product = none, whole = none, leds = none;
+    floats departs[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
+    floats product = none, whole = none, leds = none, seen = none, due = none;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats shown = (v.z - v.x * p - v.y * q) * nz, darkest = MIN_MODEL_LIGHT;
+        const floats bright = (v.z - v.x * p - v.y * q) * nz, darkest = MIN_MODEL_LIGHT;
         const floats noise = load_floats(sigma + k * size + at, count) * share_of_noise;
-        const floats model = error * MORE_OF(shown, darkest);
+        const floats model = error * MORE_OF(bright, darkest);
         const floats lit = ((bits >> k) & 1) != 0 ? one : none;
-        const floats weight = lit / sqrt(noise * noise + model * model);
-        departs[k] = (load_floats(light + k * size + at, count) - shown) * weight;
-        along[k] = shown * weight;
-        product += departs[k] * along[k];
-        whole += along[k] * along[k];
+        const floats found = load_floats(light + k * size + at, count);
+        departs[k] = found - bright;
+        shown[k] = bright;
+        weight[k] = lit / (noise * noise + model * model);
+        product += departs[k] * (bright * weight[k]);
+        whole += bright * (bright * weight[k]);
         leds += lit;
+        seen += found * bright * lit;
+        due += bright * bright * lit;
     }
     const floats one_scale = 1.0f, share = brightness_share(whole, one_scale, uneven);
     floats chi = none;
     for (int k = 0; k < K; ++k) {
-        const floats left = departs[k] - product * share * along[k];
-        chi += left * left;
+        const floats left = departs[k] - product * share * shown[k];
+        chi += weight[k] * left * left;
     }
     const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = -1.0f;
     const floats reduced = chi / MORE_OF(freedom, smallest);
-    store_floats(freedom >= smallest ? reduced : untested, out + at, count);
+    store_floats(freedom >= smallest ? reduced : untested, departure + at, count);
+    const floats least = MIN_SQUARES;
+    store_floats(seen / MORE_OF(due, least) - 1.0f, brighter + at, count);
 }

@@ -1,4 +1,7 @@
 #include "common.clh"
+#include "border.clh"
+#include "pixels.clh"
+#include "cells.clh"
 #include "cell_side.clh"
 
 #define MIN_LEDS 3
@@ -7,25 +10,29 @@
 #define NOISE_WEIGHT 2.0f
 #define NOT_TESTED (-1.0f)
 
-// The mean of a cell of side x side pixels; beyond the border the border pixels repeat.  Rows are
-// summed first, as in NumPy.
-static float mean_of_cell(
-    __global const float *plane, const int row, const int column, const int H, const int W,
-    const int side)
+// The means of LANES cells of side x side pixels.
+static floats means_of(
+    __global const float *plane, const int row, const int column, const int count, const int H,
+    const int W, const int side)
 {
-    if (side == 1) return plane[row * W + column];
-    float total = 0.0f;
-    for (int j = 0; j < side; ++j) {
-        float sum = 0.0f;
-        for (int i = 0; i < side; ++i)
-            sum += plane[min(row * side + i, H - 1) * W + min(column * side + j, W - 1)];
-        total += sum;
-    }
-    return total * (1.0f / (float)(side * side));
+    if (side > 1) return mean_of_cells(plane, row, column, H, W, side);
+    return load_within_border(plane + row * W, column, count, W, REPLICATE);
 }
 
-// The curl between a cell, the one right of it and the two below, over what is expected, equation T2.
-__kernel void slope_curl(
+// The LEDs that the first pixels of these cells rest on.
+static ints leds_of(
+    __global const uchar *used, const int row, const int column, const int count, const int W,
+    const int side)
+{
+    __global const uchar *line = used + row * side * W;
+    if (side == 1) return load_bytes_within_border(line, column, count, W, REPLICATE);
+    uchar found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = line[min((column + l) * side, W - 1)];
+    return TO_INTS(LOAD_LANES(found));
+}
+
+// The curl between LANES cells, those right of them and below, over what is expected, equation T2.
+LANED __kernel void slope_curl(
     __global const float *restrict slope,
     __global const float *restrict misfit,
     __global const uchar *restrict used,
@@ -38,36 +45,38 @@ __kernel void slope_curl(
     const float share,
     const float least)
 {
-    GRID_2(row, column, h, w)
-    const int size = H * W, side = cell_side(H, W, factor), at = row * w + column;
-    if (row == h - 1 || column == w - 1) {
-        out[at] = NOT_TESTED;
+    GRID_PARTS_OF_ROWS(row, column, count, h, w)
+    const int size = H * W, side = cell_side(H, W, factor);
+    const floats untested = NOT_TESTED;
+    if (row == h - 1) {
+        store_floats(untested, out + row * w + column, count);
         return;
     }
-    float p[4], q[4], spread[4], gentlest = INFINITY;
-    int fewest = 8;
+    floats p[4], q[4], gentlest = INFINITY, noise = 0.0f;
+    ints tests = filled(count);
     for (int c = 0; c < 4; ++c) {
         const int y = row + c / 2, x = column + c % 2;
-        p[c] = mean_of_cell(slope, y, x, H, W, side);
-        q[c] = mean_of_cell(slope + size, y, x, H, W, side);
-        gentlest = min(gentlest, p[c] * p[c] + q[c] * q[c]);
-        if (used) fewest = min(fewest, (int)popcount(used[y * side * W + x * side]));
-        spread[c] = variance ? mean_of_cell(variance, y, x, H, W, side) +
-                                   mean_of_cell(variance + size, y, x, H, W, side)
-                             : 0.0f;
+        p[c] = means_of(slope, y, x, count, H, W, side);
+        q[c] = means_of(slope + size, y, x, count, H, W, side);
+        const floats steepness = p[c] * p[c] + q[c] * q[c];
+        gentlest = LESS_OF(gentlest, steepness);
+        if (used) tests &= has_bits(leds_of(used, y, x, count, W, side), MIN_LEDS);
+        if (variance)
+            noise += means_of(variance, y, x, count, H, W, side)
+                + means_of(variance + size, y, x, count, H, W, side);
     }
-    const float p_right = (p[1] - p[0] + (p[3] - p[2])) * 0.5f;
-    const float p_down = (p[2] - p[0] + (p[3] - p[1])) * 0.5f;
-    const float q_right = (q[1] - q[0] + (q[3] - q[2])) * 0.5f;
-    const float q_down = (q[2] - q[0] + (q[3] - q[1])) * 0.5f;
-    const float bent =
+    const floats p_right = (p[1] - p[0] + (p[3] - p[2])) * 0.5f;
+    const floats p_down = (p[2] - p[0] + (p[3] - p[1])) * 0.5f;
+    const floats q_right = (q[1] - q[0] + (q[3] - q[2])) * 0.5f;
+    const floats q_down = (q[2] - q[0] + (q[3] - q[1])) * 0.5f;
+    const floats bent =
         p_right * p_right + p_down * p_down + q_right * q_right + q_down * q_down;
-    const int tests = gentlest > MIN_SLOPE * MIN_SLOPE && fewest >= MIN_LEDS &&
-                      bent < MAX_CURVATURE * MAX_CURVATURE;
+    const floats number = (float)column + LANE_NUMBERS, last = (float)(w - 1);
+    tests &= (gentlest > MIN_SLOPE * MIN_SLOPE) & (bent < MAX_CURVATURE * MAX_CURVATURE);
+    tests &= number < last;
     const float pixels = (float)(side * cell_px) * (float)(side * cell_px);
-    const float noise = (spread[0] + spread[1] + (spread[2] + spread[3])) * 0.25f / pixels;
-    const float curl = p_down - q_right;
-    const float expected =
-        least * least + misfit[0] * misfit[0] + share * share * bent + NOISE_WEIGHT * noise;
-    out[at] = tests ? curl * curl / expected : NOT_TESTED;
+    const floats curl = p_down - q_right;
+    const floats expected = least * least + misfit[0] * misfit[0] + share * share * bent
+        + NOISE_WEIGHT * (noise * 0.25f / pixels);
+    store_floats(tests ? curl * curl / expected : untested, out + row * w + column, count);
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,8 @@ MIN_CELLS = 20
 """Fewer cells tell nothing of a touch."""
 MIN_LEDS = 3
 """Two LEDs fit any light, so that their slope may be any."""
+MAX_CELLS = 2500
+"""More cells tell no more of medians; of larger images every n-th is looked at."""
 
 
 class Check(NamedTuple):
@@ -25,10 +27,20 @@ class Check(NamedTuple):
     """Observation and remedy, for a message."""
 
 
-def spread_of(squares: F4) -> tuple[float, float]:
-    """Return the roots of the median and of the upper quartile; zeros for too few numbers."""
-    if squares.size < MIN_CELLS:
-        return 0.0, 0.0
-    middle, upper = squares.size // 2, 3 * squares.size // 4
-    ordered = np.partition(squares, (middle, upper))
-    return float(np.sqrt(ordered[middle])), float(np.sqrt(ordered[upper]))
+def quarter_of(values: F4, quarter: int, least: int = MIN_CELLS) -> float:
+    """Return the value that a quarter, two or three of them lie below; 0 of less than `least`."""
+    if values.size < least:
+        return 0.0
+    place = quarter * values.size // 4
+    return float(np.partition(values, place)[place])
+
+
+def thinning(rows: int, columns: int) -> int:
+    """Return the n of every n-th row and column of images with more than `MAX_CELLS` pixels."""
+    return max(1, round(float(np.sqrt(rows * columns / MAX_CELLS))))
+
+
+def thinned(planes: Any) -> Any:
+    """Every n-th row and column."""
+    step = thinning(*planes.shape[-2:])
+    return planes[..., ::step, ::step]

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, U1, Height, Labels, Lens, Mask, Slope
+from tactograph.nodes import F4, U1, Height, Lens, Mask
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 from tactograph.nodes.trust._rims import hangs_on_rims
 
@@ -15,8 +15,7 @@ from tactograph.nodes.trust._rims import hangs_on_rims
 @node
 def film_on_rims(
     height: Height,
-    slope: Slope,
-    shadow: Labels,
+    rims: Mask,
     like: Annotated[F4, Port("K r c", "1")],
     lens: Lens | None = None,
 ) -> Annotated[U1, Port("r c", "flag", high=1)]:
@@ -26,14 +25,16 @@ def film_on_rims(
 
     Parameters
     ----------
-    height, slope, shadow
-        H x W, 2 x H x W and H x W, on the cells of a rough pass.
+    height, rims
+        H x W in mm, and where its rims are (`rim_cells`), on the cells of a rough pass.
     like
         K x r x c, an image at full resolution; only its size counts.
     lens
         Length 8, as `read_lens` gives it; without it the image is not distorted.
     """
-    hanging = hangs_on_rims(height, slope, shadow).astype(np.uint8)
+    hanging = hangs_on_rims(height, rims).view(np.uint8)
+    if not hanging.any():  # as of nearly all touches
+        return np.zeros(like.shape[1:], np.uint8)
     cells = (
         np.minimum(np.arange(size) // max(round(size / count), 1), count - 1)
         for size, count in zip(like.shape[1:], hanging.shape, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -28,6 +28,8 @@ from tactograph.nodes.trust._check import NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
+Brighter = Annotated[F4, Port("H W", "1", low=-1, high=1)]
+"""How much brighter film is than its slopes make it, as a share (T4)."""
 MIN_MODEL_LIGHT = np.float32(0.1)
 """Light below which the model's error no longer falls with the light."""
 MIN_ERROR = 0.0015
@@ -36,6 +38,15 @@ MIN_FREEDOM = np.float32(0.5)
 """Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
 UNEVEN_SHARE = 0.25
 """Share of the film's unevenness that differs from LED to LED."""
+MIN_SQUARES = np.float32(1e-6)
+"""Sum of squares of light that is divided by."""
+
+
+class LightDeparture(NamedTuple):
+    """How light departs from its model."""
+
+    departure: Departure
+    brighter: Brighter
 
 
 def light_error(misfit: Misfit | None, uneven: float) -> float:
@@ -60,8 +71,8 @@ def light_departure(
     uneven: Uneven,
     *,
     cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
-) -> Departure:
-    """Return the reduced chi-squared of the light under the slope that was found.
+) -> LightDeparture:
+    """Return the reduced chi-squared of the light under the slope that was found, and its excess.
 
     With r_k = (m_k - n.v_k) / s_k of equation N1 (`near_light`) and a_k = n.v_k / s_k, over the
     LEDs that were used::
@@ -71,7 +82,9 @@ def light_departure(
 
     b is the film's unknown brightness, and e the model's error of the light (`light_error`), from
     the presses of the calibration.  The degrees of freedom are the LEDs used, less two for the
-    slope and less the share of the brightness that was free.
+    slope and less the share of the brightness that was free.  Where fewer LEDs were used than a
+    test needs, the departure is -1.  The excess is that of the film's brightness as the light
+    itself has it, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
 
     Parameters
     ----------
@@ -91,25 +104,22 @@ def light_departure(
         Standard deviation of the film's brightness, as given to `label_lights`.
     cell_px
         Side in px of the cells that the light is a mean of; `sigma` is that of a single pixel.
-
-    Returns
-    -------
-    ndarray
-        H x W; -1 where fewer LEDs were used than a test needs.
     """
     shown = expected_light(light_vectors(lights, height, pixel), slope)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
     model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, MIN_MODEL_LIGHT)
-    weight = lit / np.sqrt(noise * noise + model * model)
-    departs, along = (light - shown) * weight, shown * weight
-    whole = (along * along).sum(axis=0)
+    weight = lit / (noise * noise + model * model)
+    departs, along = light - shown, shown * weight
+    whole = (shown * along).sum(axis=0)
     share = brightness_share(whole, np.float32(1), np.float32(uneven))
-    left = departs - (departs * along).sum(axis=0) * share * along
+    left = departs - (departs * along).sum(axis=0) * share * shown
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
-    reduced = (left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
-    return np.asarray(np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED), np.float32)
+    reduced = (weight * left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
+    seen, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
+    chi = np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED)
+    return LightDeparture(np.asarray(chi, np.float32), seen / np.maximum(due, MIN_SQUARES) - 1)
 
 
 light_departure.opencl(grid="H W", lanes="grid")

@@ -123,7 +123,7 @@ def _mean(plane: F4) -> F4:
     return (a + b + (c + d)) * np.float32(0.25)
 
 
-slope_curl.opencl(grid="h w")
+slope_curl.opencl(grid="h w", lanes="rows")
 
 
 @slope_curl.example

@@ -5,25 +5,29 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes import F4, Metrics
+from tactograph.nodes import F4, U1, Metrics
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
 from tactograph.nodes.trust._rims import rim_share
 from tactograph.nodes.trust.film_on_rims import film_on_rims
 from tactograph.nodes.trust.judge_touch import FilmErrors, judge_touch
+from tactograph.nodes.trust.rim_cells import rim_cells
+from tactograph.nodes.trust.touch_evidence import touch_evidence
 
 SHAPE = (30, 40)
 LIMIT = np.float32(MAX_MEDIAN * MAX_MEDIAN)
 REST, HEIGHT = np.ones((4, *SHAPE), np.float32), np.zeros(SHAPE, np.float32)
 SLOPE = np.full((2, *SHAPE), 0.3, np.float32)
+EXACT = np.zeros(5, np.float32)
 
 
 def judged(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> Metrics:
     """Uniform squares of the curl and of the light's departure; `rest` is LED 2's light."""
     seen = REST.copy()
     seen[1] *= np.float32(rest)
-    if light is not None:
-        given |= {"departure": np.full(SHAPE, light, np.float32), "slope": SLOPE}
-    return judge_touch(np.full(SHAPE, curl, np.float32), seen, HEIGHT, **given)  # type: ignore[arg-type]
+    departure = None if light is None else np.full(SHAPE, light, np.float32)
+    curls = np.full(SHAPE, curl, np.float32)
+    found = touch_evidence(curls, seen, HEIGHT, departure=departure, slope=SLOPE, misfit=EXACT)
+    return judge_touch(found, **given)  # type: ignore[arg-type]
 
 
 def told(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> list[str]:
@@ -105,24 +109,21 @@ def test_two_of_three_are_no_refusal_but_both_of_two_are() -> None:
 def test_walls_under_near_leds_are_allowed_more_than_under_far_ones() -> None:
     """The rough height of a rim in shadow is uncertain, and the light depends on it."""
     near = np.array([[20, 0, 25], [0, 20, 25], [-20, 0, 25], [0, -20, 25]], np.float32)
-    tall, used = HEIGHT + np.float32(3), np.full(SHAPE, 0b0111, np.uint8)
+    departure, used = np.full(SHAPE, 16, np.float32), np.full(SHAPE, 0b0111, np.uint8)
+    given = {"departure": departure, "slope": SLOPE, "misfit": EXACT, "used": used, "matt": REST}
+    found = touch_evidence(HEIGHT, REST, HEIGHT + np.float32(3), **given)
 
     def light_check(lights: F4) -> float:
-        given = {
-            "used": used,
-            "film": FilmErrors(lights),
-            "departure": np.full(SHAPE, 16, np.float32),
-        }
-        return judge_touch(HEIGHT, REST, tall, slope=SLOPE, **given, force=True)["check_light"]
+        return judge_touch(found, FilmErrors(lights), force=True)["check_light"]
 
     assert light_check(near) < 0.5 * light_check(20 * near)
 
 
 @pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1)])
 def test_an_image_of_a_few_cells_has_a_verdict(shape: tuple[int, int]) -> None:
-    untested = np.full(shape, -1, np.float32)
-    found = judge_touch(untested, np.ones((4, *shape), np.float32), np.zeros(shape, np.float32))
-    assert found["trust"] > 0.9
+    untested, level = np.full(shape, -1, np.float32), np.zeros(shape, np.float32)
+    found = touch_evidence(untested, np.ones((4, *shape), np.float32), level)
+    assert judge_touch(found)["trust"] > 0.9
 
 
 def test_what_no_cell_tests_is_not_held_against_a_touch() -> None:
@@ -140,22 +141,31 @@ def dome(wall: float, gap: int = 0) -> dict[str, F4]:
     return {"height": height, "slope": slope, "shadow": np.zeros(SHAPE, np.uint8)}
 
 
+def rims_of(made: dict[str, F4]) -> U1:
+    return rim_cells(made["slope"], made["shadow"])
+
+
+def share(made: dict[str, F4]) -> float:
+    return rim_share(made["height"], rims_of(made))
+
+
 def test_what_rims_close_in_hangs_on_them() -> None:
-    assert rim_share(**dome(3.0)) == 1
-    assert rim_share(**dome(1.1)) == 0, "cells show slopes that turn so little"
-    assert 0.2 < rim_share(**dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
+    assert share(dome(3.0)) == 1
+    assert share(dome(1.1)) == 0, "cells show slopes that turn so little"
+    assert 0.2 < share(dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
     shaded = dome(1.1)
     shaded["shadow"][shaded["slope"][0] > 0] = 0b0101
-    assert rim_share(**shaded) == 1
-    assert rim_share(HEIGHT, np.zeros_like(SLOPE), shaded["shadow"]) == 0, "nothing is touched"
+    assert share(shaded) == 1
+    assert share(shaded | {"height": HEIGHT, "slope": 0 * SLOPE}) == 0, "nothing is touched"
 
 
 def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
     like = np.zeros((1, 4 * SHAPE[0] - 1, 4 * SHAPE[1] - 1), np.float32)
-    marked = film_on_rims(**dome(3.0), like=like)
+    steep, gentle = dome(3.0), dome(1.1)
+    marked = film_on_rims(steep["height"], rims_of(steep), like)
     assert marked.shape == like.shape[1:]
-    assert np.array_equal(marked[2::4, 2::4], dome(3.0)["height"] > 0)
-    assert not film_on_rims(**dome(1.1), like=like).any()
+    assert np.array_equal(marked[2::4, 2::4], steep["height"] > 0)
+    assert not film_on_rims(gentle["height"], rims_of(gentle), like).any()
 
 
 @pytest.mark.parametrize(
@@ -165,7 +175,9 @@ def test_rims_are_a_warning_unless_something_else_measures_them(
     wall: float, measured: bool, warned: int
 ) -> None:
     notes: list[str] = []
+    made = dome(wall)
+    height, rims = made["height"], rims_of(made)
     with collect_warnings(notes):
-        found = judge_touch(np.zeros(SHAPE, np.float32), REST, rims_measured=measured, **dome(wall))
+        found = judged(0.0, height=height, rims=rims, rims_measured=measured)
     assert found["rim_share"] == (1 if wall == 3 else 0)
     assert sum("100% of the touch hangs on rims" in note for note in notes) == warned

@@ -3,65 +3,71 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4, U1
+from tactograph.nodes import F4
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._light_check import (
     MAX_BRIGHTNESS,
     MAX_MEDIAN,
     MAX_REST,
     MIN_BRIGHTNESS_ERROR,
-    Touched,
     check_light,
-    squared_bend,
 )
+from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
 
 SHAPE = (30, 40)
 ALL = 0b1111
+TOUCHED = np.s_[..., 10:20, 10:30]
+Touch = dict[str, F4]
 
 
-def touched(
+def plane(value: float, touched: float | None = None) -> F4:
+    """A value everywhere, and perhaps another one in the middle."""
+    made = np.full(SHAPE, value, np.float32)
+    made[TOUCHED] = value if touched is None else touched
+    return made
+
+
+def touch(
     departs: float = 1.0, at_rest: float = 1.0, used: int = ALL, lit: float = 0.0, dark: int = 0
-) -> Touched:
+) -> Touch:
     """A touch in the middle: its departure, the LEDs used, and light in so many shadow pixels."""
-    slope = np.zeros((2, *SHAPE), np.float32)
-    slope[0, 10:20, 10:30] = 0.4
-    departure = np.full(SHAPE, at_rest, np.float32)
-    departure[10:20, 10:30] = departs
-    labels = np.full(SHAPE, ALL, np.uint8)
-    labels[10:20, 10:30] = used
-    light = np.ones((4, *SHAPE), np.float32)
-    shadow: U1 = np.zeros(SHAPE, np.uint8)
+    shadow, matt = np.zeros(SHAPE, np.uint8), np.ones((4, *SHAPE), np.float32)
     shadow.flat[:dark] = 0b0100
-    light[2].flat[:dark] = lit
-    return Touched(departure, slope, labels, light, shadow)
+    matt[2].flat[:dark] = lit
+    return {
+        "departure": plane(at_rest, departs),
+        "slope": np.stack([plane(0, 0.4), plane(0)]),
+        "misfit": np.zeros(5, np.float32),
+        "brighter": plane(0),
+        "used": plane(ALL, used).astype(np.uint8),
+        "matt": matt,
+        "shadow": shadow,
+    }
 
 
-def told(what: Touched, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:
-    return check_light(what, 4, rim_error, brightness_error)
+def told(what: Touch, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:
+    found = light_evidence(**what)  # type: ignore[arg-type]
+    return check_light(LightFigures(*map(float, found)), rim_error, brightness_error)
 
 
-def darker(share: float, used: int = ALL) -> Touched:
+def darker(share: float, used: int = ALL) -> Touch:
     """A touch whose slopes change the light by a third, and that is darker by a share."""
-    what = touched(used=used)
-    shown = np.ones((4, *SHAPE), np.float32)
-    shown[:2, 10:20, 10:30], shown[2:, 10:20, 10:30] = 4 / 3, 2 / 3
-    light = shown.copy()
-    light[:, 10:20, 10:30] *= np.float32(1 - share)
-    return what._replace(shown=shown, light=light)
+    changed = np.stack([plane(1, 4 / 3), plane(1, 2 / 3)] * 2) * plane(1, 1 - share)
+    return touch(used=used) | {"matt": changed, "brighter": plane(0, -share)}
 
 
-def walls(width: int) -> Touched:
+def walls(width: int) -> Touch:
     """The two walls of a groove, so many cells wide, darker than their slopes say."""
     slope = np.zeros((2, *SHAPE), np.float32)
     slope[0, 5:25, 10 : 10 + width], slope[0, 5:25, 24 : 24 + width] = 0.5, -0.5
     steep = slope[0] != 0
-    shown = np.ones((4, *SHAPE), np.float32)
-    shown[:2, steep], shown[2:, steep] = 4 / 3, 2 / 3
-    light = shown * np.where(steep, np.float32(0.97), np.float32(1))
-    departure = np.where(steep, np.float32(20), np.float32(1))
-    full = np.full(SHAPE, ALL, np.uint8)
-    given = departure, slope, full, light, np.zeros(SHAPE, np.uint8), shown, squared_bend(slope)
-    return Touched(*given)
+    seen = {
+        "slope": slope,
+        "departure": np.where(steep, np.float32(20), np.float32(1)),
+        "brighter": np.where(steep, np.float32(-0.03), np.float32(0)),
+        "matt": np.where(steep, np.float32(1.3), np.ones((4, 1, 1), np.float32)),
+    }
+    return touch() | seen
 
 
 @pytest.mark.parametrize(("width", "told_wrong"), [(2, False), (3, False), (7, True)])
@@ -70,43 +76,43 @@ def test_walls_a_few_cells_wide_are_not_compared(width: int, told_wrong: bool) -
 
 
 def test_light_of_a_surface_passes() -> None:
-    assert told(touched()).figure < 0.9
+    assert told(touch()).figure < 0.9
 
 
 def test_light_of_no_surface_is_told() -> None:
-    check = told(touched(departs=16.0))
+    check = told(touch(departs=16.0))
     assert check.figure == pytest.approx(4 / MAX_MEDIAN)
     assert "no surface" in check.cause
     assert "order of the images" in check.cause
 
 
 def test_a_quarter_that_is_wrong_is_told_too() -> None:
-    what = touched()
-    what.departure[10:14, 10:30] = 25.0
-    what.departure[14:20, 10:30] = 0.5
+    what = touch()
+    what["departure"][10:14, 10:30] = 25.0
+    what["departure"][14:20, 10:30] = 0.5
     assert told(what).figure < 1 + 1e-6
-    half = np.full((30, 40), 25.0, np.float32)
-    half[10:15] = 0.5
-    assert told(what._replace(departure=half, light=None, shadow=None)).figure > 1
+    what["departure"] = plane(25)
+    what["departure"][10:15] = 0.5
+    assert told(what).figure > 1
 
 
 def test_film_at_rest_that_departs_from_pixel_to_pixel_is_told() -> None:
-    check = told(touched(at_rest=4.0))
+    check = told(touch(at_rest=4.0))
     assert check.figure == pytest.approx(2 / MAX_REST)
     assert "compressed" in check.cause
 
 
 def test_rims_in_shadow_are_allowed_an_error_and_are_told_of_precise() -> None:
-    what = touched(departs=16.0, used=0b0111)
+    what = touch(departs=16.0, used=0b0111)
     assert told(what, rim_error=0.0).figure > 1 > told(what, rim_error=1.5).figure
     assert "need the graph precise" in told(what).cause
-    without_rims = touched(departs=16.0)
+    without_rims = touch(departs=16.0)
     assert told(without_rims, rim_error=1.5).figure > 1
 
 
 def test_shadows_with_other_light_are_told_and_dark_ones_pass() -> None:
-    assert told(touched(lit=0.002, dark=200)).figure < 0.9
-    check = told(touched(lit=0.03, dark=200))
+    assert told(touch(lit=0.002, dark=200)).figure < 0.9
+    check = told(touch(lit=0.03, dark=200))
     assert check.figure == pytest.approx(2)
     assert "shadows are not dark" in check.cause
 
@@ -131,48 +137,40 @@ def test_two_leds_tell_no_brightness() -> None:
 @pytest.mark.parametrize(("cells", "is_dirt"), [(3, False), (8, True)])
 def test_film_that_all_leds_leave_dark_is_dirt(cells: int, is_dirt: bool) -> None:
     what = darker(0.0)
-    what.light[:, 12, 12 : 12 + cells] *= np.float32(0.5)
+    what["brighter"][12, 12 : 12 + cells] = -0.5
     check = told(what)
     assert "dirt and hairs" in check.cause
     assert (check.figure > 1) == is_dirt
 
 
 def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
-    what = darker(0.0)
-    alike = np.where(what.slope[0] > 0, np.float32(0.7), np.float32(1))
-    level = Touched(
-        what.departure,
-        0 * what.slope,
-        what.used,
-        np.repeat(alike[None], 4, axis=0),
-        what.shadow,
-        np.ones((4, *SHAPE), np.float32),
-    )
-    assert told(level, brightness_error=0.05).figure > 1
+    alike = touch() | {"matt": np.stack([plane(1, 0.7)] * 4), "brighter": plane(0, -0.3)}
+    alike["slope"] = 0 * alike["slope"]
+    assert told(alike, brightness_error=0.05).figure > 1
 
 
 def test_a_few_pixels_of_shadow_tell_nothing() -> None:
-    assert told(touched(lit=0.5, dark=40)).figure < 0.9
+    assert told(touch(lit=0.5, dark=40)).figure < 0.9
 
 
 def test_a_touch_under_two_leds_is_told() -> None:
-    check = told(touched(departs=-1.0, used=0b0011))
+    check = told(touch(departs=-1.0, used=0b0011))
     assert check.figure > 1
     assert "only two LEDs" in check.cause
 
 
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
 def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
-    departure: F4 = np.full(shape, 25.0, np.float32)
-    slope = np.full((2, *shape), 0.5, np.float32)
-    assert check_light(Touched(departure, slope, None, None, None), 4, 0.0).figure == 0
+    departure, slope = np.full(shape, 25, np.float32), np.full((2, *shape), 0.5, np.float32)
+    assert told({"departure": departure, "slope": slope, "misfit": np.zeros(5)}).figure == 0
 
 
 def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
-    what = touched(departs=25.0)
-    level = what._replace(slope=0 * what.slope)
+    level = touch(departs=25.0)
+    level["slope"] = 0 * level["slope"]
     assert told(level).figure == pytest.approx(1 / MAX_REST)
 
 
 def test_labels_may_be_missing() -> None:
-    assert told(touched()._replace(used=None, light=None, shadow=None)).figure < 0.9
+    known = ("departure", "slope", "misfit")
+    assert told({name: touch()[name] for name in known}).figure < 0.9

@@ -39,7 +39,7 @@ def explained(light: F4, error: F4, vectors: F4) -> F4:
 def departure(light: F4, sigma: F4, slope: F4, lights: F4, **given: object) -> F4:
     used = np.full((ROWS, COLUMNS), (1 << len(light)) - 1, np.uint8)
     known = {"used": used, "misfit": MISFIT, "pixel": PIXEL, "uneven": 0.0, **given}
-    return light_departure(light, sigma, slope, HEIGHT, lights=lights, **known)
+    return light_departure(light, sigma, slope, HEIGHT, lights=lights, **known).departure
 
 
 @pytest.mark.parametrize("count", [3, 4, 8])
@@ -91,6 +91,9 @@ def test_an_unknown_brightness_is_not_held_against_a_touch() -> None:
     sigma = np.full(brighter.shape, 0.002, np.float32)
     assert departure(brighter, sigma, SLOPE, lights, uneven=0.05).max() < 2
     assert departure(brighter, sigma, SLOPE, lights, uneven=0.0).min() > 50
+    used = np.full((ROWS, COLUMNS), 15, np.uint8)
+    found = light_departure(brighter, sigma, SLOPE, HEIGHT, used, lights, MISFIT, PIXEL, 0.05)
+    np.testing.assert_allclose(found.brighter, 0.05, atol=1e-5)
 
 
 def test_an_led_that_is_wrong_shows_unless_it_is_left_out() -> None:
@@ -109,8 +112,9 @@ def test_an_image_of_one_row_is_tested_too(shape: tuple[int, int]) -> None:
     light = np.ones((4, *shape), np.float32)
     all_used, level = np.full(shape, 15, np.uint8), np.zeros((2, *shape), np.float32)
     found = light_departure(light, 0 * light, level, flat, all_used, lights, MISFIT, PIXEL, 0.0)
-    assert found.shape == shape
-    assert np.abs(found).max() < 1e-3
+    for plane in found:
+        assert plane.shape == shape
+        assert np.abs(plane).max() < 1e-3
 
 
 def test_no_model_is_taken_for_exact() -> None:

@@ -7,6 +7,8 @@ from tactograph.nodes import F4
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._rest_check import check_rest
+from tactograph.nodes.trust._rest_evidence import FilmFigures, rest_evidence
+from tactograph.nodes.trust.added_light import added_light
 
 SHAPE = (30, 40)
 TOUCHED = np.s_[:, 8:22, 10:30]
@@ -35,8 +37,16 @@ def scaled(light: F4, *levels: float) -> F4:
     return light * np.array(levels, np.float32)[:, None, None]
 
 
-def told(light: F4, drift: F4 | None = None, height: F4 | None = None) -> Check:
-    return check_rest(light, drift, risen() if height is None else height)
+def told(
+    light: F4,
+    drift: F4 | None = None,
+    height: F4 | None = None,
+    lights: F4 | None = None,
+    flat: F4 | None = None,
+) -> Check:
+    level, film = rest_evidence(light, risen() if height is None else height, drift)
+    added = 0.0 if flat is None else added_light(light, flat)
+    return check_rest(level, FilmFigures(*map(float, film)), lights, added)
 
 
 @pytest.mark.parametrize("drift", [None, drifted(1, 1, 1, 1)], ids=["none", "no drift found"])
@@ -117,15 +127,13 @@ def test_leds_that_change_as_if_the_film_was_tilted_are_told_where_nothing_else_
     levels = 1 + 0.1 * lights[:, 0] / lights[:, 2]
     light, drift = scaled(np.ones((4, *SHAPE), np.float32), *levels), drifted(*levels)
     flat = np.zeros(SHAPE, np.float32)
-    check = check_rest(light, drift, flat, lights)
+    check = told(light, drift, flat, lights)
     assert check.figure > 1
     assert "the whole film was tilted" in check.cause
-    assert check_rest(light, drift, risen(), lights).figure < 1
+    assert told(light, drift, lights=lights).figure < 1
     alike = drifted(1.05, 1.05, 1.05, 1.05)
-    assert (
-        check_rest(scaled(light / levels[:, None, None], *alike[:, 0]), alike, flat, lights).figure
-        < 1
-    )
+    even = scaled(light / levels[:, None, None], *alike[:, 0])
+    assert told(even, alike, flat, lights).figure < 1
 
 
 def test_a_touch_that_goes_below_the_film_is_told() -> None:
@@ -143,7 +151,7 @@ def test_film_that_gives_way_beside_a_touch_or_is_at_rest_passes(height: F4) -> 
 
 @pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1)])
 def test_an_image_of_one_row_has_a_film_at_rest_too(shape: tuple[int, int]) -> None:
-    check = check_rest(np.ones((4, *shape), np.float32), None, np.zeros(shape, np.float32))
+    check = told(np.ones((4, *shape), np.float32), height=np.zeros(shape, np.float32))
     assert check.figure < 0.3
 
 
@@ -162,9 +170,9 @@ UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0
 def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
     faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
     levels = drifted(1, 1, 1)
-    assert check_rest(faded, levels, risen(), flat=UNEVEN).figure < 0.5
-    assert check_rest(faded + added / UNEVEN, levels, risen()).figure < 1
-    check = check_rest(faded + np.float32(added) / UNEVEN, levels, risen(), flat=UNEVEN)
+    assert told(faded, levels, flat=UNEVEN).figure < 0.5
+    assert told(faded + np.float32(added) / UNEVEN, levels).figure < 1
+    check = told(faded + np.float32(added) / UNEVEN, levels, flat=UNEVEN)
     assert check.figure > 1
     assert ("added" if added > 0 else "lacks light") in check.cause
 
@@ -172,5 +180,5 @@ def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(add
 def test_film_that_is_equally_bright_everywhere_tells_no_added_light() -> None:
     """There light that was added is an LED that is brighter."""
     even = np.full_like(UNEVEN, 0.5)
-    check = check_rest(pressed()[:3] + 0.03, drifted(1, 1, 1), risen(), flat=even)
+    check = told(pressed()[:3] + np.float32(0.03), drifted(1, 1, 1), flat=even)
     assert "added" not in check.cause

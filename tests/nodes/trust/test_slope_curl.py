@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from tactograph.nodes import F4
 from tactograph.nodes.trust._check import NOT_TESTED
 from tactograph.nodes.trust._curl_check import check_curl
+from tactograph.nodes.trust._curl_evidence import curl_evidence
 from tactograph.nodes.trust.slope_curl import NOISE_WEIGHT, slope_curl
 from tests.nodes.scenes import ball
 
@@ -41,7 +42,7 @@ def test_a_smooth_surface_does_not_curl(slope: F4, factor: int) -> None:
     found = slope_curl(slope, EXACT, factor=factor)
     assert np.isfinite(found).all()
     # One cell may: where the slope's change vanishes, and the change of that does not.
-    assert check_curl(found).figure < 0.25
+    assert check_curl(curl_evidence(found)).figure < 0.25
 
 
 def cap() -> F4:
@@ -74,7 +75,8 @@ def test_slopes_of_wrong_images_curl(wrong: object, what: str) -> None:
 def test_a_frame_whose_end_is_of_other_images_is_told() -> None:
     torn = cap()
     torn[:, 48:] = np.stack([torn[1, 48:], -torn[0, 48:]])
-    whole, part = (check_curl(slope_curl(slope, EXACT, factor=2)) for slope in (cap(), torn))
+    found = (slope_curl(slope, EXACT, factor=2) for slope in (cap(), torn))
+    whole, part = (check_curl(curl_evidence(curl)) for curl in found)
     assert whole.figure < 0.25
     assert part.figure > 1
     assert "in a part of the image" in part.cause

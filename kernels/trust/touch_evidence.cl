@@ -1,0 +1,384 @@
+#include "common.clh"
+#include "border.clh"
+#include "near_light.clh"
+#include "group.clh"
+#include "drift.clh"
+
+#define MIN_ERROR 0.0015f
+#define UNEVEN_SHARE 0.25f
+#define MIN_CELLS 20
+#define MIN_LEDS 3
+#define MIN_SLOPE 0.1f
+#define MIN_SHADOWS 50
+#define MIN_TOUCHED_CHANGE 0.12f
+#define MAX_DIMMING 0.3f
+#define MAX_SQUARED_BEND (0.08f * 0.08f)
+#define MIN_SQUARED_BEND (0.2f * 0.2f)
+#define MIN_SQUARED_FOLD (0.4f * 0.4f)
+#define MIN_BENT_SHARE 0.85f
+#define MIN_FOLDED_SHARE 0.8f
+#define RIM_SHARE 0.1f
+#define INNER_CELLS 5
+#define MAX_INNER_SHARE 0.02f
+#define BEND_ERROR (1.0f / 12.0f)
+
+#define STEPS_PER_IMAGE 9
+#define STEPS_PER_PART 3
+#define MAX_PART_CURL 3.0f
+#define MIN_TESTED_SHARE 0.25f
+#define NOT_TESTED (-1.0f)
+#define DRIFT_TERMS 6
+#define CALM_DEPARTURE 0.03f
+#define DARK_LIGHT 0.05f
+
+// The rows of `values`, of h x w cells each, UNTOLD where there is nothing to tell.
+#define AT_REST 0
+#define TOUCHED 1
+#define IN_SHADOW 2
+#define BRIGHTER 3
+#define UNTOLD (-INFINITY)
+
+// Cells of h x w, every step-th of every step-th row of H x W.
+#define EACH_CELL(y, x, count)                                                                   \
+    const int across = (w + LANES - 1) / LANES;                                                  \
+    for (int j = get_local_id(0), y = j / across, x = LANES * (j - y * across),                  \
+             count = min(LANES, w - x);                                                          \
+         j < h * across;                                                                         \
+         j += GROUP, y = j / across, x = LANES * (j - y * across), count = min(LANES, w - x))
+
+// The cells of a plane from x on, `beside` elements of the plane away; the border repeats.
+static floats load_thin(
+    __global const float *row, const int x, const int beside, const int count, const int W,
+    const int step)
+{
+    if (step == 1) return load_within_border(row, x + beside, count, W, REPLICATE);
+    float found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = row[clamp((x + l) * step + beside, 0, W - 1)];
+    return LOAD_LANES(found);
+}
+
+static ints load_bytes_thin(
+    __global const uchar *row, const int x, const int count, const int W, const int step)
+{
+    if (step == 1) return load_bytes(row + x, count);
+    uchar found[LANES];
+    for (int l = 0; l < LANES; ++l) found[l] = row[min((x + l) * step, W - 1)];
+    return TO_INTS(LOAD_LANES(found));
+}
+
+// The squared difference of the slopes from those two elements away, in a row and a column.
+static floats squared_bend(
+    __global const float *slope, const int y, const int x, const int count, const int H,
+    const int W, const int step)
+{
+    floats across = 0.0f, down = 0.0f;
+    for (int c = 0; c < 2; ++c) {
+        __global const float *row = slope + (c * H + y) * W;
+        const floats twice = 2.0f * load_thin(row, x, 0, count, W, step);
+        const floats apart =
+            load_thin(row, x, 2, count, W, step) + load_thin(row, x, -2, count, W, step) - twice;
+        across += apart * apart;
+        if (y < 2 || y >= H - 2) continue;
+        const floats from = load_thin(row + 2 * W, x, 0, count, W, step)
+            + load_thin(row - 2 * W, x, 0, count, W, step) - twice;
+        down += from * from;
+    }
+    const floats column = ((float)x + LANE_NUMBERS) * (float)step, none = 0.0f;
+    const floats first = 2.0f, last = (float)(W - 2);
+    const ints within = (column >= first) & (column < last);
+    return (within ? across : none) + down;
+}
+
+static ints is_steep(
+    __global const float *slope, const int y, const int x, const int count, const int H,
+    const int W, const int step)
+{
+    const floats p = load_thin(slope + y * W, x, 0, count, W, step);
+    const floats q = load_thin(slope + (H + y) * W, x, 0, count, W, step);
+    return p * p + q * q > MIN_SLOPE * MIN_SLOPE;
+}
+
+// How many steep cells lie within a square of them; beyond the frame all are steep.
+static float count_inner(
+    __global const float *slope, const int h, const int w, const int H, const int W,
+    const int step, __local float *parts)
+{
+    const floats one = 1.0f, none = 0.0f;
+    floats inner = none;
+    EACH_CELL(y, x, count)
+    {
+        ints all = filled(count);
+        for (int dy = -(INNER_CELLS / 2); dy <= INNER_CELLS / 2; ++dy)
+            for (int dx = -(INNER_CELLS / 2); dx <= INNER_CELLS / 2; ++dx) {
+                const int row = clamp(y + dy, 0, h - 1) * step, last = (w - 1) * step + 1;
+                const floats p = load_thin(slope + row * W, x, dx * step, count, last, step);
+                const floats q = load_thin(slope + (H + row) * W, x, dx * step, count, last, step);
+                all &= p * p + q * q > MIN_SLOPE * MIN_SLOPE;
+            }
+        inner += all ? one : none;
+    }
+    return group_sum(inner, parts);
+}
+
+// On narrow film the light is compared less sharply where a cell may hold an edge.
+static void ease(
+    __global const float *slope, __global float *values, const float error, const int h,
+    const int w, const int H, const int W, const int step)
+{
+    __global float *chi = values + TOUCHED * h * w, *excess = values + BRIGHTER * h * w;
+    const floats untold = UNTOLD;
+    EACH_CELL(y, x, count)
+    {
+        const floats bend = squared_bend(slope, y * step, x, count, H, W, step);
+        const floats wider = BEND_ERROR / error * bend;
+        const floats eased = load_floats(chi + y * w + x, count) / (1.0f + wider * wider);
+        const floats brighter = load_floats(excess + y * w + x, count);
+        store_floats(eased, chi + y * w + x, count);
+        store_floats(bend < MAX_SQUARED_BEND ? brighter : untold, excess + y * w + x, count);
+    }
+}
+
+// What each cell tells of the light, and how many cells tell what.
+static void look_at_light(
+    __global const float *departure,
+    __global const float *brighter,
+    __global const float *slope,
+    __global const float *misfit,
+    __global const uchar *used,
+    __global const float *matt,
+    __global const uchar *shadow,
+    __global float *values,
+    __global float *out,
+    const int K, const int H, const int W,
+    const int h, const int w, const int step,
+    const float uneven, __local float *parts)
+{
+    const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
+    const ints all_leds = (1 << K) - 1, no_leds = 0;
+    floats steep = none, shaded = none, tested = none, bent = none, folded = none, dirty = none;
+    EACH_CELL(y, x, count)
+    {
+        const int from = y * step, at = y * w + x;
+        const ints here = filled(count), is = is_steep(slope, from, x, count, H, W, step) & here;
+        const floats bend = squared_bend(slope, from, x, count, H, W, step);
+        const floats chi = load_thin(departure + from * W, x, 0, count, W, step);
+        const ints tests = chi >= 0.0f;
+        const ints bits = used ? load_bytes_thin(used + from * W, x, count, W, step) : all_leds;
+        const ints dark = shadow ? load_bytes_thin(shadow + from * W, x, count, W, step) : no_leds;
+        floats light = none, leds = none;
+        ints changed = no_leds;
+        for (int k = 0; k < K && matt; ++k) {
+            const floats seen = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
+            changed |= fabs(seen - 1.0f) > MIN_TOUCHED_CHANGE;
+            light += ((dark >> k) & 1) != 0 ? seen : none;
+            leds += ((dark >> k) & 1) != 0 ? one : none;
+        }
+        floats excess = untold;
+        if (matt && used && brighter) {
+            excess = load_thin(brighter + from * W, x, 0, count, W, step);
+            const ints known = has_bits(bits, MIN_LEDS) & here;
+            const ints lacks = known & (excess < -MAX_DIMMING), touched = known & changed;
+            dirty += lacks ? one : none;
+            excess = touched ? excess : untold;
+        }
+        steep += is ? one : none;
+        const ints shades = is & (bits != all_leds), rests = tests & ~is, shows = tests & is;
+        const ints bends = is & (bend > MIN_SQUARED_BEND), folds = is & (bend > MIN_SQUARED_FOLD);
+        shaded += shades ? (matt ? one : none) : none;
+        tested += shows ? one : none;
+        bent += bends ? one : none;
+        folded += folds ? one : none;
+        store_floats(rests ? chi : untold, values + AT_REST * h * w + at, count);
+        store_floats(shows ? chi : untold, values + TOUCHED * h * w + at, count);
+        const floats dim = ANY(leds > 0.0f) ? (leds > 0.0f ? light / leds : untold) : untold;
+        store_floats(dim, values + IN_SHADOW * h * w + at, count);
+        store_floats(excess, values + BRIGHTER * h * w + at, count);
+    }
+    const float cells = group_sum(steep, parts), walls = group_sum(bent, parts);
+    const float dim = group_sum(shaded, parts), folds = group_sum(folded, parts);
+    const float known = group_sum(tested, parts), dirt = group_sum(dirty, parts);
+    int narrow = dim <= RIM_SHARE * cells && walls >= MIN_BENT_SHARE * cells;
+    if (narrow && folds <= MIN_FOLDED_SHARE * cells)
+        narrow = count_inner(slope, h, w, H, W, step, parts) <= MAX_INNER_SHARE * cells;
+    if (narrow) {
+        const float error = hypot(max(misfit[2], MIN_ERROR), UNEVEN_SHARE * uneven);
+        ease(slope, values, error, h, w, H, W, step);
+    }
+    if (get_local_id(0) != 0) return;
+    out[0] = cells;
+    out[1] = dim;
+    out[2] = known;
+    out[7] = dirt;
+}
+// The film at rest under K LEDs, on h x w cells, and the range of N heights.
+static void look_at_rest(
+    __global const float *light,
+    __global const float *height,
+    __global const float *drift,
+    __global float *ring,
+    __global float *gains,
+    __global float *level,
+    __global float *film,
+    const int K, const int h, const int w, const int N,
+    __local float *parts)
+{
+    const int me = get_local_id(0), size = h * w;
+    const int levelled = drift != 0;
+    int found = 0;
+    for (int k = 0; k < K && levelled; ++k) found |= drift[DRIFT_TERMS * k] != 1.0f;
+    float shape = 0.0f;
+    if (found) {
+        for (int k = 0; k < K; ++k)
+            for (int j = 1; j < DRIFT_TERMS; ++j)
+                shape = fmax(shape, fabs(drift[DRIFT_TERMS * k + j]));
+        for (int k = me; k < K; k += GROUP) level[k] = drift[DRIFT_TERMS * k];
+    } else {
+        const int around = ring_size(h, w);
+        for (int k = 0; k < K; ++k) {
+            for (int j = me; j < around; j += GROUP) ring[j] = light[k * size + on_ring(j, h, w)];
+            WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
+            const float middle = group_median(ring, around, parts);
+            if (me == 0) level[k] = middle;
+            for (int j = me; j < DRIFT_TERMS; j += GROUP)
+                gains[DRIFT_TERMS * k + j] = j == 0 ? fmax(middle, DARK_LIGHT) : 0.0f;
+            WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
+        }
+        drift = gains;
+    }
+    const floats one = 1.0f, none = 0.0f;
+    floats calm = none, dark = none, lowest = INFINITY, highest = -INFINITY;
+    EACH_OF_GROUP(i, count, size)
+    {
+        floats u, v;
+        places(i, h, w, 2.0f / (float)w, &u, &v);
+        ints rests = filled(count), unlit = rests;
+        for (int k = 0; k < K; ++k) {
+            const floats here = load_floats(light + k * size + i, count);
+            rests &= fabs(here / drift_gain(drift, k, u, v) - 1.0f) < CALM_DEPARTURE;
+            unlit &= here < DARK_LIGHT;
+        }
+        calm += rests ? one : none;
+        dark += unlit ? one : none;
+    }
+    EACH_OF_GROUP(i, count, N)
+    {
+        const floats z = load_floats(height + i, count);
+        lowest = LESS_OF(lowest, z);
+        highest = MORE_OF(highest, z);
+    }
+    const float rest = group_sum(calm, parts), black = group_sum(dark, parts);
+    const float top = group_highest(highest_lane(highest), parts);
+    const float bottom = -group_highest(-lowest_lane(lowest), parts);
+    if (me != 0) return;
+    film[0] = shape;
+    film[1] = rest / (float)size;
+    film[2] = black / (float)size;
+    film[3] = bottom;
+    film[4] = top;
+    film[5] = (float)levelled;
+}
+
+// By a group each: what the light of a touch tells, and the film at rest.
+LANED __kernel ONE_GROUP void look(
+    __global const float *restrict departure,
+    __global const float *restrict brighter,
+    __global const float *restrict slope,
+    __global const float *restrict misfit,
+    __global const uchar *restrict used,
+    __global const float *restrict matt,
+    __global const uchar *restrict shadow,
+    __global const float *restrict light,
+    __global const float *restrict height,
+    __global const float *restrict drift,
+    __global float *restrict values,
+    __global float *restrict ring,
+    __global float *restrict gains,
+    __global float *restrict seen,
+    __global float *restrict level,
+    __global float *restrict film,
+    const int K, const int H, const int W,
+    const int h, const int w, const int step,
+    const int rows, const int columns,
+    const float uneven)
+{
+    __local float parts[GROUP];
+    if (get_group_id(0) == 1)
+        look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
+    else if (departure && slope && misfit)
+        look_at_light(departure, brighter, slope, misfit, used, matt, shadow, values, seen, K, H, W,
+            h, w, step, uneven, parts);
+    else if (get_local_id(0) == 0)
+        seen[0] = -1.0f;
+}
+
+// The largest share of cells that curl in STEPS_PER_PART x STEPS_PER_PART of STEPS_PER_IMAGE x STEPS_PER_IMAGE blocks.
+static float worst_part(
+    __global const float *curl, const int h, const int w, __local int *tested, __local int *curled,
+    __local float *parts)
+{
+    const int me = get_local_id(0);
+    for (int b = me; b < STEPS_PER_IMAGE * STEPS_PER_IMAGE; b += GROUP) {
+        const int i = b / STEPS_PER_IMAGE, j = b % STEPS_PER_IMAGE;
+        tested[b] = curled[b] = 0;
+        for (int y = i * h / STEPS_PER_IMAGE; y < (i + 1) * h / STEPS_PER_IMAGE; ++y)
+            for (int x = j * w / STEPS_PER_IMAGE; x < (j + 1) * w / STEPS_PER_IMAGE; ++x) {
+                tested[b] += curl[y * w + x] >= 0.0f;
+                curled[b] += curl[y * w + x] > MAX_PART_CURL * MAX_PART_CURL;
+            }
+    }
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
+    const int wide = STEPS_PER_IMAGE - STEPS_PER_PART + 1;
+    const float part = (float)(STEPS_PER_PART * STEPS_PER_PART) / (float)(STEPS_PER_IMAGE * STEPS_PER_IMAGE);
+    const float least = fmax((float)MIN_CELLS, MIN_TESTED_SHARE * part * (float)(h * w));
+    float worst = 0.0f;
+    for (int p = me; p < wide * wide; p += GROUP) {
+        int here = 0, beyond = 0;
+        for (int i = 0; i < STEPS_PER_PART; ++i)
+            for (int j = 0; j < STEPS_PER_PART; ++j) {
+                const int b = (p / wide + i) * STEPS_PER_IMAGE + p % wide + j;
+                here += tested[b];
+                beyond += curled[b];
+            }
+        if (here >= MIN_CELLS) worst = fmax(worst, (float)beyond / fmax((float)here, least));
+    }
+    return group_highest(worst, parts);
+}
+
+// A median or a quartile by each group, of the light's N values or of the curl of h x w cells; and the
+// worst part.
+LANED __kernel ONE_GROUP void weigh(
+    __global const float *restrict values,
+    __global const float *restrict curl,
+    __global float *restrict seen,
+    __global float *restrict told,
+    const int N, const int h, const int w)
+{
+    __local float parts[GROUP];
+    __local int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
+    __local int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
+    const int rows[5] = {AT_REST, TOUCHED, TOUCHED, IN_SHADOW, BRIGHTER};
+    const int quarters[7] = {2, 2, 3, 1, 2, 2, 3}, places[8] = {3, 4, 5, 6, 8, 0, 1, 2};
+    const int which = get_group_id(0), of_light = which < 5;
+    float found = 0.0f;
+    if (which == 7) {
+        found = worst_part(curl, h, w, tested, curled, parts);
+    } else if (!of_light || seen[0] >= 0.0f) {
+        __global const float *row = of_light ? values + rows[which] * N : curl;
+        const float lowest = of_light ? UNTOLD : NOT_TESTED;
+        const int fewest = which == 3 ? MIN_SHADOWS : MIN_CELLS, size = of_light ? N : h * w;
+        found = group_quarter(row, lowest, size, quarters[which], fewest, parts);
+        if (which != 3 && which != 4) found = sqrt(found);
+    } else if (which == 0 && get_local_id(0) == 0) {
+        seen[1] = seen[2] = seen[7] = 0.0f;
+    }
+    if (get_local_id(0) == 0) (of_light ? seen : told)[places[which]] = found;
+}
+
+// Every step-th cell of every step-th row of K planes.
+__kernel void thin(
+    __global const float *restrict cells, __global float *restrict out,
+    const int K, const int h, const int w, const int H, const int W, const int step)
+{
+    GRID_3(k, y, x, K, h, w)
+    out[(k * h + y) * w + x] = cells[(k * H + y * step) * W + x * step];
+}

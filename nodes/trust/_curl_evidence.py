@@ -1,0 +1,49 @@
+"""What the curl of a touch's slopes comes to."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import Port
+from tactograph.nodes import F4
+from tactograph.nodes.trust._check import MIN_CELLS, quarter_of, thinned
+from tactograph.nodes.trust.slope_curl import CoarseCurl
+
+CurlEvidence = Annotated[F4, Port("3", "1", low=0, high=5)]
+"""Median and upper quartile of the curl over its expected size, and the largest share of cells
+that curl in a part of the image."""
+STEPS_PER_IMAGE, STEPS_PER_PART = 9, 3
+"""Steps along a side of the image at which its parts begin, and how many a part is wide."""
+MAX_PART_CURL = 3.0
+"""Curl over its expected size beyond which a cell of a part curls."""
+MIN_TESTED_SHARE = 0.25
+"""Share of a part's cells that are taken to be tested at least: of few cells many may curl by
+chance."""
+
+
+def curl_evidence(curl: CoarseCurl) -> CurlEvidence:
+    """Return how much the slopes of a touch curl, in all and in the worst part (T2).
+
+    They are the median and the upper quartile of the curl where it is tested, over its expected
+    size; and the largest share of cells beyond `MAX_PART_CURL` in a ninth of the image.
+    """
+    cells = thinned(curl)
+    squares = cells[cells >= 0]
+    tested, curled = _by_part(cells >= 0), _by_part(cells > MAX_PART_CURL**2)
+    least = max(MIN_CELLS, MIN_TESTED_SHARE * cells.size * (STEPS_PER_PART / STEPS_PER_IMAGE) ** 2)
+    share = (curled / np.maximum(tested, least))[tested >= MIN_CELLS].max(initial=0)
+    roots = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
+    return np.array([*roots, share], np.float32)
+
+
+def _by_part(cells: NDArray[np.bool_]) -> NDArray[Any]:
+    """The number of cells in each part of the image."""
+    before = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    rows, columns = (
+        np.arange(STEPS_PER_IMAGE + 1) * side // STEPS_PER_IMAGE for side in cells.shape
+    )
+    at, wide = before[np.ix_(rows, columns)], STEPS_PER_PART
+    return at[wide:, wide:] - at[:-wide, wide:] - at[wide:, :-wide] + at[:-wide, :-wide]

@@ -1,0 +1,57 @@
+"""What the film beside a touch looks like, against the flat frame."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import Port
+from tactograph.nodes import F4, CoarseLight, Height
+from tactograph.nodes.light.film_drift import Drift, border_level, drift_gain
+from tactograph.nodes.trust._check import thinned
+
+CALM_DEPARTURE = np.float32(0.03)
+"""Departure of the light that still counts as film at rest."""
+DARK_LIGHT = np.float32(0.05)
+"""Light that counts as none."""
+RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
+"""Each LED's light on the film at rest, relative to the flat frame."""
+FilmEvidence = Annotated[F4, Port("6", "1")]
+"""The fields of `FilmFigures`."""
+
+
+class FilmFigures(NamedTuple):
+    """What the film at rest is like."""
+
+    shape: float
+    """Greatest change of an LED's light across the image."""
+    calm: float
+    """Share of the image at rest."""
+    dark: float
+    """Share of the image without any light."""
+    lowest: float
+    """Height in mm."""
+    highest: float
+    levelled: float
+    """1 where drift is looked for and taken out, else 0."""
+
+
+def rest_evidence(
+    light: CoarseLight, height: Height, drift: Drift | None = None
+) -> tuple[RestLevel, FilmEvidence]:
+    """Return the light of the film at rest, how much of it there is, and the height's range (T3).
+
+    Without a drift, or if none was found, the median of the frame's border is each LED's light.
+    """
+    cells, shape = thinned(light), 0.0
+    dark = (cells < DARK_LIGHT).all(axis=0).mean()
+    if drift is not None and (drift[:, 0] != 1).any():
+        level, shape = drift[:, 0], np.abs(drift[:, 1:]).max()
+        even = cells / drift_gain(drift, cells.shape[1:])
+    else:
+        level = border_level(cells)
+        even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
+    calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
+    film = FilmFigures(shape, calm, dark, height.min(), height.max(), drift is not None)
+    return level, np.array(film, np.float32)

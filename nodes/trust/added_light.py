@@ -1,0 +1,47 @@
+"""Light that was added to a touch, the same everywhere."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from tactograph.graph import Port, node
+from tactograph.nodes import CoarseLight
+from tactograph.nodes.trust._check import thinned
+
+DARK_LIGHT = np.float32(0.05)
+"""Light that counts as none."""
+MIN_EXPLAINED = 0.7
+"""Share of the light's changes beside each LED's own that added light has to explain."""
+ADDED_ROUNDS, ADDED_NOISE = 10, 1e-3
+"""Rounds of robust least squares, and departure of the light that counts as noise."""
+
+
+@node
+def added_light(light: CoarseLight, flat: CoarseLight) -> Annotated[float, Port(unit="1")]:
+    """Return the light that was added everywhere, over that of the film at rest (T3); 0: none.
+
+    Dim film then departs more than bright film.
+
+    Parameters
+    ----------
+    light
+        K x h x w on cells, relative to the flat frame, before any drift is taken out.
+    flat
+        K x h x w, the film at rest on the same cells.
+    """
+    seen, rest = (thinned(a).reshape(len(a), -1).astype(np.float64) for a in (light, flat))
+    by_added = 1 / np.maximum(rest, DARK_LIGHT)
+    weight = np.ones(seen.shape[1])
+    for _ in range(ADDED_ROUNDS):
+        shape, change = (a - np.average(a, 1, weight)[:, None] for a in (by_added, seen))
+        square = np.average((shape * shape).mean(axis=0), weights=weight)
+        added = np.average((shape * change).mean(axis=0), weights=weight) / max(square, 1e-12)
+        left = np.square(change - added * shape).mean(axis=0)
+        noise = 1.4826**2 * np.median(left) + ADDED_NOISE**2
+        weight = 1 / (1 + left / noise) ** 2
+    explained = added**2 * square
+    if explained <= MIN_EXPLAINED * (explained + np.average(left, weights=weight)):
+        return 0.0
+    return float(added * np.average(by_added.mean(axis=0), weights=weight))

@@ -1,0 +1,145 @@
+"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.backends.launch import DeviceArray, Launch
+from tactograph.nodes import CoarseLight, Height, Labels, Light, Misfit, Slope, Uneven
+from tactograph.nodes.light.film_drift import DRIFT_TERMS, Drift
+from tactograph.nodes.trust._check import thinning
+from tactograph.nodes.trust._curl_evidence import CurlEvidence, curl_evidence
+from tactograph.nodes.trust._light_evidence import LightEvidence, LightFigures, light_evidence
+from tactograph.nodes.trust._rest_evidence import FilmEvidence, RestLevel, rest_evidence
+from tactograph.nodes.trust.light_departure import Brighter, Departure
+from tactograph.nodes.trust.slope_curl import CoarseCurl
+
+
+class TouchEvidence(NamedTuple):
+    """What `judge_touch` judges."""
+
+    curl: CurlEvidence
+    level: RestLevel
+    film: FilmEvidence
+    light: LightEvidence
+
+
+@node(
+    sizes={"K": SizeLimit(1, 8, "labels have 8 bits")},
+    tolerance=Close(1e-5, 1e-4, why="the last bits of a quantile are left open"),
+)
+def touch_evidence(
+    curl: CoarseCurl,
+    light: CoarseLight,
+    height: Height,
+    drift: Drift | None = None,
+    departure: Departure | None = None,
+    brighter: Brighter | None = None,
+    slope: Slope | None = None,
+    misfit: Misfit | None = None,
+    uneven: Uneven | None = None,
+    used: Labels | None = None,
+    matt: Light | None = None,
+    shadow: Labels | None = None,
+) -> TouchEvidence:
+    """Return the figures of a touch that speak for it or against it (T1 to T4).
+
+    Parameters
+    ----------
+    curl
+        h x w, as `slope_curl` gives it.
+    light
+        K x h x w on cells, relative to the flat frame, before any drift is taken out.
+    height
+        H x W in mm.
+    drift
+        K x 6, as `film_drift` found it.
+    departure, brighter
+        H x W, as `light_departure` gives them.  Without a departure, a slope and a misfit the
+        light is not looked at.
+    slope, used, shadow
+        2 x H x W and H x W: the slopes, the LEDs that they rest on, and those that do not light a
+        pixel.
+    misfit, uneven
+        The calibration's misfit, and the standard deviation of the film's brightness.
+    matt
+        K x H x W, the light as of a matt film.
+    """
+    seen = np.array(LightFigures(-1, *[0] * (len(LightFigures._fields) - 1)), np.float32)
+    if departure is not None and slope is not None and misfit is not None:
+        seen = light_evidence(departure, slope, misfit, uneven, brighter, used, matt, shadow)
+    return TouchEvidence(curl_evidence(curl), *rest_evidence(light, height, drift), seen)
+
+
+@touch_evidence.opencl()
+def _launch(run: Launch) -> None:
+    """One work-group looks at the light and one at the film; others find quantiles and parts."""
+    count, height, width = (run.sizes[name] for name in "KHW")
+    step, group, given = thinning(height, width), (run.group,), run.inputs
+    thin = (-(-height // step), -(-width // step))
+    (curl, light), cells = _thinned(run, given["curl"], given["light"])
+    values, gains = run.scratch((4, *thin)), run.scratch((count, DRIFT_TERMS))
+    names = ("departure", "brighter", "slope", "misfit", "used", "matt", "shadow")
+    told, level, film, seen = (run.outputs[name] for name in ("curl", "level", "film", "light"))
+    planes = *(given.get(name) for name in names), light, given["height"], given.get("drift")
+    scratch = values, run.scratch(cells), gains
+    sizes = count, height, width, *thin, step, *cells, float(given.get("uneven") or 0.0)
+    run.kernel("look", (2 * run.group,), *planes, *scratch, seen, level, film, *sizes, local=group)
+    weighed = values, curl, seen, told, thin[0] * thin[1], *cells
+    run.kernel("weigh", (8 * run.group,), *weighed, local=group)
+
+
+def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tuple[int, int]]:
+    """Every n-th row and column, and the size of that."""
+    rows, columns = (run.sizes[name] for name in "hw")
+    step = thinning(rows, columns)
+    size = (-(-rows // step), -(-columns // step))
+    made = []
+    for plane in planes:
+        count = plane.shape[0] if len(plane.shape) > 2 else 1
+        thin = plane if step == 1 else run.scratch((count, *size))
+        if step > 1:
+            run.kernel("thin", (count, *size), plane, thin, count, *size, rows, columns, step)
+        made.append(thin)
+    return made, size
+
+
+@touch_evidence.example
+def _example(
+    rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int, **_: int
+) -> dict[str, Any]:
+    """Film that is steep in bands, narrow or wide, or ripples; LEDs do not reach some of it.
+
+    The LEDs have drifted, a quarter of the film is touched and some of it black; slopes curl by
+    chance, more so in a part of the image, in some rows not at all.
+    """
+    curl = rng.chisquare(1, (h, w)) * np.where(np.arange(w) < w / 2, 1, 6)
+    curl *= rng.choice([0, 1, 1], (h, 1))
+    drift = np.zeros((K, DRIFT_TERMS))
+    drift[:, 0] = rng.uniform(0.95, 1.05, K) if rng.random() < 0.5 else 1
+    drift[:, 1:] = rng.uniform(-0.01, 0.01, (K, DRIFT_TERMS - 1))
+    light = 1 + rng.normal(0, 0.015, (K, h, w))
+    light[:, : h // 2, : w // 2] *= rng.uniform(0.3, 1.5, (K, h // 2, w // 2))
+    light[:, :, w - w // 8 :] = 0.01
+    width, folded = rng.choice([3, 3, 9]), rng.random() < 0.5
+    band = np.arange(W) % (3 * width) < width
+    ripple = 0.3 + rng.choice([0.075, 0.2]) * (-1.0) ** (np.arange(W) // 2)
+    shape = 0.4 * band * (1 + folded) if rng.random() < 0.7 else ripple
+    slope = rng.uniform(-0.02, 0.02, (2, H, W)) + shape
+    every, shade = (1 << K) - 1, rng.random((H, W)) < rng.choice([0.05, 0.05, 0.5]) * band
+    planes = {
+        "curl": np.where(rng.random((h, w)) < rng.choice([0.7, 0.2]), curl, -1),
+        "light": light,
+        "drift": drift,
+        "departure": np.where(rng.random((H, W)) < 0.9, rng.chisquare(2, (H, W)), -1),
+        "slope": slope,
+        "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002]),
+        "brighter": rng.normal(0.01, 0.1, (H, W)),
+        "matt": rng.normal(1, 0.08, (K, H, W)) + 0.3 * band,
+    }
+    labels = {"used": np.where(shade, every & 3, every), "shadow": np.where(shade, 3, 0)}
+    made = {name: np.asarray(plane, np.float32) for name, plane in planes.items()}
+    return made | {name: np.asarray(bits, np.uint8) for name, bits in labels.items()}
