@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 
 FRAME_MS = 1000 / 30
 """Time of a camera's frame; an item that took longer names its slowest node."""
+FORGOTTEN_S = 10.0
+"""Time after which a warning that an endless stream did not repeat is printed again."""
 
 
 @graph_command("run", short_help="Run a graph.")
@@ -191,12 +195,13 @@ class _Report:
     Attributes
     ----------
     told
-        Warnings that were printed.
+        Warnings that were printed, and when each was last due; of an endless stream without their
+        figures, which differ from item to item.
     """
 
     def __init__(self, line: ProgressLine, pipeline: Pipeline, *, quiet: bool) -> None:
         self._line, self._pipeline, self._quiet = line, pipeline, quiet
-        self.told: set[str] = set()
+        self.told: dict[str, float] = {}
 
     def plan(self, *, strict: bool) -> None:
         """Print where nodes run, if that is not where the graph prefers."""
@@ -210,9 +215,10 @@ class _Report:
     def item(self, number: int, result: Result) -> None:
         """Print the warnings and the figures of an item; of an endless stream, of the first."""
         endless = self._pipeline.endless
-        self.warnings(result.warnings)
-        if endless:  # a camera's fault is reported whenever it comes back
-            self.told = {*result.warnings}
+        if endless:
+            self._news(result.warnings)
+        else:
+            self.warnings(result.warnings)
         if not self._quiet and (not endless or number == 1):
             self._line.say(_summary(number, result))
         if number > 1:
@@ -225,7 +231,18 @@ class _Report:
         for warning in warnings:
             if warning not in self.told:
                 self._line.say(f"warning: {warning}", err=True)
-                self.told.add(warning)
+                self.told[warning] = 0.0
+
+    def _news(self, warnings: Iterable[str]) -> None:
+        """Print the kinds of warnings that have not been due for a while, as a camera's faults."""
+        from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
+
+        now = time.monotonic()
+        for warning in warnings:
+            kind = NUMBER_PATTERN.sub("", warning)
+            if now - self.told.get(kind, -math.inf) > FORGOTTEN_S:
+                self._line.say(f"warning: {warning}", err=True)
+            self.told[kind] = now
 
 
 @contextmanager
@@ -252,7 +269,7 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
     return {f"{node}.{port}" if len(outputs) > 1 else node: f"{node}.{port}" for port in outputs}
 
 
-def _ending(pipeline: Pipeline, told: set[str]) -> str:
+def _ending(pipeline: Pipeline, told: Collection[str]) -> str:
     """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {

@@ -743,3 +743,22 @@ def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
     done = tactograph("run", write(text), "--backend", "numpy")
     assert (done.code, done.err.strip()) == (0, "stopped")
     assert [call for call in toys if "noted" in call] == ["noted 1"]
+
+
+WAVERS = "  seen:   {op: wavers, in: {image: frames.image}}"
+
+
+@pytest.mark.parametrize(("forgotten_s", "lines"), [(10.0, 1), (-1.0, 3)])
+def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
+    tactograph: Command,
+    toys: list[str],
+    write: Write,
+    monkeypatch: pytest.MonkeyPatch,
+    forgotten_s: float,
+    lines: int,
+) -> None:
+    monkeypatch.setattr("tactograph.graph.commands.run.FORGOTTEN_S", forgotten_s)
+    text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
+    text = text.replace("  save:   {op: noted, in: {image: light}}", WAVERS)
+    done = tactograph("run", write(text.replace("light: light,", "seen: seen,")), "--quiet")
+    assert done.err.count("parts are dark") == lines

@@ -354,6 +354,14 @@ def warns_once(image: Light) -> Light:
 
 
 @node
+def wavers(image: Light) -> Light:
+    """Warns of every other item, in other figures."""
+    if image.mean() % 2:
+        warn(f"{image.mean():g} parts are dark")
+    return image
+
+
+@node
 def cut_touches(*, count: int = 2) -> Iterator[Touch]:
     """A stream whose end is missing."""
     yield from touches(count=count)
