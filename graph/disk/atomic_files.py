@@ -65,6 +65,11 @@ def atomic_files(
         folder.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
+    except (FileExistsError, NotADirectoryError):
+        raise WriteError(
+            f"{folder}: cannot be written: a folder is needed, and a file is there; give another "
+            "place"
+        ) from None
     except OSError as error:
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     try:
