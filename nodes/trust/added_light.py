@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import CoarseLight
+from tactograph.nodes import F4, CoarseLight
 from tactograph.nodes.trust._check import thinned
 
 DARK_LIGHT = np.float32(0.05)
@@ -31,8 +31,12 @@ def added_light(light: CoarseLight, flat: CoarseLight) -> Annotated[float, Port(
     flat
         K x h x w, the film at rest on the same cells.
     """
-    seen, rest = (thinned(a).reshape(len(a), -1).astype(np.float64) for a in (light, flat))
-    by_added = 1 / np.maximum(rest, DARK_LIGHT)
+    return added_share(*(thinned(a).reshape(len(a), -1) for a in (light, flat)))
+
+
+def added_share(light: F4, flat: F4) -> float:
+    """Return the same of cells that lie anywhere, K x N each."""
+    seen, by_added = light.astype(np.float64), 1 / np.maximum(flat, DARK_LIGHT).astype(np.float64)
     weight = np.ones(seen.shape[1])
     for _ in range(ADDED_ROUNDS):
         shape, change = (a - np.average(a, 1, weight)[:, None] for a in (by_added, seen))

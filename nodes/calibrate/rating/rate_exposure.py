@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
+from tactograph.nodes.trust.added_light import added_share
 
 SKIRT_RADII = 1.5
 """Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
@@ -18,6 +21,8 @@ MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; else the whole frame counts."""
 MAX_DEPARTURE = 0.08
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
+MAX_ADDED, CELL_PX = 0.03, 4
+"""Other light over that of the film at rest, looked for on cells of so many pixels."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
@@ -81,7 +86,8 @@ def rate_exposure(
     for number, press in enumerate(presses):
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
-        led, level = _departure(press, circle[of == number], where)
+        free = _free(press, circle[of == number])
+        led, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)
         if abs(level) > MAX_DEPARTURE:
             more = f"{abs(level):.0%} {'brighter' if level > 0 else 'darker'}"
@@ -89,18 +95,34 @@ def rate_exposure(
                 f"{where}under LED {led + 1} the film beside the ball is {more} than {compared}: "
                 f"{cure}"
             )
+        elif added := _added(press, flat, free):
+            doubts.append(
+                f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
+                f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
+                "keep other light out, or take an image with all LEDs off (dark=FILE)"
+            )
     return ExposureRating({"rest_departure_percent": 100 * worst}, doubts)
 
 
-def _departure(press: F4, circles: F4, where: str) -> tuple[int, float]:
-    """Return the LED that departs most, and its light of the film at rest less 1."""
+def _added(press: F4, flat: F4, free: NDArray[np.bool_]) -> float:
+    """The light that was added to a press everywhere (T3), over that of the film at rest."""
+    far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
+    added = added_share(*(coarsen(a, factor=CELL_PX)[:, far] for a in (press, flat)))
+    return added if abs(added) > MAX_ADDED else 0.0
+
+
+def _free(press: F4, circles: F4) -> NDArray[np.bool_]:
+    """Which pixels are film at rest: all, where balls leave too few."""
     rows, columns = press.shape[1:]
     y, x = np.mgrid[:rows, :columns]
     free = np.ones((rows, columns), bool)
     for at_x, at_y, radius in circles:
         free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT_RADII * radius) ** 2
-    if free.mean() < MIN_FREE_SHARE:
-        free[:] = True
+    return free if free.mean() >= MIN_FREE_SHARE else np.ones_like(free)
+
+
+def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[int, float]:
+    """Return the LED that departs most, and its light of the film at rest less 1."""
     levels = np.median(press[:, free], axis=1) - 1
     if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(

@@ -61,3 +61,15 @@ def test_one_led_of_one_press_is_named() -> None:
 def test_where_a_ball_covers_everything_the_whole_frame_counts() -> None:
     departure, _ = rated(press(1.02), np.array([[30, 20, 50]], np.float32))
     assert departure == pytest.approx(2, abs=1e-2)
+
+
+FALLING = np.linspace(0.25, 0.7, 60, dtype=np.float32)
+UNEVEN = np.stack([np.broadcast_to(f, (40, 60)) for f in (FALLING, FALLING[::-1]) * 2])
+
+
+@pytest.mark.parametrize(("added", "told"), [(0.02, True), (-0.02, True), (0.005, False)])
+def test_light_that_was_added_to_the_press_alone_is_told(added: float, told: bool) -> None:
+    """Dim film departs more; LEDs that faded depart everywhere alike."""
+    seen = press(0.97, dark=0.2) + np.float32(added) / UNEVEN
+    found = rate_exposure(seen, UNEVEN, UNEVEN, CIRCLE, OF, ["ball"])
+    assert any("the dimmer the more" in doubt for doubt in found.doubts) == told
