@@ -13,7 +13,7 @@ MAX_PART_SHARE = 0.4
 
 def check_curl(curl: CurlEvidence) -> Check:
     """Return the departure of slopes from the gradient of a height (T2)."""
-    middle, upper, worst = map(float, curl)
+    middle, upper, worst = curl.tolist()
     whole = Check(
         max(middle / MAX_MEDIAN, upper / MAX_QUARTILE),
         "the slopes are those of no surface (check the order of the images, that none is mirrored "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
 from tactograph.nodes.trust._check import MIN_CELLS, Check
 from tactograph.nodes.trust._light_evidence import RIM_SHARE, LightFigures
@@ -33,10 +33,10 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
     the model's error; `brightness_error` the standard deviation of the film's brightness.
     """
     shaded = seen.shaded / seen.steep if seen.steep else 0.0
-    wider = float(np.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE)))
+    wider = math.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE))
     rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
     sense = "brighter" if seen.brighter > 0 else "darker"
-    brightness = MAX_BRIGHTNESS * float(np.hypot(brightness_error, MIN_BRIGHTNESS_ERROR))
+    brightness = MAX_BRIGHTNESS * math.hypot(brightness_error, MIN_BRIGHTNESS_ERROR)
     checks = [
         Check(
             max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,

@@ -33,19 +33,19 @@ def check_rest(
     `lights`, K x 3 in mm, serve to look for a tilt of the film; `added` is what `added_light`
     found.
     """
-    change = level - 1
-    worst = int(np.abs(change).argmax())
+    change = [lit - 1 for lit in level.tolist()]
+    worst = max(range(len(change)), key=lambda led: abs(change[led]))
     sense = "brighter" if change[worst] > 0 else "darker"
     keeps = not film.levelled and film.dark <= MAX_DARK_SHARE
     other = "other light was added to the touch" if added > 0 else "the touch lacks light"
     named = f"LED {worst + 1} is {sense} than in the calibration"
     checks = [
         Check(
-            abs(float(change[worst])) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
+            abs(change[worst]) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
             f"{named} (check exposure, gain and LED, and that other light is kept out)",
         ),
         Check(
-            float(np.ptp(change)) / 2 / MAX_SPREAD,
+            (max(change) - min(change)) / 2 / MAX_SPREAD,
             f"{named}, and the others are not (check the LED; if the touch reaches all borders, "
             "the height's tilt is unknown)",
         ),
@@ -76,7 +76,7 @@ def check_rest(
         ),
     ]
     if lights is not None and film.highest - film.lowest < FLAT_MM:
-        checks.append(_tilt(change, lights))
+        checks.append(_tilt(level - 1, lights))
     return max(checks, key=lambda check: check.figure)
 
 

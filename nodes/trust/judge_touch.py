@@ -5,9 +5,9 @@ Long because each check says in words what may be wrong and what to look at.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
@@ -105,8 +105,8 @@ def judge_touch(
         If all checks that are made fail, unless `force`.
     """
     lights, misfit, uneven = film or FilmErrors()
-    film_at_rest = FilmFigures(*map(float, evidence.film))
-    light = LightFigures(*map(float, evidence.light))
+    film_at_rest = FilmFigures(*evidence.film.tolist())
+    light = LightFigures(*evidence.light.tolist())
     checks = {"curl": check_curl(evidence.curl)}
     if not filled:
         checks["rest"] = check_rest(evidence.level, film_at_rest, lights, added or 0.0)
@@ -114,7 +114,7 @@ def judge_touch(
         tallest = max(film_at_rest.highest, -film_at_rest.lowest)
         tall = 0.0 if lights is None else tallest / _nearest(lights)
         rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
-        brightness_error = float(np.hypot(light_error(misfit, 0.0), uneven or 0.0))
+        brightness_error = math.hypot(light_error(misfit, 0.0), uneven or 0.0)
         checks["light"] = check_light(light, rim_error, brightness_error)
     joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
     trust = 1 / (1 + joint**TRUST_POWER)
@@ -143,4 +143,4 @@ def _causes(checks: dict[str, Check]) -> str:
 
 def _nearest(lights: LightPositions) -> float:
     """The distance of the nearest LED from the middle of the film, in mm."""
-    return float(np.sqrt((lights * lights).sum(axis=1)).min())
+    return min(math.hypot(*led) for led in lights.tolist())

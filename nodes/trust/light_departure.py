@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ class LightDeparture(NamedTuple):
 def light_error(misfit: Misfit | None, uneven: float) -> float:
     """Return the standard deviation of the model's light, relative to film at rest."""
     pressed = 0.0 if misfit is None else float(misfit[2])
-    return float(np.hypot(max(pressed, MIN_ERROR), UNEVEN_SHARE * uneven))
+    return math.hypot(max(pressed, MIN_ERROR), UNEVEN_SHARE * uneven)
 
 
 @node(
