@@ -1,8 +1,8 @@
 """Programs built ahead by processes of their own, while this one builds those that it needs first.
 
-PoCL compiles one program at a time in a process.  A helper goes through a plan's programs, passes
-over those that another process is at, and keeps them on disk (`programs.py`).  It writes to no
-terminal, and ends with its parent.
+PoCL compiles one program at a time in a process.  A helper starts its compiler while this process
+still plans, goes through a plan's programs, passes over those that another process is at, and keeps
+them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
+from threading import Thread
 
 import pyopencl as cl
 
@@ -23,6 +24,7 @@ from tactograph.graph.backends.programs import (
     build_if_free,
     context_of,
     is_ready,
+    start_compiler,
 )
 from tactograph.graph.cores import cores
 
@@ -30,6 +32,25 @@ MIN_AHEAD_PROGRAMS = 4
 """The fewest programs not on disk that justify a process: it takes as long to start as two."""
 MAX_HELPERS = 3
 helpers: list[subprocess.Popen[bytes]] = []
+_idle: list[subprocess.Popen[bytes]] = []
+"""Helpers that have not been told yet what to build."""
+
+
+def begin_helpers(device: cl.Device) -> None:
+    """Start processes on the cores beside ours, which wait to be told what to build."""
+    if any(helper.poll() is None for helper in helpers) or not sys.executable:
+        return
+    for _ in range(min(cores() - 1, MAX_HELPERS)):
+        helper = subprocess.Popen(
+            [sys.executable, "-m", __name__, str(os.getpid()), device.name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONSAFEPATH": "1"},
+            start_new_session=True,  # Ctrl-C is for this process
+        )
+        helpers.append(helper)
+        _idle.append(helper)
 
 
 def build_ahead(context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence[Recipe]) -> None:
@@ -40,35 +61,30 @@ def build_ahead(context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence
     (handle,) = context.devices
     missing = [r for r in (*needed, *perhaps) if not is_ready(handle, *r)]
     ahead.extend(recipe for recipe in needed if recipe in missing)
-    number = min(cores() - 1, MAX_HELPERS, len(missing) // MIN_AHEAD_PROGRAMS)
-    is_busy = any(helper.poll() is None for helper in helpers)
-    if number < 1 or is_busy or not sys.executable:
-        return
-    for _ in range(number):
-        # Not a pipe: it would fill, and make this process wait until the helper has started.
-        with tempfile.TemporaryFile() as told:
-            pickle.dump((os.getpid(), handle.name, missing), told)
-            told.seek(0)
-            helper = subprocess.Popen(
-                [sys.executable, "-m", __name__],
-                stdin=told,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONSAFEPATH": "1"},
-                start_new_session=True,  # Ctrl-C is for this process
-            )
-            helpers.append(helper)
+    if len(missing) >= MIN_AHEAD_PROGRAMS:
+        begin_helpers(handle)
+    while _idle:
+        # In a thread: a helper that still starts takes nothing yet.
+        Thread(target=_tell, args=(_idle.pop(), missing), daemon=True).start()
+
+
+def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
+    assert helper.stdin is not None
+    with suppress(OSError), helper.stdin as told:  # it may have ended
+        pickle.dump(recipes, told)
 
 
 def main() -> None:
-    """Build what the parent wrote into the standard input."""
-    parent, name, recipes = pickle.load(sys.stdin.buffer)
+    """Build what the parent writes into the standard input."""
+    parent, name = sys.argv[1:]
     platforms = (p for p in cl.get_platforms() if p.name == POCL_PLATFORM)
     context = next(context_of(d) for p in platforms for d in p.get_devices() if d.name == name)
-    for source, options in recipes:
-        if os.getppid() != parent:
-            return
-        build_if_free(context, source, options)
+    start_compiler(context)
+    with suppress(EOFError):  # there was nothing to build
+        for source, options in pickle.load(sys.stdin.buffer):
+            if os.getppid() != int(parent):
+                return
+            build_if_free(context, source, options)
 
 
 if __name__ == "__main__":

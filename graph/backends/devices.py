@@ -151,10 +151,13 @@ def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
-    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
+    from tactograph.graph.backends.build_ahead import begin_helpers
+    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of, is_ready
 
     if handle.platform.name == POCL_PLATFORM:
         pocl_cache.note_crash()
+        if not is_ready(handle, _PROBE_KERNEL, ()):  # nor will anything else be
+            begin_helpers(handle)
     context = context_of(handle)
     queue = cl.CommandQueue(context)
     kernel = cl.Kernel(build(context, _PROBE_KERNEL, ()), "probe")

@@ -83,6 +83,11 @@ def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) ->
             _onto_disk(context, source, options, file)
 
 
+def start_compiler(context: cl.Context) -> None:
+    """Have PoCL read what it compiles with: as long as a program takes, once a process."""
+    _built(cl.Program(context, "__kernel void nothing(void) {}"), ())
+
+
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
     """Return whether nothing would be gained by building a source for the disk."""
     file = _kept(device, source, options)

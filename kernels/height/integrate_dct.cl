@@ -3,6 +3,7 @@
 #include "lanes.clh"
 #include "cosine.clh"
 
+#if LANES == 1
 // Divergence of the slopes half-way between neighbours; none across the border.
 __kernel void divergence(
     __global const float *restrict slope,
@@ -30,6 +31,7 @@ __kernel void divide(
     const int i = y * W + x;
     spectrum[i] = spectrum[i] * inverse[i] * pixel;
 }
+#else
 
 // Rows become columns, and the last plane the first: the slopes of the transposed image.
 __kernel void turn_over(
@@ -42,7 +44,7 @@ __kernel void turn_over(
 
 // Twice the same divergence for pixels that follow one another in a row: a pixel's own slope
 // cancels, except at the border.
-static floats twice_divergence(
+static ONCE floats twice_divergence(
     __global const float *slope, const int H, const int W, const int y, const int x,
     const int count)
 {
@@ -63,7 +65,7 @@ static floats twice_divergence(
 }
 
 // Rows, of LANES pixels each, as columns: to[c * stride + r].
-static void store_turned(
+static ONCE void store_turned(
     const floats *rows, const int height, __global float *to, const int stride, const int count)
 {
     float tile[LANES * LANES];
@@ -107,7 +109,7 @@ LANED __kernel void transform(
 
 // Sweep to the right and to the left through the tridiagonal systems of LANES frequencies; the
 // sum of what comes out.
-static floats sweep(
+static ONCE floats sweep(
     __global float *spectrum, __global const float *pivots, const int H, const int W,
     const int count, const float scale)
 {
@@ -146,7 +148,7 @@ LANED __kernel void solve(
 }
 
 // Columns as rows of LANES pixels: from[c * stride + r].
-static void load_turned(
+static ONCE void load_turned(
     __global const float *from, const int stride, const int count, const int height, floats *rows)
 {
     float tile[LANES * LANES];
@@ -196,3 +198,4 @@ LANED __kernel void transform_back(
         if (second > 0) store_floats(pair[0] * scale, out + y * W + x + LANES, second);
     }
 }
+#endif

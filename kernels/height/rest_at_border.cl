@@ -19,13 +19,13 @@ LANED __kernel ONE_GROUP void border_median(
     const int H, const int W,
     const int border)
 {
-    __local float parts[GROUP];
+    SHARED float parts[GROUP];
     const int inner = max(H - 2 * border, 0) * max(W - 2 * border, 0), size = H * W - inner;
-    for (int j = get_local_id(0); j < size; j += GROUP)
+    for (int j = PLACE_IN_GROUP; j < size; j += GROUP)
         values[j] = height[on_border(j, H, W, border)];
     barrier(CLK_GLOBAL_MEM_FENCE);
     const float found = group_median(values, size, parts);
-    if (get_local_id(0) == 0) median[0] = found;
+    if (PLACE_IN_GROUP == 0) median[0] = found;
 }
 
 LANED __kernel void subtract(

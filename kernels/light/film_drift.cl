@@ -10,7 +10,10 @@
 #define DRIFT_TERMS 6
 #define TERM_PAIRS 21
 #define MAX_LEDS 8
-#define FIT_SUMS (TERM_PAIRS + MAX_LEDS * (DRIFT_TERMS + 1))
+#define COUNTED TERM_PAIRS
+#define SEEN (COUNTED + 1)
+#define CHANCE (SEEN + MAX_LEDS * DRIFT_TERMS)
+#define FIT_SUMS (CHANCE + MAX_LEDS)
 #define MIN_CALM_SHARE 0.05f
 #define SHAPE_REGULARISATION 0.003f
 #define WINDOW_CELLS 5
@@ -18,6 +21,11 @@
 #define SKIRT_CELLS 5
 #define NOT_CALM -1.0f
 #define MIN_WEIGHT 1e-6f
+// What `counts` holds: whether too few cells were calm in a round, how many are clear, and the square
+// root of the most that a cell counts.
+#define TOO_FEW 0
+#define CLEAR 1
+#define FURTHEST 2
 
 // K x H x W cells: light, and noise, which counts times `share`.
 typedef struct {
@@ -90,7 +98,7 @@ static floats gain_of(__global const float *c, const floats *t)
 }
 
 // Whether the light of all LEDs agrees with the drift, within the noise and `beyond`.
-static ints is_calm(
+static ONCE ints is_calm(
     const Film *film, __global const float *light, __global const float *drift, const floats *t,
     const int i, const int count, const float share, const float beyond)
 {
@@ -104,23 +112,27 @@ static ints is_calm(
     return calm;
 }
 
-// How many cells are calm.
-static float count_calm(
-    const Film *film, __global const float *drift, const float beyond, __local float *parts)
+// Cells count where they are calm.
+LANED __kernel void weigh_calm(
+    __global const float *restrict light,
+    __global const float *restrict sigma,
+    __global const float *restrict drift,
+    __global float *restrict weights,
+    const int K, const int H, const int W,
+    const float share,
+    const float beyond)
 {
+    GRID_LANES(i, count, H * W)
+    const Film film = {light, sigma, K, H, W, share};
     const floats one = 1.0f, none = 0.0f;
-    floats calm = none;
-    EACH_OF_GROUP(i, count, film->H * film->W)
-    {
-        floats t[DRIFT_TERMS];
-        terms_at(t, i, film->H, film->W);
-        calm += is_calm(film, film->light, drift, t, i, count, film->share, beyond) ? one : none;
-    }
-    return group_sum(calm, parts);
+    floats t[DRIFT_TERMS];
+    terms_at(t, i, H, W);
+    const ints calm = is_calm(&film, light, drift, t, i, count, share, beyond);
+    store_floats(calm ? one : none, weights + i, count);
 }
 
-// 1 where a cell and the mean around it are calm, 0 where the cell alone is, else NOT_CALM; and
-// 1 where no touch shows around a cell, else 0.
+// 1 where a cell and the mean around it are calm, 0 where the cell alone is, else NOT_CALM, and the
+// number of the first; and 1 where no touch shows around a cell, else 0.
 LANED __kernel void find_clear(
     __global const float *restrict light,
     __global const float *restrict around,
@@ -128,6 +140,7 @@ LANED __kernel void find_clear(
     __global const float *restrict drift,
     __global float *restrict clear,
     __global float *restrict still,
+    __global int *restrict counts,
     const int K, const int H, const int W,
     const float share,
     const float beyond)
@@ -144,18 +157,20 @@ LANED __kernel void find_clear(
         beyond + TOUCH_DEPARTURE);
     store_floats(calm ? (wide ? one : none) : not_calm, clear + i, count);
     store_floats(untouched ? one : none, still + i, count);
+    atomic_add(counts + CLEAR, (int)sum_of_lanes(calm & wide & filled(count) ? one : none));
 }
 
-// The distance in cells of a clear cell from where a touch shows, at most SKIRT_CELLS + 1; the
-// others unchanged.
-LANED __kernel void find_away(
+// Clear cells count by the square of their distance in cells to where a touch shows, at most
+// SKIRT_CELLS + 1; all calm cells count alike where too few are clear.
+LANED __kernel void weigh_clear(
     __global const float *restrict clear,
     __global const float *restrict still,
-    __global float *restrict away,
+    __global int *restrict counts,
+    __global float *restrict weights,
     const int H, const int W)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const floats here = load_floats(clear + y * W + x, count);
+    const floats here = load_floats(clear + y * W + x, count), one = 1.0f, none = 0.0f;
     floats nearest = SKIRT_CELLS + 1.0f;
     for (int dy = -SKIRT_CELLS; dy <= SKIRT_CELLS; ++dy) {
         __global const float *line = still + clamp(y + dy, 0, H - 1) * W;
@@ -165,52 +180,28 @@ LANED __kernel void find_away(
             nearest = there > 0.0f ? nearest : LESS_OF(nearest, distance);
         }
     }
-    store_floats(here > 0.0f ? nearest : here, away + y * W + x, count);
-}
-
-// How many cells are clear.
-static float count_clear(__global const float *away, const int size, __local float *parts)
-{
-    const floats one = 1.0f, none = 0.0f;
-    floats clear = none;
-    EACH_OF_GROUP(i, count, size)
-    {
-        const ints counted = load_floats(away + i, count) > 0.0f;
-        clear += counted & filled(count) ? one : none;
-    }
-    return group_sum(clear, parts);
-}
-
-// The largest distance of a clear cell.
-static float furthest(__global const float *away, const int size, __local float *parts)
-{
-    floats far = 0.0f;
-    EACH_OF_GROUP(i, count, size)
-    {
-        const floats here = load_floats(away + i, count);
-        far = MORE_OF(far, here);
-    }
-    return group_highest(fmax(highest_lane(far), 1.0f), parts);
+    const floats far = (here > 0.0f) & filled(count) ? nearest : none;
+    const floats alike = here > NOT_CALM ? one : none;
+    const int enough = (float)counts[CLEAR] >= MIN_CALM_SHARE * (float)(H * W);
+    store_floats(enough ? far * far : alike, weights + y * W + x, count);
+    if (enough) atomic_max(counts + FURTHEST, (int)highest_lane(far));
 }
 
 // The lower median of the light of LED k over its drift, along the border.
-static float border_level(
-    const Film *film, const int k, __global const float *drift, __global float *ring,
-    __local float *parts)
+static ONCE float border_level(
+    const Film *film, const int k, __global const float *c, __global float *ring,
+    SHARED float *parts)
 {
     const int H = film->H, W = film->W;
     const int size = ring_size(H, W);
-    const floats darkest = MIN_GAIN;
-    EACH_OF_GROUP(j, count, size)
-    {
-        int at[LANES];
-        for (int l = 0; l < LANES; ++l) at[l] = on_ring(min(j + l, size - 1), H, W);
-        floats u, v, t[DRIFT_TERMS];
-        places_of(at, H, W, 2.0f / (float)W, &u, &v);
-        terms_of(t, u, v);
-        const floats gain = gain_of(drift, t);
-        const floats light = gather_floats(film->light + k * H * W, at);
-        store_floats(light / MORE_OF(gain, darkest), ring + j, count);
+    const float scale = 2.0f / (float)W;
+    for (int j = PLACE_IN_GROUP; j < size; j += GROUP) {
+        const int at = on_ring(j, H, W), row = at / W;
+        const float u = ((float)(at - row * W) - 0.5f * (float)(W - 1)) * scale;
+        const float v = ((float)row - 0.5f * (float)(H - 1)) * scale;
+        const float gain =
+            c[0] + c[1] * u + c[2] * v + c[3] * (u * u) + c[4] * (u * v) + c[5] * (v * v);
+        ring[j] = film->light[k * H * W + at] / fmax(gain, MIN_GAIN);
     }
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     const float level = group_median(ring, size, parts);
@@ -218,44 +209,13 @@ static float border_level(
     return level;
 }
 
-// Cells count where they are calm.
-static void weigh_calm(
-    const Film *film, __global const float *drift, const float beyond, __global float *weights)
-{
-    const floats one = 1.0f, none = 0.0f;
-    EACH_OF_GROUP(i, count, film->H * film->W)
-    {
-        floats t[DRIFT_TERMS];
-        terms_at(t, i, film->H, film->W);
-        const ints calm = is_calm(film, film->light, drift, t, i, count, film->share, beyond);
-        store_floats(calm ? one : none, weights + i, count);
-    }
-    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-}
-
-// Clear cells count by the square of their distance to a touch, which is at most `most`; if that
-// is 0 all calm cells count.
-static void weigh_clear(
-    __global const float *away, const float most, const int size, __global float *weights)
-{
-    const floats one = 1.0f, none = 0.0f;
-    EACH_OF_GROUP(i, count, size)
-    {
-        const floats far = load_floats(away + i, count);
-        const floats clear = far > 0.0f ? far * far * (1.0f / (most * most)) : none;
-        const floats calm = far > NOT_CALM ? one : none;
-        store_floats(most > 0.0f ? clear : calm, weights + i, count);
-    }
-    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-}
-
 // Weighted sums over the cells: of the products of the first `used` terms, of terms times the light
-// less `known` by LED, and of the noise's square by LED.
-static void tally(
+// less `known` by LED, and of the noise's square by LED; and the number of cells that count.
+static ONCE void tally(
     const Film *film, __global const float *weights, __global const float *known,
-    const int used, __global float *shares, __local float *sums)
+    const int used, __global float *shares, SHARED float *sums)
 {
-    const floats none = 0.0f;
+    const floats one = 1.0f, none = 0.0f;
     floats mine[FIT_SUMS];
     // A bound that compilers do not know: unrolled, these loops took a sixth of their time.
     const int last = FIT_SUMS - MAX_LEDS + film->K;
@@ -265,6 +225,7 @@ static void tally(
         const floats here = load_floats(weights + i, count);
         const floats weight = filled(count) ? here : none;
         if (!ANY(weight > 0.0f)) continue;
+        mine[COUNTED] += weight > 0.0f ? one : none;
         floats t[DRIFT_TERMS], counted[DRIFT_TERMS];
         terms_at(t, i, film->H, film->W);
         for (int a = 0; a < used; ++a) counted[a] = weight * t[a];
@@ -275,15 +236,15 @@ static void tally(
             const floats left = load_floats(film->light + at, count)
                 - gain_of(known + DRIFT_TERMS * k, t);
             for (int a = 0; a < used; ++a)
-                mine[TERM_PAIRS + DRIFT_TERMS * k + a] += counted[a] * left;
+                mine[SEEN + DRIFT_TERMS * k + a] += counted[a] * left;
             if (film->share <= 0.0f) continue;
             const floats chance = film->share * load_floats(film->sigma + at, count);
-            mine[TERM_PAIRS + MAX_LEDS * DRIFT_TERMS + k] += weight * chance * chance;
+            mine[CHANCE + k] += weight * chance * chance;
         }
     }
-    for (int j = 0; j < last; ++j) shares[j * GROUP + get_local_id(0)] = sum_of_lanes(mine[j]);
+    for (int j = 0; j < last; ++j) shares[j * GROUP + PLACE_IN_GROUP] = sum_of_lanes(mine[j]);
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int j = get_local_id(0); j < last; j += GROUP) {
+    for (int j = PLACE_IN_GROUP; j < last; j += GROUP) {
         float sum = 0.0f;
         for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
         sums[j] = sum;
@@ -313,25 +274,30 @@ static void solve(const float *a, const float *b, float *x, const int n)
     }
 }
 
-// The drift of LED k from the sums; its shape follows by `rate`.  Returns the sum of squares
-// that the change explains.
-static float settle(
-    __local const float *sums, __global const float *old, __global float *next, const int k,
-    const float held, const int used, const float rate)
+// The drift of LED k from the sums: its shape follows by `rate`, its level at once.  It stays the old
+// one where too few cells count, or the change explains no more than `doubt` times the noise.
+static ONCE void settle(
+    SHARED const float *sums, __global const float *old, __global float *next, const int k,
+    const int used, const int too_few, const float held, const float rate, const float doubt)
 {
     float a[TERM_PAIRS], b[DRIFT_TERMS], change[DRIFT_TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
     // Without calm film the sums are empty, and the result is not used.
     a[0] = fmax(a[0], MIN_WEIGHT);
     for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
-    for (int j = 0; j < used; ++j) b[j] = sums[TERM_PAIRS + DRIFT_TERMS * k + j];
+    for (int j = 0; j < used; ++j) b[j] = sums[SEEN + DRIFT_TERMS * k + j];
     solve(a, b, change, used);
-    for (int j = 0; j < DRIFT_TERMS; ++j) {
-        const float found = j < used ? change[j] : 0.0f;
-        explained += j < used ? found * b[j] : 0.0f;
-        next[DRIFT_TERMS * k + j] = old[DRIFT_TERMS * k + j] + (j > 0 ? rate * found : found);
+    float level = b[0];
+    for (int j = 0; j < used; ++j) {
+        explained += change[j] * b[j];
+        if (j > 0) change[j] *= rate;
+        if (j > 0) level -= change[j] * a[j * (j + 1) / 2];
     }
-    return explained;
+    change[0] = level / a[0];
+    const int known = !too_few && explained > doubt * sums[CHANCE + k] / a[0];
+    for (int j = 0; j < DRIFT_TERMS; ++j)
+        next[DRIFT_TERMS * k + j] =
+            old[DRIFT_TERMS * k + j] + (known && j < used ? change[j] : 0.0f);
 }
 
 // The old drift, and the start: that drift, or scaled to the border if this makes more film calm.
@@ -342,18 +308,18 @@ LANED __kernel ONE_GROUP void begin(
     __global float *restrict ring,
     __global float *old,
     __global float *drift,
-    __global int *few,
+    __global int *counts,
     const int K, const int H, const int W,
     const int has_before,
     const float share,
     const float beyond)
 {
-    __local float parts[GROUP];
-    const int me = get_local_id(0);
+    SHARED float parts[GROUP];
+    const int me = PLACE_IN_GROUP;
     const Film film = {light, sigma, K, H, W, share};
     for (int i = me; i < DRIFT_TERMS * K; i += GROUP)
         old[i] = has_before ? before[i] : i % DRIFT_TERMS == 0 ? 1.0f : 0.0f;
-    if (me == 0) few[0] = 0;
+    if (me == 0) counts[TOO_FEW] = counts[CLEAR] = 0, counts[FURTHEST] = 1;
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     for (int k = 0; k < K; ++k) {
         const float level = border_level(&film, k, old + DRIFT_TERMS * k, ring, parts);
@@ -361,77 +327,43 @@ LANED __kernel ONE_GROUP void begin(
             drift[DRIFT_TERMS * k + j] = level * old[DRIFT_TERMS * k + j];
     }
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    const float calm_before = count_calm(&film, old, beyond, parts);
-    const float calm_beside = count_calm(&film, drift, beyond, parts);
+    const floats one = 1.0f, none = 0.0f;
+    floats more = none;
+    EACH_OF_GROUP(i, count, H * W)
+    {
+        floats t[DRIFT_TERMS];
+        terms_at(t, i, H, W);
+        more += is_calm(&film, light, drift, t, i, count, share, beyond) ? one : none;
+        more -= is_calm(&film, light, old, t, i, count, share, beyond) ? one : none;
+    }
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int i = me; i < DRIFT_TERMS * K; i += GROUP)
-        drift[i] = calm_beside > calm_before ? drift[i] : old[i];
+    const int better = group_sum(more, parts) > 0.0f;
+    for (int i = me; i < DRIFT_TERMS * K; i += GROUP) drift[i] = better ? drift[i] : old[i];
 }
 
-// The next drift, from the cells that are calm under the current one.
-LANED __kernel ONE_GROUP void follow(
+// The next drift, from the cells that count; the old one once too few did.
+LANED __kernel ONE_GROUP void fit(
     __global const float *restrict light,
     __global const float *restrict sigma,
+    __global const float *restrict weights,
     __global const float *restrict old,
-    __global const float *restrict drift,
     __global float *restrict next,
-    __global float *weights,
     __global float *restrict shares,
-    __global int *restrict few,
-    const int K, const int H, const int W,
-    const int used,
-    const float share,
-    const float beyond)
-{
-    __local float sums[FIT_SUMS];
-    const int me = get_local_id(0);
-    const Film film = {light, sigma, K, H, W, share};
-    weigh_calm(&film, drift, beyond, weights);
-    tally(&film, weights, old, used, shares, sums);
-    if (me == 0) few[0] |= sums[0] < MIN_CALM_SHARE * (float)(H * W);
-    for (int k = me; k < K; k += GROUP)
-        settle(sums, old, next, k, SHAPE_REGULARISATION * (float)(H * W), used, 1.0f);
-}
-
-// The last round, by clear film away from touches; then the level once more, and the old drift
-// where the change is not significant.
-LANED __kernel ONE_GROUP void finish(
-    __global const float *restrict light,
-    __global const float *restrict sigma,
-    __global const float *restrict away,
-    __global const float *restrict old,
-    __global float *drift,
-    __global float *weights,
-    __global float *restrict shares,
-    __global const int *restrict few,
-    __global float *restrict explained,
-    __global float *restrict out,
+    __global int *restrict counts,
     const int K, const int H, const int W,
     const int used,
     const float share,
     const float rate,
     const float doubt)
 {
-    __local float parts[GROUP], sums[FIT_SUMS];
-    const int me = get_local_id(0);
+    SHARED float sums[FIT_SUMS];
+    const int me = PLACE_IN_GROUP, before = counts[TOO_FEW], furthest = counts[FURTHEST];
     const Film film = {light, sigma, K, H, W, share};
-    const float fewest = MIN_CALM_SHARE * (float)(H * W);
-    const float clear = count_clear(away, H * W, parts);
-    const int heed = clear >= fewest;
-    const float far = furthest(away, H * W, parts);
-    weigh_clear(away, heed ? far : 0.0f, H * W, weights);
     tally(&film, weights, old, used, shares, sums);
-    const int nothing = few[0] || (!heed && sums[0] < fewest);
-    const float held = SHAPE_REGULARISATION * (float)(H * W) * (heed ? sums[0] / clear : 1.0f);
+    const float size = (float)(H * W), counted = sums[COUNTED];
+    const int too_few = before || counted < MIN_CALM_SHARE * size;
+    const float held = SHAPE_REGULARISATION * size * sums[0] / fmax(counted, 1.0f);
     for (int k = me; k < K; k += GROUP)
-        explained[k] = settle(sums, old, drift, k, held, used, rate);
-    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
-    tally(&film, weights, drift, used, shares, sums);
-    const float calm = fmax(sums[0], MIN_WEIGHT);
-    for (int i = me; i < DRIFT_TERMS * K; i += GROUP) {
-        const int k = i / DRIFT_TERMS, j = i % DRIFT_TERMS;
-        const float level = j == 0 ? sums[TERM_PAIRS + i] / calm : 0.0f;
-        const float chance = doubt * sums[TERM_PAIRS + MAX_LEDS * DRIFT_TERMS + k] / calm;
-        out[i] = !nothing && explained[k] > chance ? drift[i] + level : old[i];
-    }
+        settle(sums, old, next, k, used, too_few, held, rate, doubt * (float)(furthest * furthest));
+    if (me == 0) counts[TOO_FEW] = too_few;
 }

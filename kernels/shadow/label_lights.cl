@@ -558,7 +558,7 @@ static void list_doubtful(
 }
 
 // Take every LED to reach `count` pixels, RUN LANES at most.
-static void all_lit(
+static ONCE void all_lit(
     const Made *made, const Frame *frame, const Rules *rules, const int start, const int count,
     Doubtful *doubtful)
 {
@@ -634,7 +634,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
 }
 
 // The set of LEDs that explains some doubtful pixels best, LANES of them at most.
-static void any_set(
+static ONCE void any_set(
     const Made *made, const Frame *frame, const Rules *rules, const Doubtful *doubtful,
     const int *order, const int count)
 {

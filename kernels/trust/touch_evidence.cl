@@ -41,7 +41,7 @@
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
     const int across = (w + LANES - 1) / LANES;                                                  \
-    for (int j = get_local_id(0), y = j / across, x = LANES * (j - y * across),                  \
+    for (int j = PLACE_IN_GROUP, y = j / across, x = LANES * (j - y * across),                    \
              count = min(LANES, w - x);                                                          \
          j < h * across;                                                                         \
          j += GROUP, y = j / across, x = LANES * (j - y * across), count = min(LANES, w - x))
@@ -101,7 +101,7 @@ static ints is_steep(
 // How many steep cells lie within a square of them; beyond the frame all are steep.
 static float count_inner(
     __global const float *slope, const int h, const int w, const int H, const int W,
-    const int step, __local float *parts)
+    const int step, SHARED float *parts)
 {
     const floats one = 1.0f, none = 0.0f;
     floats inner = none;
@@ -139,7 +139,7 @@ static void ease(
 }
 
 // What each cell tells of the light, and how many cells tell what.
-static void look_at_light(
+static ONCE void look_at_light(
     __global const float *departure,
     __global const float *brighter,
     __global const float *slope,
@@ -151,7 +151,7 @@ static void look_at_light(
     __global float *out,
     const int K, const int H, const int W,
     const int h, const int w, const int step,
-    const float uneven, __local float *parts)
+    const float uneven, SHARED float *parts)
 {
     const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
     const ints all_leds = (1 << K) - 1, no_leds = 0;
@@ -204,14 +204,14 @@ static void look_at_light(
         const float error = hypot(max(misfit[2], MIN_ERROR), UNEVEN_SHARE * uneven);
         ease(slope, values, error, h, w, H, W, step);
     }
-    if (get_local_id(0) != 0) return;
+    if (PLACE_IN_GROUP != 0) return;
     out[0] = cells;
     out[1] = dim;
     out[2] = known;
     out[7] = dirt;
 }
 // The film at rest under K LEDs, on h x w cells, and the range of N heights.
-static void look_at_rest(
+static ONCE void look_at_rest(
     __global const float *light,
     __global const float *height,
     __global const float *drift,
@@ -220,9 +220,9 @@ static void look_at_rest(
     __global float *level,
     __global float *film,
     const int K, const int h, const int w, const int N,
-    __local float *parts)
+    SHARED float *parts)
 {
-    const int me = get_local_id(0), size = h * w;
+    const int me = PLACE_IN_GROUP, size = h * w;
     const int levelled = drift != 0;
     int found = 0;
     for (int k = 0; k < K && levelled; ++k) found |= drift[DRIFT_TERMS * k] != 1.0f;
@@ -301,22 +301,22 @@ LANED __kernel ONE_GROUP void look(
     const int rows, const int columns,
     const float uneven)
 {
-    __local float parts[GROUP];
+    SHARED float parts[GROUP];
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
     else if (departure && slope && misfit)
         look_at_light(departure, brighter, slope, misfit, used, matt, shadow, values, seen, K, H, W,
             h, w, step, uneven, parts);
-    else if (get_local_id(0) == 0)
+    else if (PLACE_IN_GROUP == 0)
         seen[0] = -1.0f;
 }
 
 // The largest share of cells that curl in STEPS_PER_PART x STEPS_PER_PART of STEPS_PER_IMAGE x STEPS_PER_IMAGE blocks.
-static float worst_part(
-    __global const float *curl, const int h, const int w, __local int *tested, __local int *curled,
-    __local float *parts)
+static ONCE float worst_part(
+    __global const float *curl, const int h, const int w, SHARED int *tested, SHARED int *curled,
+    SHARED float *parts)
 {
-    const int me = get_local_id(0);
+    const int me = PLACE_IN_GROUP;
     for (int b = me; b < STEPS_PER_IMAGE * STEPS_PER_IMAGE; b += GROUP) {
         const int i = b / STEPS_PER_IMAGE, j = b % STEPS_PER_IMAGE;
         tested[b] = curled[b] = 0;
@@ -353,9 +353,9 @@ LANED __kernel ONE_GROUP void weigh(
     __global float *restrict told,
     const int N, const int h, const int w)
 {
-    __local float parts[GROUP];
-    __local int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
-    __local int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
+    SHARED float parts[GROUP];
+    SHARED int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
+    SHARED int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     const int rows[5] = {AT_REST, TOUCHED, TOUCHED, IN_SHADOW, BRIGHTER};
     const int quarters[7] = {2, 2, 3, 1, 2, 2, 3}, places[8] = {3, 4, 5, 6, 8, 0, 1, 2};
     const int which = get_group_id(0), of_light = which < 5;
@@ -368,10 +368,10 @@ LANED __kernel ONE_GROUP void weigh(
         const int fewest = which == 3 ? MIN_SHADOWS : MIN_CELLS, size = of_light ? N : h * w;
         found = group_quarter(row, lowest, size, quarters[which], fewest, parts);
         if (which != 3 && which != 4) found = sqrt(found);
-    } else if (which == 0 && get_local_id(0) == 0) {
-        seen[1] = seen[2] = seen[7] = 0.0f;
+    } else if (which == 0) {
+        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[7] = 0.0f;
     }
-    if (get_local_id(0) == 0) (of_light ? seen : told)[places[which]] = found;
+    if (PLACE_IN_GROUP == 0) (of_light ? seen : told)[places[which]] = found;
 }
 
 // Every step-th cell of every step-th row of K planes.

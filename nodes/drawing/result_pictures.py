@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from tactograph.nodes import (
     Light,
 )
 from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
+from tactograph.nodes.files.image_files import write_image
 
 # Fixed margins and `print_png` take half the time of a layout that measures every text and of
 # `savefig`, which draws twice.
@@ -105,46 +107,98 @@ def draw_highlight(highlight: Labels, image: Light, file: Path) -> None:
 
 def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
     """The contacts over the mean image, each in a colour and with its number."""
-    figure, axes = _over(image)
-    colours = ListedColormap(LED_COLOURS)
-    turn = np.ma.masked_where(contact == 0, (contact - 1.0) % colours.N)
-    axes.imshow(turn, cmap=colours, vmin=-0.5, vmax=colours.N - 0.5, alpha=0.75)
+    plate = _plate(contact.shape, 0)
+    colours = len(LED_COLOURS)
     numbers, areas = np.unique(contact[contact > 0], return_counts=True)
+    share = areas.sum() / contact.size
+    many = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}"
+    plate.begin(image)
+    plate.colour(np.ma.masked_where(contact == 0, (contact - 1.0) % colours + 1))
     for number in numbers:
         # The contact's pixel nearest to the centroid: that of a ring lies outside the contact.
         rows, columns = np.nonzero(contact == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-        place = (float(columns[nearest]), float(rows[nearest]))
-        axes.annotate(
-            str(number), place, ha="center", va="center", weight="bold",
-            bbox={"boxstyle": "circle", "facecolor": "white", "edgecolor": "none"},
-        )  # fmt: skip
-    share = areas.sum() / contact.size
-    many = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}"
-    axes.set(title=f"{many}: {share:.1%} of the pixels")
-    FigureCanvasAgg(figure).print_png(file)
+        plate.number(int(number), float(columns[nearest]), float(rows[nearest]))
+    plate.write(f"{many}: {share:.1%} of the pixels", file)
 
 
 def _draw_leds(bits: Labels, image: Light, label: str, file: Path) -> None:
     """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
-    figure, axes = _over(image)
-    colours = ListedColormap([*LED_COLOURS[:count], SEVERAL_COLOUR])
-    norm = BoundaryNorm(np.arange(0.5, count + 2), colours.N)
-    drawn = axes.imshow(np.ma.masked_equal(numbers, 0), cmap=colours, norm=norm, alpha=0.75)
-    bar = figure.colorbar(drawn, ax=axes, ticks=np.arange(1, count + 2))
-    bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(count)), "several"])
-    axes.set(title=f"{label}: {(numbers > 0).mean():.1%} of the pixels")
-    FigureCanvasAgg(figure).print_png(file)
+    plate = _plate(bits.shape, count)
+    plate.begin(image)
+    plate.colour(np.ma.masked_equal(numbers, 0))
+    plate.write(f"{label}: {(numbers > 0).mean():.1%} of the pixels", file)
 
 
-def _over(image: Light) -> tuple[Figure, Axes]:
-    """The mean image in grey, to draw on."""
-    figure, axes = _one_plane()
-    axes.imshow(image.mean(axis=0), cmap="gray", vmin=0)
-    axes.set(xlabel="x / px", ylabel="y / px")
-    return figure, axes
+class _Plate:
+    """The mean image with numbers in colours over it: LEDs with their legend, or (0) contacts.
+
+    Axes and legend are drawn once for all touches of a run; they take ten times as long as what
+    differs.
+    """
+
+    def __init__(self, shape: tuple[int, ...], leds: int) -> None:
+        figure, self._axes = _one_plane()
+        empty = np.zeros(shape)
+        chosen = [*LED_COLOURS[:leds], SEVERAL_COLOUR] if leds else LED_COLOURS
+        colours = ListedColormap(chosen)
+        norm = BoundaryNorm(np.arange(0.5, len(chosen) + 1), colours.N)
+        self._grey = self._axes.imshow(empty, cmap="gray", vmin=0, animated=True)
+        self._over = self._axes.imshow(empty, cmap=colours, norm=norm, alpha=0.75, animated=True)
+        self._axes.set(xlabel="x / px", ylabel="y / px")
+        self._title = self._axes.set_title("", animated=True)
+        if leds:
+            bar = figure.colorbar(self._over, ax=self._axes, ticks=np.arange(1, leds + 2))
+            bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(leds)), "several"])
+        self._canvas = FigureCanvasAgg(figure)
+        self._canvas.draw()
+        self._frame = self._canvas.copy_from_bbox(figure.bbox)
+
+    def begin(self, image: Light) -> None:
+        """Lay the mean of a touch's images."""
+        mean = image.mean(axis=0)
+        self._canvas.restore_region(self._frame)
+        self._grey.set(data=mean, clim=(0, float(mean.max())))
+        self._axes.draw_artist(self._grey)
+
+    def colour(self, numbers: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.floating]]) -> None:
+        """Lay colours where numbers from 1 on are not masked."""
+        self._over.set_data(numbers)
+        self._axes.draw_artist(self._over)
+
+    def number(self, number: int, x: float, y: float) -> None:
+        """Write a number at a pixel."""
+        written = self._axes.annotate(
+            str(number), (x, y), ha="center", va="center", weight="bold",
+            bbox={"boxstyle": "circle", "facecolor": "white", "edgecolor": "none"},
+        )  # fmt: skip
+        self._axes.draw_artist(written)
+        written.remove()
+
+    def write(self, title: str, file: Path) -> None:
+        """Put the frame and a title over it, and write the picture."""
+        self._title.set_text(title)
+        for artist in (*self._axes.spines.values(), self._title):
+            self._axes.draw_artist(artist)
+        picture = np.asarray(self._canvas.buffer_rgba())[..., 2::-1]
+        write_image(file, picture)
+
+
+_mine = threading.local()
+"""The plates of a thread: Matplotlib's figures are for one thread each."""
+MAX_PLATES = 8
+"""Plates that a thread keeps, some 3 MB each."""
+
+
+def _plate(shape: tuple[int, ...], leds: int) -> _Plate:
+    kept: dict[object, _Plate] = _mine.__dict__.setdefault("plates", {})
+    if (shape, leds) not in kept:
+        if len(kept) == MAX_PLATES:
+            kept.clear()
+        kept[shape, leds] = _Plate(shape, leds)
+    return kept[shape, leds]
 
 
 def _one_plane() -> tuple[Figure, Axes]:

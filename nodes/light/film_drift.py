@@ -18,7 +18,7 @@ from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
 
-DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 21 + 8 * 7
+DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 22 + 8 * 7
 """The number of terms 1, u, v, u^2, u v, v^2; how many each degree has; the kernels' sums."""
 MIN_GAIN = np.float32(0.02)
 CALM_DEPARTURES = (0.03, 0.01, 0.0)
@@ -244,7 +244,7 @@ def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F
 
 @film_drift.opencl()
 def _launch(run: Launch) -> None:
-    """Average around the cells, choose a start, fit three rounds; one work-group per round."""
+    """Average around the cells, choose a start, weigh and fit three times; a fit is one group."""
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")
@@ -265,23 +265,27 @@ def _launch(run: Launch) -> None:
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))
-    shares, explained = run.scratch((FIT_SUMS, run.group)), run.scratch((lights,))
-    few = run.scratch((1,), np.int32)
-    clear, still, away, weights = (run.scratch((height, width)) for _ in range(4))
+    shares, counts = run.scratch((FIT_SUMS, run.group)), run.scratch((3,), np.int32)
+    clear, still, weights = (run.scratch((height, width)) for _ in range(3))
+    cells, rows = run.in_lanes(height, width), run.in_row_lanes(height, width)
+
+    def fit(found: DeviceArray, *follow: float) -> None:
+        planes = light, noisy, weights, old, found, shares, counts
+        run.kernel("fit", group, *planes, *sizes, used, share, *follow, local=group)
+
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
-    start = light, noisy, out if before is None else before, ring, old, drift, few
+    start = light, noisy, out if before is None else before, ring, old, drift, counts
     begin = int(before is not None), share, rough + CALM_DEPARTURES[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
     for beyond in CALM_DEPARTURES[:-1]:
-        planes = light, noisy, old, drift, spare, weights, shares, few
-        run.kernel("follow", group, *planes, *sizes, used, share, rough + beyond, local=group)
+        calm = light, noisy, drift, weights
+        run.kernel("weigh_calm", cells, *calm, *sizes, share, rough + beyond)
+        fit(spare, 1.0, 0.0)
         drift, spare = spare, drift
-    judged = light, around, noisy, drift, clear, still
-    cells, lanes = run.in_lanes(height, width), run.in_row_lanes(height, width)
+    judged = light, around, noisy, drift, clear, still, counts
     run.kernel("find_clear", cells, *judged, *sizes, share, rough + CALM_DEPARTURES[-1])
-    run.kernel("find_away", lanes, clear, still, away, height, width)
-    finished = light, noisy, away, old, drift, weights, shares, few, explained, out
-    run.kernel("finish", group, *finished, *sizes, used, share, rate, doubt, local=group)
+    run.kernel("weigh_clear", rows, clear, still, counts, weights, height, width)
+    fit(out, rate, doubt)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:

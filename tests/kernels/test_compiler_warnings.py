@@ -1,9 +1,15 @@
-"""The compiler has nothing to say: PoCL prints its warnings on the user's terminal."""
+"""The compiler has nothing to say: PoCL prints its warnings on the user's terminal.
 
+What it does not say, but gets wrong, the sources keep clear of.
+"""
+
+import re
 from pathlib import Path
 
 import pytest
 
+from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.declare.find_node import builtin_names, find_node
 from tests.conftest import python
 
 SCRIPT = """
@@ -27,3 +33,14 @@ def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
     afresh = {"POCL_CACHE_DIR": tmp_path, "PYOPENCL_NO_CACHE": "1"}
     done = python("-W", "ignore", "-c", SCRIPT, **afresh)
     assert done.stderr == "1 warning generated.\n"
+
+
+NODES = [node for node in map(find_node, builtin_names()) if node.has_kernel]
+STANDS_ALONE = re.compile(r"^static ONCE [^{;]*\{.*?^\}", re.MULTILINE | re.DOTALL)
+
+
+def test_functions_that_stand_alone_know_neither_place_nor_local_memory() -> None:
+    found = {text for node in NODES for text in STANDS_ALONE.findall(kernel_source(node))}
+    assert len(found) > 20
+    wrong = [text for text in found if re.search(r"\bget_\w+_(id|size)\b|__local\b", text)]
+    assert wrong == []

@@ -16,7 +16,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.show import pictures
 from tactograph.nodes.drawing import led_colours
-from tactograph.nodes.drawing.result_pictures import draw_shadow
+from tactograph.nodes.drawing.result_pictures import draw_contact, draw_shadow
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
@@ -223,3 +223,14 @@ def colours_of(picture: np.ndarray) -> set[int]:
     """The colours of at least 2000 pixels of a picture."""
     colours, counts = np.unique(picture @ np.array([1, 256, 65536]), return_counts=True)
     return set(colours[counts >= 2000].tolist())
+
+
+@pytest.mark.parametrize("draw", [draw_shadow, draw_contact])
+def test_a_picture_does_not_show_the_touch_before(tmp_path: Path, draw: Any) -> None:
+    image, one, other = np.ones((4, *SHAPE), np.float32), np.zeros(SHAPE, np.uint8), np.eye(8, 10)
+    for name, numbers in (("first", one), ("between", other.astype(np.uint8)), ("again", one)):
+        draw(numbers, image, tmp_path / f"{name}.png")
+    first, between, again = (
+        (tmp_path / f"{n}.png").read_bytes() for n in ("first", "between", "again")
+    )
+    assert first == again != between
