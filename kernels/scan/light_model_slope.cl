@@ -66,7 +66,8 @@ LANED __kernel void light_model_slope(
     __global const PIXEL *restrict light,
     __global const float *restrict model_quadratic,
     __global const float *restrict model_linear,
-    __global const float *restrict model_view,
+    __global const float *restrict model_u,
+    __global const float *restrict model_v,
     const float model_degree,
     __global const float *restrict model_dark,
     __global const float *restrict model_gain,
@@ -80,8 +81,7 @@ LANED __kernel void light_model_slope(
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, i = row * W + column;
     const floats least = MIN_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
-    const floats u = ((float)column + LANE_NUMBERS - model_view[0]) * model_view[2];
-    const floats v = ((float)row - model_view[1]) * model_view[2];
+    const floats u = load_floats(model_u + column, count), v = model_v[row];
 
     floats image[MAX_LEDS], terms[MAX_LEDS][MODEL_TERMS], powers[MAX_MONOMIALS], p, q;
     for (int k = 0; k < K; ++k) {

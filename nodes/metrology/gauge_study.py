@@ -117,7 +117,7 @@ def _by_trial(
         pixel = read_pixel_size(height=file, mm=pixel_size_mm)
         height = read_height(file=file, crop=crop, unknown=True)
         try:
-            return float(measure_step(height, pixel, along=along, edges=edges)[figure])
+            return float(measure_step(height, pixel, 0 * height, along=along, edges=edges)[figure])
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         except KeyError:

@@ -22,7 +22,6 @@ from tactograph.nodes.metrology.level_plane import (
 from tactograph.nodes.optics.light_model import (
     PIXEL_UNKNOWNS,
     LightModel,
-    positions,
     slope_by_light,
 )
 
@@ -66,8 +65,7 @@ class ScanLevelling:
         cell: int,
     ) -> None:
         self.shape, self.pixel = slope.shape[1:], pixel
-        pixels: F4 = np.indices(self.shape, np.float32)
-        self.place = positions(pixels[1], pixels[0], model.view)
+        self.place = (*np.meshgrid(model.u, model.v),)
         self.by_light = slope_by_light(slope, brightness, model, self.place)
         leds = self.by_light.shape[1]
         light = np.square(residual) * leds / (leds - PIXEL_UNKNOWNS)

@@ -16,7 +16,6 @@ from tactograph.nodes.optics.light_model import (
     coefficients,
     modelled_light,
     monomials,
-    positions,
 )
 from tactograph.nodes.optics.normals import cofactors, times
 
@@ -47,7 +46,7 @@ class ModelSlope(NamedTuple):
 
 
 @node(
-    sizes={"K": SizeLimit(4, 8, "three leave nothing to tell brightness from slope")},
+    sizes={"K": SizeLimit(4, 8, "three tell slopes by balls: calibrate start=MODEL.yaml")},
     tolerance=Flips(
         1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
     ),
@@ -86,9 +85,7 @@ def light_model_slope(
 
     def solve(part: slice) -> None:
         at = np.arange(part.start, part.stop)
-        u, v = positions(
-            (at % columns).astype(np.float32), (at // columns).astype(np.float32), model.view
-        )
+        u, v = model.u[at % columns], model.v[at // columns]
         seen = image[:, part] if gain is None else image[:, part] * gain[:, part]
         out[:, part], shadow[part] = _solution(seen, u, v, model, steps)
 

@@ -91,8 +91,9 @@ def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
 
 def test_a_frame_of_one_cell_has_a_height(tmp_path: Path) -> None:
     write_model(tmp_path / "model.yaml")
-    light = seen(0 * cap()[:8, :10], read_light_model(file=tmp_path / "model.yaml").model)
-    found = load("reconstruct_scan", model=tmp_path / "model.yaml")(frames=light)
+    crop = {"model": tmp_path / "model.yaml", "crop": (0, 0, 10, 8)}
+    model = read_light_model(file=crop["model"], crop=crop["crop"]).model
+    found = load("reconstruct_scan", **crop)(frames=seen(0 * cap()[:8, :10], model))
     assert np.isfinite(found["height"]).all()
 
 

@@ -67,6 +67,7 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("nL: 6", "images: []\nnL: 6", "is a scan; give its folder, or the light model"),
         ("nL: 6", "nL: 2", "has 2 LEDs; a slope needs from 3 to 8"),
         ("    cols: 18", "    cols: 17", "linfit: 54 values in 3 rows of 17"),
         ("    rows: 3", "    rows: 4", "has 4 rows; positions of 1, 3, 6, 10, 15 rows are known"),
