@@ -21,7 +21,7 @@ METRES_PER_MM = 1e-3
 """A millimetre in metres."""
 ERROR_TITLE = "Error"
 """The channel of a .gwy file that holds the standard deviation of the heights."""
-SOFTWARE = "Tactograph"
+SOFTWARE_NAME = "Tactograph"
 """What files of X3P name as their writer, and whose second layer is an error."""
 _KIND_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
 
@@ -40,7 +40,7 @@ def write_x3p(file: Path, height: Height, pixel: float, error: HeightError | Non
     layers = [height] if error is None else [height, error]
     data = METRES_PER_MM * np.stack(layers).astype(np.float64)
     package, side = _package("x3p"), METRES_PER_MM * pixel
-    about = package.Metadata.for_software(SOFTWARE, version("tactograph"))
+    about = package.Metadata.for_software(SOFTWARE_NAME, version("tactograph"))
     package.write(file, data, x_scale=side, y_scale=side, metadata=about)
 
 
@@ -87,7 +87,7 @@ def read_x3p(file: Path) -> MetrologyFile:
     if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
         raise InputError(f"{file}: holds no surface, but a profile or points")
     width, length = _read("x3p", lambda _: layers[0].spacing, file)
-    known = 2 if read.metadata and read.metadata.instrument.model == SOFTWARE else 1
+    known = 2 if read.metadata and read.metadata.instrument.model == SOFTWARE_NAME else 1
     maps = ((np.asarray(one.z) / METRES_PER_MM).astype(np.float32) for one in layers[:known])
     return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *maps)
 

@@ -63,17 +63,18 @@ def read_light_model(
     x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
     if x1 > said.width or y1 > said.height:
         raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} is of {said.width} x {said.height} px")
-    middle, short = (cell - 1) / 2, min(said.width, said.height)
-    places = (
-        ((np.arange(first, last, cell) + middle - (size - 1) / 2) / short).astype(np.float32)
+    u, v = (
+        np.arange(first, last, cell, dtype=np.float32) + (cell - size) / 2
         for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))
     )
+    short = np.float32(min(said.width, said.height))
     degree = max(DEGREE_BY_ROWS[len(said.linear)], DEGREE_BY_ROWS[len(said.quadratic)])
     gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
     model = LightModel(
         _by_term(said.quadratic, said.leds, MODEL_NUMBERS),
         _by_term(said.linear, said.leds, 4)[:, :3],
-        *places,
+        u / short,
+        v / short,
         float(degree),
         np.array(said.black, np.float32),
         gain if gain is None or cell == 1 else coarsen(gain, factor=cell),

@@ -82,7 +82,8 @@ def read_start(
             f"{file}: describes {known[0]} lights of {known[2]} x {known[1]} pixels, but the press "
             f"has {lights_of(image)}"
         )
-    powers = monomials(*np.meshgrid(model.u, model.v), int(model.degree))
+    u, v = np.meshgrid(model.u, model.v)
+    powers = monomials(u, v, int(model.degree))
     level = np.zeros((3, rows, columns), np.float32)
     level[2] = 1
     rest, _ = modelled_light(coefficients(model.quadratic, powers), level)
