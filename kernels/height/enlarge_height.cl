@@ -1,12 +1,13 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "cell_side.clh"
+#include "pixels.clh"
 
 // The height of coarse cells, interpolated linearly between their centres, onto another one if
 // there is one.  A work-item does LANES pixels of a row.
 LANED __kernel void enlarge_height(
     __global const float *restrict height,
-    __global const float *restrict like,
+    __global const PIXEL *restrict like,
     __global const float *restrict onto,
     __global float *restrict out,
     const int h, const int w,

@@ -1,6 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "light_model.clh"
+#include "pixels.clh"
 
 #define MAX_LEDS 8
 #define MAX_TURN_RAD 0.3f
@@ -9,6 +10,7 @@
 #define MIN_LENGTH 1e-20f
 #define MIN_DETERMINANT 1e-12f
 #define MIN_EXPECTED_SHARE 0.2f
+#define MIN_STEP_RAD 1e-3f
 
 // The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule.
 static void linear_slope(
@@ -61,10 +63,11 @@ static ints shaded(
 
 // Slope and brightness of a pixel from all LEDs, by a light model.
 LANED __kernel void light_model_slope(
-    __global const float *restrict light,
+    __global const PIXEL *restrict light,
     __global const float *restrict model_quadratic,
     __global const float *restrict model_linear,
-    __global const float *restrict model_view,
+    __global const float *restrict model_u,
+    __global const float *restrict model_v,
     const float model_degree,
     __global const float *restrict model_dark,
     __global const float *restrict model_gain,
@@ -75,21 +78,14 @@ LANED __kernel void light_model_slope(
     const int K, const int H, const int W,
     const int steps)
 {
-    GRID_LANES(i, count, H * W)
-    const int size = H * W;
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    const int size = H * W, i = row * W + column;
     const floats least = MIN_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
-    float xs[LANES], ys[LANES];
-    for (int l = 0; l < LANES; ++l) {
-        const int at = min(i + l, size - 1);
-        xs[l] = (float)(at % W);
-        ys[l] = (float)(at / W);
-    }
-    const floats u = (LOAD_LANES(xs) - model_view[0]) * model_view[2];
-    const floats v = (LOAD_LANES(ys) - model_view[1]) * model_view[2];
+    const floats u = load_floats(model_u + column, count), v = model_v[row];
 
     floats image[MAX_LEDS], terms[MAX_LEDS][MODEL_TERMS], powers[MAX_MONOMIALS], p, q;
     for (int k = 0; k < K; ++k) {
-        image[k] = load_floats(light + k * size + i, count);
+        image[k] = load_fractions(light + k * size + i, count);
         if (model_gain) image[k] *= load_floats(model_gain + k * size + i, count);
     }
     const int there = monomials(powers, u, v, (int)model_degree);
@@ -99,19 +95,20 @@ LANED __kernel void light_model_slope(
             terms[k][t] = coefficient(model_quadratic + (MODEL_TERMS * k + t) * MAX_MONOMIALS,
                 powers, there);
 
-    floats g = 0.0f;
-    for (int step = 0; step <= steps; ++step) {
+    floats g, m[MAX_LEDS];
+    ints moving = -1;
+    for (int step = 0;; ++step) {
         const floats square = one + p * p + q * q, w = one / sqrt(square), cube = w / square;
         const floats x = -p * w, y = -q * w;
-        const floats xp = p * p * cube - w, yp = p * q * cube, zp = -p * cube;
-        const floats xq = p * q * cube, yq = q * q * cube - w, zq = -q * cube;
-        floats m[MAX_LEDS], jp[MAX_LEDS], jq[MAX_LEDS];
+        const floats xp = p * p * cube - w, xy = p * q * cube, zp = -p * cube;
+        const floats yq = q * q * cube - w, zq = -q * cube;
+        floats jp[MAX_LEDS], jq[MAX_LEDS];
         floats shown = 0.0f, norm = 0.0f, share_p = 0.0f, share_q = 0.0f;
         for (int k = 0; k < K; ++k) {
             floats gx, gy, gz;
             m[k] = modelled_light(terms[k], x, y, w, &gx, &gy, &gz);
-            jp[k] = gx * xp + gy * yp + gz * zp;
-            jq[k] = gx * xq + gy * yq + gz * zq;
+            jp[k] = gx * xp + gy * xy + gz * zp;
+            jq[k] = gx * xy + gy * yq + gz * zq;
             shown += m[k] * image[k];
             norm += m[k] * m[k];
             share_p += m[k] * jp[k];
@@ -119,9 +116,10 @@ LANED __kernel void light_model_slope(
         }
         norm += least;
         g = shown / norm;
+        if (step == steps || !ANY(moving)) break;
         share_p /= norm;
         share_q /= norm;
-        floats a = 0.0f, b = 0.0f, c = 0.0f, s = 0.0f, t = 0.0f, left = 0.0f;
+        floats a = 0.0f, b = 0.0f, c = 0.0f, s = 0.0f, t = 0.0f;
         for (int k = 0; k < K; ++k) {
             const floats by_p = g * (jp[k] - m[k] * share_p), by_q = g * (jq[k] - m[k] * share_q);
             const floats rest = image[k] - g * m[k];
@@ -130,21 +128,24 @@ LANED __kernel void light_model_slope(
             c += by_q * by_q;
             s += by_p * rest;
             t += by_q * rest;
-            left += rest * rest;
-        }
-        if (step == steps) {
-            store_floats(p, slope + i, count);
-            store_floats(q, slope + size + i, count);
-            store_floats(g, brightness + i, count);
-            store_floats(sqrt(left / (float)K), residual + i, count);
-            store_bytes(shaded(image, m, terms, model_dark, g, K), shadow + i, count);
-            return;
         }
         const floats raw = a * c - b * b, determinant = MORE_OF(raw, smallest);
         const floats dp = (c * s - b * t) / determinant, dq = (a * t - b * s) / determinant;
         const floats length_ = sqrt(dp * dp + dq * dq), longest = MAX_TURN_RAD * square;
-        const floats shrink = fmin(one, longest / MORE_OF(length_, smallest));
-        p += dp * shrink;
-        q += dq * shrink;
+        const floats shrink = ANY(length_ > longest)
+            ? LESS_OF(longest / MORE_OF(length_, smallest), one) : one;
+        p += moving ? dp * shrink : 0.0f;
+        q += moving ? dq * shrink : 0.0f;
+        moving = moving && length_ > MIN_STEP_RAD * square;
     }
+    floats left = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const floats rest = image[k] - g * m[k];
+        left += rest * rest;
+    }
+    store_floats(p, slope + i, count);
+    store_floats(q, slope + size + i, count);
+    store_floats(g, brightness + i, count);
+    store_floats(sqrt(left / (float)K), residual + i, count);
+    store_bytes(shaded(image, m, terms, model_dark, g, K), shadow + i, count);
 }

@@ -139,6 +139,8 @@ def read_light_model_file(file: Path) -> LightModelFile:
         If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
     """
     entries = _entries(file)
+    if "images" in entries:
+        raise InputError(f"{file}: is a scan; give its folder, or the light model that it names")
     leds = int(_number(entries.get("nL", 0), f"{file}: nL"))
     if not 3 <= leds <= MAX_LEDS:
         raise InputError(f"{file}: nL: has {leds} LEDs; a slope needs from 3 to {MAX_LEDS}")

@@ -67,10 +67,12 @@ STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 
 class HeightFile(NamedTuple):
-    """A height map H x W in mm; the side of a pixel in mm, or None if the file does not say it."""
+    """A height map H x W in mm; the side of a pixel in mm and the height's standard deviation in
+    mm, None if the file does not say it."""
 
     height: F4
     pixel: float | None = None
+    error: F4 | None = None
 
 
 class Surface(NamedTuple):
@@ -340,6 +342,6 @@ def read_height_file(file: Path) -> HeightFile:
         raise InputError(f"{file}: there is no such file")
     suffix = file.suffix.lower()
     if suffix in METROLOGY_READERS:
-        height, width, length = METROLOGY_READERS[suffix](file)
-        return HeightFile(height, _square(width, length))
+        found = METROLOGY_READERS[suffix](file)
+        return HeightFile(found.height, _square(found.width, found.length), found.error)
     return HEIGHT_READERS.get(suffix, read_npy)(file)

@@ -8,8 +8,9 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,16 +19,29 @@ from tactograph.nodes import F4, Height, HeightError
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""
-GWY_HEIGHT, GWY_ERROR = 0, 1
-"""Channels of a .gwy file."""
+ERROR_TITLE = "Error"
+"""The channel of a .gwy file that holds the standard deviation of the heights."""
+SOFTWARE_NAME = "Tactograph"
+"""What files of X3P name as their writer, and whose second layer is an error."""
 _KIND_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
+
+
+class MetrologyFile(NamedTuple):
+    """Width and length of a pixel in mm; the height, and its standard deviation, H x W in mm."""
+
+    width: float
+    length: float
+    height: F4
+    error: F4 | None = None
 
 
 def write_x3p(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
     """ISO 25178-72: 64-bit floats, NaN where unknown; the error is a second layer."""
     layers = [height] if error is None else [height, error]
     data = METRES_PER_MM * np.stack(layers).astype(np.float64)
-    _package("x3p").write(file, data, x_scale=METRES_PER_MM * pixel, y_scale=METRES_PER_MM * pixel)
+    package, side = _package("x3p"), METRES_PER_MM * pixel
+    about = package.Metadata.for_software(SOFTWARE_NAME, version("tactograph"))
+    package.write(file, data, x_scale=side, y_scale=side, metadata=about)
 
 
 def write_gwy(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
@@ -35,7 +49,7 @@ def write_gwy(file: Path, height: Height, pixel: float, error: HeightError | Non
     gwy = _package("gwy")
     container = gwy.objects.GwyContainer()
     container.filename = file.name
-    for number, title, data in ((GWY_HEIGHT, "Height", height), (GWY_ERROR, "Error", error)):
+    for number, (title, data) in enumerate((("Height", height), (ERROR_TITLE, error))):
         if data is not None:
             known = np.isfinite(data)
             container[f"/{number}/data"] = _field(gwy, np.where(known, data, 0), pixel)
@@ -66,50 +80,51 @@ def write_gsf(file: Path, height: Height, pixel: float, error: HeightError | Non
     _package("gsf").write_gsf(file, (METRES_PER_MM * height).astype(np.float32), about)
 
 
-def read_x3p(file: Path) -> tuple[F4, float, float]:
-    """The height in mm, and the sides of a pixel in mm."""
-    layers = _read("x3p", lambda package: package.read(file).layers, file)
+def read_x3p(file: Path) -> MetrologyFile:
+    """The first layer; the second is its error where this software wrote it."""
+    read = _read("x3p", lambda package: package.read(file), file)
+    layers = read.layers
     if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
         raise InputError(f"{file}: holds no surface, but a profile or points")
     width, length = _read("x3p", lambda _: layers[0].spacing, file)
-    return (
-        (np.asarray(layers[0].z) / METRES_PER_MM).astype(np.float32),
-        width / METRES_PER_MM,
-        length / METRES_PER_MM,
-    )
+    known = 2 if read.metadata and read.metadata.instrument.model == SOFTWARE_NAME else 1
+    maps = ((np.asarray(one.z) / METRES_PER_MM).astype(np.float32) for one in layers[:known])
+    return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *maps)
 
 
-def read_gwy(file: Path) -> tuple[F4, float, float]:
-    """The first channel in mm, and the sides of a pixel in mm."""
+def read_gwy(file: Path) -> MetrologyFile:
+    """The first channel, and the one that is called its error."""
     container = _read("gwy", lambda gwy: gwy.load(str(file)), file)
     channels = _read("gwy", lambda gwy: dict(gwy.util.find_datafields(container)), file)
     if not channels:
         raise InputError(f"{file}: holds no channel of heights")
-    field, mask = container[f"/{min(channels)}/data"], container.get(f"/{min(channels)}/mask")
+    first = min(channels)
+    field = container[f"/{first}/data"]
+    width, length = field.xreal / field.data.shape[1], field.yreal / field.data.shape[0]
+    numbers = first, *(n for n in channels if container.get(f"/{n}/data/title") == ERROR_TITLE)
+    maps = (_known(container, number, file) for number in numbers[:2])
+    return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *maps)
+
+
+def _known(container: Any, number: int, file: Path) -> F4:
+    """A channel in mm, NaN where it is masked."""
+    field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
     if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
         raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
     z = np.array(field.data) / METRES_PER_MM
     if mask is not None:
         z[np.asarray(mask.data) > 0] = np.nan
-    rows, columns = z.shape
-    return (
-        z.astype(np.float32),
-        field.xreal / columns / METRES_PER_MM,
-        field.yreal / rows / METRES_PER_MM,
-    )
+    return z.astype(np.float32)
 
 
-def read_gsf(file: Path) -> tuple[F4, float, float]:
-    """The height in mm, and the sides of a pixel in mm."""
+def read_gsf(file: Path) -> MetrologyFile:
+    """The one field that it holds."""
     data, about = _read("gsf", lambda package: package.read_gsf(file), file)
     if about.get("ZUnits", "m") != "m" or about.get("XYUnits", "m") != "m":
         raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
     width, length = (float(about.get(key, math.nan)) for key in ("XReal", "YReal"))
-    return (
-        (data / METRES_PER_MM).astype(np.float32),
-        width / data.shape[1] / METRES_PER_MM,
-        length / data.shape[0] / METRES_PER_MM,
-    )
+    sides = width / data.shape[1] / METRES_PER_MM, length / data.shape[0] / METRES_PER_MM
+    return MetrologyFile(*sides, (data / METRES_PER_MM).astype(np.float32))
 
 
 def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
@@ -139,7 +154,7 @@ METROLOGY_WRITERS: Mapping[str, Callable[[Path, Height, float, HeightError | Non
     "gwy": write_gwy,
     "gsf": write_gsf,
 }
-METROLOGY_READERS: Mapping[str, Callable[[Path], tuple[F4, float, float]]] = {
+METROLOGY_READERS: Mapping[str, Callable[[Path], MetrologyFile]] = {
     ".x3p": read_x3p,
     ".gwy": read_gwy,
     ".gsf": read_gsf,

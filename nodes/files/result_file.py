@@ -26,6 +26,13 @@ def checksum(file: Path) -> str:
     return f"{zlib.crc32(file.read_bytes()):08x}"
 
 
+def write_result_file(folder: Path, about: dict[str, Any]) -> None:
+    """Write ``result.json``: what is known of a result, its files and a checksum of each."""
+    checksums = {file.name: checksum(file) for file in sorted(folder.iterdir())}
+    named = {"files": sorted([*checksums, RESULT_FILE]), "checksums": checksums}
+    (folder / RESULT_FILE).write_text(json.dumps({**about, **named}, indent=1) + "\n")
+
+
 def refuse_changed(file: Path) -> None:
     """Refuse a file that a result beside it names, if it is not the one that was written with it.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Height, PixelSize
+from tactograph.nodes import F4, Height, Metrics, PixelSize
 
 GAUSSIAN_ALPHA = np.sqrt(np.log(2) / np.pi)
 """Constant of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting
@@ -19,7 +19,14 @@ MAX_FITTED = 100_000
 """Pixels that the form is fitted to; more add nothing."""
 
 
-@node(neutral="height")
+class SLSurface(NamedTuple):
+    """The S-L surface, and what it was filtered by."""
+
+    height: Height
+    metrics: Metrics
+
+
+@node
 def filter_surface(
     height: Height,
     pixel: PixelSize,
@@ -27,7 +34,7 @@ def filter_surface(
     form_degree: Annotated[int, Interval(ge=0, le=8)] = 1,
     s_filter_mm: Annotated[float, Gt(0)] | None = None,
     l_filter_mm: Annotated[float, Gt(0)] | None = None,
-) -> Height:
+) -> SLSurface:
     """Subtract the form, then waves shorter than the S and longer than the L nesting index.
 
     The order is ISO 25178-3's: S-filter, F-operation, L-filter.  The Gaussian is that of ISO
@@ -45,6 +52,11 @@ def filter_surface(
     s_filter_mm, l_filter_mm
         Nesting indices in mm; None: no filter.
 
+    Returns
+    -------
+    SLSurface
+        H x W in mm; ``form_degree``, and ``s_filter_mm`` and ``l_filter_mm`` where there is one.
+
     Raises
     ------
     InputError
@@ -56,9 +68,15 @@ def filter_surface(
             "waves shorter than its index, the L-filter longer ones; give the smaller as "
             "s_filter_mm"
         )
-    smooth = height if s_filter_mm is None else gaussian_mean(height, s_filter_mm / pixel)
-    flat = smooth - form(smooth, form_degree)
-    return flat if l_filter_mm is None else flat - gaussian_mean(flat, l_filter_mm / pixel)
+    metrics: Metrics = {"form_degree": float(form_degree)}
+    if s_filter_mm is not None:
+        metrics["s_filter_mm"] = s_filter_mm
+        height = gaussian_mean(height, s_filter_mm / pixel)
+    flat = height - form(height, form_degree)
+    if l_filter_mm is not None:
+        metrics["l_filter_mm"] = l_filter_mm
+        flat = flat - gaussian_mean(flat, l_filter_mm / pixel)
+    return SLSurface(flat, metrics)
 
 
 def gaussian_mean(height: F4, nesting_px: float) -> F4:

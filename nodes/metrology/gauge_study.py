@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -59,7 +60,19 @@ def gauge_study(
     InputError
         If there are no results, or parts or operators have different numbers of them.
     """
-    values = _by_trial(_files(folder), figure, pixel_size_mm, crop, along, edges)
+
+    def measured(file: Path) -> float:
+        pixel = read_pixel_size(height=file, mm=pixel_size_mm)
+        height = read_height(file=file, crop=crop, unknown=True)
+        try:
+            return float(measure_step(height, pixel, 0 * height, along=along, edges=edges)[figure])
+        except InputError as error:
+            raise InputError(f"{file}: {error}") from None
+        except KeyError:
+            raise InputError(f"{figure}: edges={edges} have no such figure") from None
+
+    files, shape = _files(folder)
+    values = np.array([measured(file) for file in files]).reshape(shape)
     trial, operator, part = _variances(values)
     gauge = trial + operator
     figures = {
@@ -79,51 +92,24 @@ def gauge_study(
     return figures
 
 
-def _files(folder: Path) -> list[list[list[Path]]]:
-    """The heights by part, operator and trial."""
-    depth = max((len(f.relative_to(folder).parts) for f in folder.rglob(HEIGHT_FILE)), default=0)
-    if depth not in (3, 4):
+def _files(folder: Path) -> tuple[list[Path], tuple[int, int, int]]:
+    """The heights by part, operator and trial, and how many there are of each."""
+    files = sorted(folder.rglob(HEIGHT_FILE))
+    places = [file.relative_to(folder).parts for file in files]
+    if {len(place) for place in places} not in ({3}, {4}):
         raise InputError(
             f"{folder}: holds no PART/TRIAL/{HEIGHT_FILE}, nor PART/OPERATOR/TRIAL/{HEIGHT_FILE}"
         )
-    pattern = f"*/{HEIGHT_FILE}"
-    parts = sorted(part for part in folder.iterdir() if part.is_dir())
-    operators = [sorted(p for p in part.iterdir() if p.is_dir()) for part in parts]
-    files = (
-        [[sorted(part.glob(pattern))] for part in parts]
-        if depth == 3
-        else [[sorted(one.glob(pattern)) for one in several] for several in operators]
-    )
-    counts = {len(several) for several in files}, {len(t) for several in files for t in several}
-    if any(len(count) > 1 for count in counts) or min(counts[1]) < 2:
+    trials = Counter(place[:-2] for place in places)
+    parts, operators = {place[0] for place in places}, {place[1:-2] for place in places}
+    shape = len(parts), len(operators), min(trials.values())
+    if np.prod(shape) < len(files) or len(trials) < shape[0] * shape[1] or shape[2] < 2:
         raise InputError(
             f"{folder}: a study has the same number of trials, two or more, of every part by every "
-            f"operator; here are {sorted(counts[1])} trials by {sorted(counts[0])} operators"
+            f"operator; here are {sorted({*trials.values()})} trials of {len(parts)} parts by "
+            f"{len(operators)} operators"
         )
-    return files
-
-
-def _by_trial(
-    files: list[list[list[Path]]],
-    figure: str,
-    pixel_size_mm: float | None,
-    crop: Crop | None,
-    along: Literal["x", "y"],
-    edges: int,
-) -> NDArray[np.float64]:
-    """The figure of every result: parts x operators x trials."""
-
-    def measured(file: Path) -> float:
-        pixel = read_pixel_size(height=file, mm=pixel_size_mm)
-        height = read_height(file=file, crop=crop, unknown=True)
-        try:
-            return float(measure_step(height, pixel, along=along, edges=edges)[figure])
-        except InputError as error:
-            raise InputError(f"{file}: {error}") from None
-        except KeyError:
-            raise InputError(f"{figure}: edges={edges} have no such figure") from None
-
-    return np.array([[[measured(file) for file in t] for t in several] for several in files])
+    return files, shape
 
 
 def _variances(values: NDArray[np.float64]) -> tuple[float, float, float]:

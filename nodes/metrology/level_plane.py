@@ -17,7 +17,7 @@ FIT_ROUNDS = 30
 ROBUST_WIDTH = 2.0
 """Residual, over the median of all, from which a pixel counts less (Cauchy's weight)."""
 MIN_SPREAD = 1e-6
-"""Median residual in mm below which all counts alike."""
+"""Smallest residual in mm from which on a pixel counts less, and smallest change of a plane."""
 REST_BORDER_SHARE = 0.02
 """Share of the shorter side that is at rest around the frame, where film at rest is named."""
 
@@ -91,16 +91,16 @@ def plane_terms(rows: int, columns: int) -> tuple[F8, F8, F8]:
     return np.ones((1, 1)), x[None], y[:, None]
 
 
-def plane_weights(terms: F8, z: F8) -> F8:
-    """Weights of N heights for the plane that most of them agree on; terms N x 3."""
-    weights = np.ones_like(z)
+def plane_weights(terms: F8, z: F8, least: float = MIN_SPREAD) -> F8:
+    """Weights of N heights, or N x C values, for the planes that most agree on; terms N x 3.
+
+    Residuals count as if their median were no smaller than half of `least`.
+    """
+    weights = np.ones(len(terms))
     plane = weighted_plane(terms, z, weights)
     for _ in range(FIT_ROUNDS):
-        rest = np.abs(z - terms @ plane)
-        scale = ROBUST_WIDTH * np.median(rest)
-        if scale < MIN_SPREAD:
-            break
-        weights = 1 / (1 + (rest / scale) ** 2)
+        rest = np.linalg.norm((z - terms @ plane).reshape(len(terms), -1), axis=1)
+        weights = 1 / (1 + (rest / max(ROBUST_WIDTH * float(np.median(rest)), least)) ** 2)
         before, plane = plane, weighted_plane(terms, z, weights)
         if np.abs(plane - before).max() < MIN_SPREAD:
             break
@@ -108,6 +108,6 @@ def plane_weights(terms: F8, z: F8) -> F8:
 
 
 def weighted_plane(terms: F8, z: F8, weights: F8) -> F8:
-    """The plane of weighted least squares."""
+    """The plane of weighted least squares, 3; or 3 x C, of N x C values."""
     weighted = terms * weights[:, None]
     return np.asarray(np.linalg.pinv(weighted.T @ terms) @ (weighted.T @ z), np.float64)

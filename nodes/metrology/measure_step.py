@@ -74,6 +74,7 @@ def measure_step(
         mm per px.
     error
         Standard deviation of the height in mm; then the uncertainty holds that of both levels.
+        Without it a warning says so.
     along
         Axis of the profiles: they cross the groove.
     edges
@@ -99,6 +100,11 @@ def measure_step(
         If too few profiles show such edges.
     """
     profiles = step_profiles(height, pixel, error, along, edges, smooth_px)
+    if error is None:
+        warn(
+            "the height states no error: step_uncertainty_um is of the profiles' spread alone, and "
+            "profiles share their error; precise, precise_filled and reconstruct_scan state one"
+        )
     depths = 1e3 * np.array([profile.depth for profile in profiles])
     spread = float(np.std(depths, ddof=1))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))

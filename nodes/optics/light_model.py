@@ -32,19 +32,15 @@ class LightModel(NamedTuple):
     """Coefficients by LED, term and monomial."""
     linear: Annotated[F4, Port("K 3 15", "1", low=-0.5, high=0.5)]
     """The same of L_k in m_k = L_k.n, from which the search for a normal starts."""
-    view: Annotated[F4, Port("3", "px", high=0.02)]
-    """x and y of the frame's middle, and one over its shorter side."""
+    u: Annotated[F4, Port("W", "1", low=-0.7, high=0.7)]
+    v: Annotated[F4, Port("H", "1", low=-0.7, high=0.7)]
+    """Positions of the columns and the rows."""
     degree: Annotated[float, Port(unit="1", high=4)]
     """Largest degree of the monomials; coefficients of higher ones are 0."""
     dark: Annotated[F4, Port("K", "1", high=0.2)]
     """Light in the shadow of an LED, which the gel diffuses; it only tells shadows."""
     gain: Light | None
     """Factor on the light, K x H x W: the sensor's own flat-field correction."""
-
-
-def positions(x: F4, y: F4, view: F4) -> tuple[F4, F4]:
-    """The position (u, v) of pixels."""
-    return (x - view[0]) * view[2], (y - view[1]) * view[2]
 
 
 def monomials(u: F4, v: F4, degree: int) -> F4:

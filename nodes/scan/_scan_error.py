@@ -18,9 +18,10 @@ CHI_MEDIAN = 0.789
 """Median over mean of a sum of three squares."""
 MAX_SLOPE_ERROR = np.float32(3)
 """Largest error of a slope."""
-NOISE_STEEPENING = np.float32(3)
+NOISE_STEEPENING = np.float32(2)
 """Error of slopes that are steepened by noise, over the variances of p and q of a pixel and the
-slope: 0.4 to 1.6 on walls of 30 degrees by the models of five sensors, twice that at a groove."""
+slope: 0.4 to 1.6 on walls of 30 degrees by the models of five sensors; on the walls of 18 grooves
+by three of them 1.4 to 2.8."""
 NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 

@@ -22,7 +22,6 @@ from tactograph.nodes.metrology.level_plane import (
 from tactograph.nodes.optics.light_model import (
     PIXEL_UNKNOWNS,
     LightModel,
-    positions,
     slope_by_light,
 )
 
@@ -33,7 +32,6 @@ MIN_EXTENT_SHARE = 0.5
 """Share of the frame's width and height over which film must be known as level to tell a drift."""
 MIN_SLOPE_DEVIATION = 0.02
 """Smallest standard deviation of a slope by a light model."""
-DRIFT_ROUNDS = 30
 MIN_DEVIATION = 1e-3
 """Smallest deviation of a slope from the others' drift, from which on it counts less."""
 
@@ -66,8 +64,7 @@ class ScanLevelling:
         cell: int,
     ) -> None:
         self.shape, self.pixel = slope.shape[1:], pixel
-        pixels: F4 = np.indices(self.shape, np.float32)
-        self.place = positions(pixels[1], pixels[0], model.view)
+        self.place = (*np.meshgrid(model.u, model.v),)
         self.by_light = slope_by_light(slope, brightness, model, self.place)
         leds = self.by_light.shape[1]
         light = np.square(residual) * leds / (leds - PIXEL_UNKNOWNS)
@@ -101,22 +98,18 @@ class ScanLevelling:
         """What the slopes of level film are, 2 x (middle, change from left to right, down)."""
         if self._drifting is None:
             return np.zeros((2, 3))
-        rows, weights = self.terms.reshape(3, -1).T, self._drifting.ravel()
-        return np.stack([weighted_plane(rows, each.ravel(), weights) for each in slope])
+        rows, slopes = self.terms.reshape(3, -1).T, slope.reshape(2, -1).T.astype(float)
+        return weighted_plane(rows, slopes, self._drifting.ravel()).T
 
     def _drift_weights(self, slope: F4) -> F8 | None:
         """Weights of level film, whose slopes agree on a drift; None if it shows too little."""
-        known = np.ones(self.shape) if self._marked is None else self._marked.astype(float)
-        if self._marked is not None and not _is_wide(self._marked):
+        known = np.ones(self.shape, bool) if self._marked is None else self._marked
+        if not _is_wide(known):
             return None
-        self._drifting = known
-        for _ in range(DRIFT_ROUNDS):
-            off = np.hypot(*(slope - np.tensordot(self._drift(slope), self.terms, 1)))
-            scale = max(2 * float(np.median(off[known > 0])), MIN_DEVIATION)
-            before, self._drifting = self._drifting, known / (1 + np.square(off / scale))
-            if np.abs(self._drifting - before).max() < MIN_DEVIATION:
-                break
-        return self._drifting
+        weights = np.zeros(self.shape)
+        slopes = slope[:, known].T.astype(float)
+        weights[known] = plane_weights(self.terms[:, known].T, slopes, MIN_DEVIATION)
+        return weights
 
 
 def _is_wide(marked: NDArray[np.bool_]) -> bool:

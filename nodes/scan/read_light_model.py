@@ -60,15 +60,21 @@ def read_light_model(
         If a file is missing, is no light model, or is damaged.
     """
     said = read_light_model_file(find_light_model(file) if is_scan(file) else file)
-    x0, y0 = crop[:2] if crop else (0, 0)
-    x, y = ((n - cell) / 2 - n0 for n, n0 in ((said.width, x0), (said.height, y0)))
-    view = x / cell, y / cell, cell / min(said.width, said.height)
+    x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
+    if x1 > said.width or y1 > said.height:
+        raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} is of {said.width} x {said.height} px")
+    u, v = (
+        np.arange(first, last, cell, dtype=np.float32) + (cell - size) / 2
+        for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))
+    )
+    short = np.float32(min(said.width, said.height))
     degree = max(DEGREE_BY_ROWS[len(said.linear)], DEGREE_BY_ROWS[len(said.quadratic)])
     gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
     model = LightModel(
         _by_term(said.quadratic, said.leds, MODEL_NUMBERS),
         _by_term(said.linear, said.leds, 4)[:, :3],
-        np.array(view, np.float32),
+        u / short,
+        v / short,
         float(degree),
         np.array(said.black, np.float32),
         gain if gain is None or cell == 1 else coarsen(gain, factor=cell),

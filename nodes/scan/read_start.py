@@ -9,7 +9,6 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light, Metrics, PixelSize
-from tactograph.nodes.files.gelsight_scan import read_light_model_file
 from tactograph.nodes.files.image_files import Crop, lights_of
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import (
@@ -17,7 +16,6 @@ from tactograph.nodes.optics.light_model import (
     coefficients,
     modelled_light,
     monomials,
-    positions,
 )
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.judge_untouched import judge_untouched
@@ -78,15 +76,14 @@ def read_start(
         return Start({}, pixel_size=stated)
     model, of_model = read_light_model(file=file, crop=crop)
     leds, rows, columns = image.shape
-    said = read_light_model_file(file)
-    x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
-    if (said.leds, y1 - y0, x1 - x0) != image.shape:
+    known = len(model.linear), len(model.v), len(model.u)
+    if known != image.shape:
         raise InputError(
-            f"{file}: describes {said.leds} lights of {said.width} x {said.height} pixels, but the "
-            f"press has {lights_of(image)}"
+            f"{file}: describes {known[0]} lights of {known[2]} x {known[1]} pixels, but the press "
+            f"has {lights_of(image)}"
         )
-    y, x = np.indices((rows, columns), np.float32)
-    powers = monomials(*positions(x, y, model.view), int(model.degree))
+    u, v = np.meshgrid(model.u, model.v)
+    powers = monomials(u, v, int(model.degree))
     level = np.zeros((3, rows, columns), np.float32)
     level[2] = 1
     rest, _ = modelled_light(coefficients(model.quadratic, powers), level)

@@ -9,9 +9,10 @@ from annotated_types import MinLen
 
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Height, HeightError, Lens, PixelSize, Vergence
+from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
 from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_mesh
 from tactograph.nodes.files.metrology_files import METROLOGY_WRITERS
+from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 
 
 @node
@@ -22,6 +23,7 @@ def export_height(
     lens: Lens | None = None,
     camera: Vergence | None = None,
     error: HeightError | None = None,
+    metrics: Metrics | None = None,
     *,
     folder: Path,
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
@@ -43,6 +45,8 @@ def export_height(
     error
         H x W in mm, the height's standard deviation; a second layer in "x3p", a second channel
         in "gwy".
+    metrics
+        Figures of how the height was made, which ``result.json`` then states, with its pixel size.
     folder
         Created if needed.
     formats
@@ -62,7 +66,8 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
-    with atomic_files(folder / name if name else folder) as target:
+    place = folder / name if name else folder
+    with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
             if extension in MESH_WRITERS:
@@ -71,3 +76,6 @@ def export_height(
                 METROLOGY_WRITERS[extension](file, height, pixel, error)
             else:
                 HEIGHT_WRITERS[extension](file, height, pixel)
+        if metrics is not None:
+            about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics}
+            write_result_file(target, about)

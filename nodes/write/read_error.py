@@ -6,15 +6,18 @@ from pathlib import Path
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import HeightError
+from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.write.read_height import read_height
+from tactograph.nodes.write.read_height import checked_heights
 
 ERROR_FILE = "error.npy"
 
 
 @node
 def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
-    """Read ``error.npy`` beside a height, in mm; None where a result states no error.
+    """Read what a height's file states as its error in mm, else ``error.npy`` beside it.
+
+    None where neither states one.
 
     Parameters
     ----------
@@ -28,10 +31,13 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
     InputError
         If it is damaged, or negative.
     """
-    file = height.parent / ERROR_FILE
-    if not file.is_file():
-        return None
-    error = read_height(file=file, crop=crop, unknown=True)
+    file, stated = height, read_height_file(height).error
+    if stated is None:
+        file = height.parent / ERROR_FILE
+        if not file.is_file():
+            return None
+        stated = read_height_file(file).height
+    error = checked_heights(stated, file, crop, unknown=True)
     if (error < 0).any():
         raise InputError(f"{file}: a standard deviation cannot be negative")
     return error

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Height
+from tactograph.nodes import F4, Height
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop, check_heights
 
@@ -35,7 +35,11 @@ def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) 
         infinite heights or nothing but NaN, if it holds NaN without `unknown`, or if the crop
         exceeds it.
     """
-    height = read_height_file(file).height
+    return checked_heights(read_height_file(file).height, file, crop, unknown)
+
+
+def checked_heights(height: F4, file: Path, crop: Crop | None, unknown: bool) -> F4:
+    """The part of a height map, or of its error, that is asked for."""
     check_heights(height, file, unknown=unknown)
     if crop is None:
         return height

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -14,7 +13,7 @@ from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Mask, Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.result_file import RESULT_FILE, checksum, read_result
+from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
@@ -96,18 +95,15 @@ def write_result(
             write_mesh(file, touch.height, touch.pixel, touch.lens, camera)
         if pictures:
             _draw(touch, target)
-        checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
         about = {
             **provenance.as_dict(),
             "capture": touch.name,
             "grid": grid,
             "pixel_size_mm": float(touch.pixel),
             "pixel_sides_mm": pixel_sides(touch.lens, float(touch.pixel)),
-            "files": sorted([*checksums, RESULT_FILE]),
-            "checksums": checksums,
             "metrics": {**(metrics or {}), **(touch.metrics or {})},
         }
-        (target / RESULT_FILE).write_text(json.dumps(about, indent=1) + "\n")
+        write_result_file(target, about)
 
 
 def _warn_of_three_lights(touch: Touch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,10 @@ _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, flat=DIR",
 )
+_VENDORS_FLAT = (
+    "level film by the light model of start=",
+    "is it this sensor's, with the same exposure? Else give the untouched film, flat=DIR",
+)
 """The other frame of the comparison, and the advice."""
 
 
@@ -48,6 +53,9 @@ def rate_exposure(
     circle: BallCircles,
     of: BallPress,
     names: list[str],
+    *,
+    start: Path | None = None,
+    folder: Path | None = None,
 ) -> ExposureRating:
     """Return the difference of the presses' untouched film from the flat frame; doubt it.
 
@@ -68,6 +76,8 @@ def rate_exposure(
         press, B.
     names
         The presses' names.
+    start, folder
+        The light model that gives the film at rest where there is no capture of it, and this.
 
     Returns
     -------
@@ -81,7 +91,9 @@ def rate_exposure(
         If there is no film beside a ball.
     """
     presses = cut(light, flat.shape[1])
-    compared, cure = _TAKEN_FLAT if not is_uniform(taken) else _MODELLED_FLAT
+    compared, cure = _MODELLED_FLAT if is_uniform(taken) else _TAKEN_FLAT
+    if start is not None and folder is None:
+        compared, cure = _VENDORS_FLAT
     worst, doubts = 0.0, []
     for number, press in enumerate(presses):
         # A single press has no name.

@@ -1,5 +1,8 @@
 """Waves of known length behind the filters of ISO 25178-3."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,8 @@ from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.metrology.filter_surface import filter_surface, form
 from tactograph.nodes.metrology.level_plane import level_plane
+from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 PIXEL = 0.01
 
@@ -23,13 +28,26 @@ def amplitude(z: F4) -> float:
 
 def test_a_wave_as_long_as_the_nesting_index_is_halved() -> None:
     z = wave(0.5)
-    assert amplitude(filter_surface(z, PIXEL, s_filter_mm=0.5)) == pytest.approx(0.5, abs=0.01)
-    assert amplitude(filter_surface(z, PIXEL, l_filter_mm=0.5)) == pytest.approx(0.5, abs=0.01)
+    assert amplitude(filter_surface(z, PIXEL, s_filter_mm=0.5).height) == pytest.approx(
+        0.5, abs=0.01
+    )
+    assert amplitude(filter_surface(z, PIXEL, l_filter_mm=0.5).height) == pytest.approx(
+        0.5, abs=0.01
+    )
+
+
+def test_the_nesting_indices_stand_in_the_result(tmp_path: Path) -> None:
+    found = filter_surface(wave(0.5), PIXEL, s_filter_mm=0.1, l_filter_mm=2.0)
+    metrics = found.metrics
+    export_height(found.height, PIXEL, metrics=metrics, folder=tmp_path, formats=("npy",))
+    said = json.loads((tmp_path / "result.json").read_text())
+    assert said["metrics"] == {"form_degree": 1, "s_filter_mm": 0.1, "l_filter_mm": 2}
+    assert read_pixel_size(height=tmp_path / "height.npy") == PIXEL
 
 
 def test_shorter_and_longer_waves_pass_or_vanish() -> None:
-    assert amplitude(filter_surface(wave(0.1), PIXEL, s_filter_mm=0.5)) < 0.01
-    assert amplitude(filter_surface(wave(0.1), PIXEL, l_filter_mm=0.5)) > 0.99
+    assert amplitude(filter_surface(wave(0.1), PIXEL, s_filter_mm=0.5).height) < 0.01
+    assert amplitude(filter_surface(wave(0.1), PIXEL, l_filter_mm=0.5).height) > 0.99
 
 
 def test_a_ball_is_a_form_of_degree_two() -> None:
@@ -42,7 +60,7 @@ def test_a_ball_is_a_form_of_degree_two() -> None:
 def test_unknown_film_stays_unknown_and_spoils_nothing() -> None:
     z = wave(1.0)
     z[150, 200] = np.nan
-    filtered = filter_surface(z, PIXEL, form_degree=0, s_filter_mm=0.1)
+    filtered = filter_surface(z, PIXEL, form_degree=0, s_filter_mm=0.1).height
     assert np.isnan(filtered).sum() == 1
     assert amplitude(np.nan_to_num(filtered)) == pytest.approx(1, abs=0.02)
 

@@ -11,7 +11,6 @@ from tactograph.nodes.optics.light_model import (
     coefficients,
     modelled_light,
     monomials,
-    positions,
 )
 
 LEDS, WIDTH, HEIGHT, PIXEL = 6, 96, 64, 0.02
@@ -90,8 +89,7 @@ def seen(height: F4, model: LightModel, pixel: float = PIXEL) -> Light:
     """The images of a height by the model, the flat field not yet corrected."""
     q, p = np.gradient(height.astype(float) / pixel)
     w = 1 / np.sqrt(1 + p * p + q * q)
-    y, x = np.indices(height.shape, np.float32)
-    powers = monomials(*positions(x, y, model.view), int(model.degree))
+    powers = monomials(*np.meshgrid(model.u, model.v), int(model.degree))
     light, _ = modelled_light(coefficients(model.quadratic, powers), np.stack([-p * w, -q * w, w]))
     return np.float32(light if model.gain is None else light / model.gain)
 

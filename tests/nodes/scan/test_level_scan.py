@@ -11,47 +11,42 @@ from tactograph.graph import load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
-from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen, write_model
+from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen
 
 
-def states(folder: Path, noise: float, wrong: float, seed: int) -> tuple[F4, F4]:
+def states(file: Path, noise: float, wrong: float, seed: int) -> tuple[F4, F4]:
     """The error of the height of a cap, and what is stated; LEDs wrong each in its own way."""
-    write_model(folder / "model.yaml")
     z = cap(radius=0.9, depth=0.06)
-    light = seen(z, read_light_model(file=folder / "model.yaml").model)
+    light = seen(z, read_light_model(file=file).model)
     rng = np.random.default_rng(seed)
     light *= 1 + rng.normal(0, noise, light.shape)
     light *= 1 + rng.normal(0, wrong, (len(light), 1, 1))
-    found = load(
-        "reconstruct_scan", model=folder / "model.yaml", backend="numpy", level="rest", cell_px=4
-    )(frames=light.astype(np.float32))
+    scan = load("reconstruct_scan", model=file, backend="numpy", level="rest", cell_px=4)
+    found = scan(frames=light.astype(np.float32))
     off = found["height"] - z
     return off - off[0].mean(), found["error"]
 
 
-def test_noise_stays_in_its_band(tmp_path: Path) -> None:
-    found = [states(tmp_path, 0.01, 0.0, seed) for seed in range(8)]
+def test_noise_stays_in_its_band(model_file: Path) -> None:
+    found = [states(model_file, 0.01, 0.0, seed) for seed in range(8)]
     inside = [(np.abs(off) < BAND_DEVIATIONS * error).mean() for off, error in found]
     assert 0.8 < np.mean(inside) < 0.98
 
 
-def test_light_that_no_slope_explains_widens_the_error(tmp_path: Path) -> None:
-    right, wrong = (states(tmp_path, 0.01, by, 3)[1] for by in (0.0, 0.03))
+def test_light_that_no_slope_explains_widens_the_error(model_file: Path) -> None:
+    right, wrong = (states(model_file, 0.01, by, 3)[1] for by in (0.0, 0.03))
     assert np.median(wrong) > 3 * np.median(right)
 
 
-def test_twice_the_noise_is_twice_the_error(tmp_path: Path) -> None:
-    once, twice = (np.median(states(tmp_path, noise, 0.0, 5)[1]) for noise in (0.01, 0.02))
+def test_twice_the_noise_is_twice_the_error(model_file: Path) -> None:
+    once, twice = (np.median(states(model_file, noise, 0.0, 5)[1]) for noise in (0.01, 0.02))
     assert twice / once == pytest.approx(2, rel=0.3)
 
 
-def levelled(folder: Path, z: F4, level: str = "flat") -> tuple[F4, list[str]]:
+def levelled(file: Path, z: F4, level: str = "flat") -> tuple[F4, list[str]]:
     """The height of a surface, less its own, and what is told."""
-    write_model(folder / "model.yaml")
-    light = seen(z, read_light_model(file=folder / "model.yaml").model)
-    found = load("reconstruct_scan", model=folder / "model.yaml", level=level, cell_px=4)(
-        frames=light
-    )
+    light = seen(z, read_light_model(file=file).model)
+    found = load("reconstruct_scan", model=file, level=level, cell_px=4)(frames=light)
     off = found["height"] - z
     return off - np.median(off), found.warnings
 
@@ -62,42 +57,42 @@ def bowed(slope: float) -> F4:
     return np.tile(-slope / (2 * PIXEL * WIDTH) * x * x, (HEIGHT, 1)).astype(np.float32)
 
 
-def test_a_bow_of_flat_film_is_taken_for_the_models_and_told(tmp_path: Path) -> None:
+def test_a_bow_of_flat_film_is_taken_for_the_models_and_told(model_file: Path) -> None:
     press, bow = cap(radius=0.9, depth=0.06), bowed(0.08)
-    off, told = levelled(tmp_path, press + bow)
+    off, told = levelled(model_file, press + bow)
     assert np.ptp(off + bow - np.median(off + bow)) < 0.3 * np.ptp(bow)
     assert any("level=plane leaves it" in warning for warning in told)
-    kept, told = levelled(tmp_path, press + bow, "plane")
+    kept, told = levelled(model_file, press + bow, "plane")
     assert np.ptp(kept) < 0.3 * np.ptp(bow)
     assert not told
 
 
-def test_a_surface_that_bends_much_is_no_flat_film(tmp_path: Path) -> None:
-    off, told = levelled(tmp_path, bowed(0.4))
+def test_a_surface_that_bends_much_is_no_flat_film(model_file: Path) -> None:
+    off, told = levelled(model_file, bowed(0.4))
     assert np.ptp(off) < 0.05 * np.ptp(bowed(0.4))
     assert any("too much for flat film" in warning for warning in told)
 
 
 @pytest.mark.parametrize(("columns", "taken"), [(WIDTH, True), (WIDTH // 4, False)])
 def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
-    tmp_path: Path, columns: int, taken: bool
+    tmp_path: Path, model_file: Path, columns: int, taken: bool
 ) -> None:
     bow, mask = bowed(0.08), np.zeros((HEIGHT, WIDTH), np.uint8)
     mask[:, :columns] = 255
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
-    off, _ = levelled(tmp_path, bow, str(tmp_path / "mask.png"))
+    off, _ = levelled(model_file, bow, str(tmp_path / "mask.png"))
     assert bool(np.ptp(off + bow) < 0.1 * np.ptp(bow)) == taken
 
 
-def test_a_frame_of_one_cell_has_a_height(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml")
-    light = seen(0 * cap()[:8, :10], read_light_model(file=tmp_path / "model.yaml").model)
-    found = load("reconstruct_scan", model=tmp_path / "model.yaml")(frames=light)
+def test_a_frame_of_one_cell_has_a_height(model_file: Path) -> None:
+    crop = {"model": model_file, "crop": (0, 0, 10, 8)}
+    model = read_light_model(file=crop["model"], crop=crop["crop"]).model
+    found = load("reconstruct_scan", **crop)(frames=seen(0 * cap()[:8, :10], model))
     assert np.isfinite(found["height"]).all()
 
 
 @pytest.mark.slow
-def test_film_between_balls_is_flat_by_the_sensors_own_model(tmp_path: Path) -> None:
+def test_film_between_balls_is_flat_by_the_sensors_own_model() -> None:
     """A grid of steel balls on flat film; by a plane alone, film between them bows by 25 um."""
     grids, file = real_data("gelsight_six_led"), "oem/demo-calibration.yaml"
     (found,) = load(

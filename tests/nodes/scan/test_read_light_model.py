@@ -19,11 +19,14 @@ from tests.nodes.scan.scans import (
     LEDS,
     PIXEL,
     WIDTH,
-    cap,
-    seen,
     write_model,
     write_scan,
 )
+
+
+def even_scan(folder: Path, calib: str = "") -> Path:
+    write_scan(folder / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32), calib)
+    return folder / "scan"
 
 
 def test_a_model_is_read_slips_of_its_writer_included(tmp_path: Path) -> None:
@@ -35,11 +38,9 @@ def test_a_model_is_read_slips_of_its_writer_included(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.model.gain, np.full((LEDS, HEIGHT, WIDTH), GAIN), rtol=1e-4)
 
 
-def test_a_scan_names_its_model_with_a_path_of_another_computer(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml")
-    model = read_light_model(file=tmp_path / "model.yaml").model
-    write_scan(tmp_path / "scan", seen(cap(), model), calib="C:\\data\\model.yaml")
-    assert read_light_model(file=tmp_path / "scan").pixel_size == PIXEL
+def test_a_scan_names_its_model_with_a_path_of_another_computer(model_file: Path) -> None:
+    scan = even_scan(model_file.parent, "C:\\data\\model.yaml")
+    assert read_light_model(file=scan).pixel_size == PIXEL
 
 
 def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
@@ -52,8 +53,7 @@ def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
 
 
 def test_marked_balls_are_read(tmp_path: Path) -> None:
-    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
-    (circle,) = read_scan(tmp_path / "scan").circles
+    (circle,) = read_scan(even_scan(tmp_path)).circles
     assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
 
 
@@ -67,6 +67,7 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("nL: 6", "images: []\nnL: 6", "is a scan; give its folder, or the light model"),
         ("nL: 6", "nL: 2", "has 2 LEDs; a slope needs from 3 to 8"),
         ("    cols: 18", "    cols: 17", "linfit: 54 values in 3 rows of 17"),
         ("    rows: 3", "    rows: 4", "has 4 rows; positions of 1, 3, 6, 10, 15 rows are known"),
@@ -75,25 +76,20 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
         ("width: 96", "width: wide", "width: 'wide' is not a number"),
     ],
 )
-def test_a_damaged_model_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    file = tmp_path / "model.yaml"
-    write_model(file)
-    file.write_text(file.read_text().replace(old, new, 1))
+def test_a_damaged_model_is_refused(model_file: Path, old: str, new: str, message: str) -> None:
+    model_file.write_text(model_file.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
-        read_light_model(file=file)
+        read_light_model(file=model_file)
 
 
 def test_a_scan_without_its_model_says_what_to_give(tmp_path: Path) -> None:
-    write_scan(
-        tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32), calib="gone.yaml"
-    )
+    even_scan(tmp_path, "gone.yaml")
     with pytest.raises(InputError, match=r"light model gone.yaml is not there; give it as model="):
         read_light_model(file=tmp_path / "scan")
 
 
 def test_images_outside_the_scan_are_refused(tmp_path: Path) -> None:
-    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
-    file = tmp_path / "scan" / "scan.yaml"
+    file = even_scan(tmp_path) / "scan.yaml"
     file.write_text(file.read_text().replace("image07.png", "../image07.png"))
     with pytest.raises(InputError, match="must be the name of a file beside"):
         list(read_capture(folder=tmp_path / "scan"))
@@ -136,8 +132,7 @@ def test_a_scan_file_that_cannot_be_meant_is_refused(
 def test_a_scan_says_how_large_its_balls_are(
     tmp_path: Path, target: str, mark: int, message: str
 ) -> None:
-    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
-    file = tmp_path / "scan" / "scan.yaml"
+    file = even_scan(tmp_path) / "scan.yaml"
     file.write_text(file.read_text().replace("r: 9", f"r: {mark}") + target)
     told: list[str] = []
     try:

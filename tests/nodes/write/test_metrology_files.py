@@ -9,6 +9,7 @@ from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.write.read_error import read_error
 
 PIXEL = 0.05
 pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]
@@ -38,6 +39,8 @@ def test_x3pio_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> N
     layers = x3pio.read(tmp_path / "height.x3p").layers
     np.testing.assert_allclose(layers[0].z, 1e-3 * height, rtol=1e-6)
     np.testing.assert_allclose(layers[1].z, 1e-4 * abs(height), rtol=1e-5)
+    found = read_error(height=tmp_path / "height.x3p")
+    np.testing.assert_allclose(found, 0.1 * abs(height), rtol=1e-5)
     assert layers[0].spacing == pytest.approx((5e-5, 5e-5))
 
 
@@ -49,6 +52,8 @@ def test_gwyfile_reads_height_and_error_in_metres(tmp_path: Path, height: F4) ->
     fields = gwyfile.util.get_datafields(gwyfile.load(str(tmp_path / "height.gwy")))
     np.testing.assert_allclose(fields["Height"].data, 1e-3 * known, rtol=1e-6)
     np.testing.assert_allclose(fields["Error"].data, 1e-4 * abs(known), rtol=1e-5)
+    found = read_error(height=tmp_path / "height.gwy")
+    np.testing.assert_allclose(found, 0.1 * abs(known), rtol=1e-5)
     assert fields["Height"].xreal == pytest.approx(21 * 5e-5)
 
 

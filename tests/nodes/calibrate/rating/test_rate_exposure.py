@@ -1,5 +1,7 @@
 """A flat frame under other light than the presses is told before it bends every height."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,8 @@ def test_where_no_flat_frame_was_given_none_is_blamed() -> None:
     _, said = rated(press(1.25), taken=np.ones_like(FLAT))
     assert "brighter than a plain film under the LEDs that were found" in said
     assert said.endswith("as no flat frame was given: give one, flat=DIR")
+    model = rate_exposure(press(1.25), FLAT, TAKEN, CIRCLE, OF, [""], start=Path("model.yaml"))
+    assert "brighter than level film by the light model" in model.doubts[0]
 
 
 def test_a_ball_alone_is_no_press() -> None:
