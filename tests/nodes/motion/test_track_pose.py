@@ -128,8 +128,8 @@ def test_a_jump_begins_anew() -> None:
     assert not second.pose.any()
 
 
-@pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
-def test_the_overlay_fits_graphs_of_flashed_lights(graph: str) -> None:
+@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "record", "live_oneshot"])
+def test_the_overlay_fits(graph: str) -> None:
     posed = with_overlays(read_graph(graph), ["pose"])
     assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
     assert "pose" in posed.nodes["figures"].inputs
