@@ -50,7 +50,7 @@ ZERO_MM = 0.01
 SLOPE_VARIANCE_RATIO = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
-RINGS = 16
+RIM_RINGS = 16
 """Rings of cells along the contact's rim whose deviations are found apart."""
 BLOCK_CELLS = 16
 """Side of the blocks whose scatter is compared with the stated errors."""
@@ -87,7 +87,7 @@ class _Key(NamedTuple):
     slopes: F4
     """6 x (2 H W), of the Jacobian."""
     ring: NDArray[np.intp]
-    """H x W, how many cells it is to the contact's rim, at most `RINGS` - 1."""
+    """H x W, how many cells it is to the contact's rim, at most `RIM_RINGS` - 1."""
 
 
 def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
@@ -104,7 +104,7 @@ def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
     if to_middle is None:
         to_middle = _to_middle(place, touched)
         away = cv2.distanceTransform(touched.view(np.uint8), cv2.DIST_L2, 3)
-        ring = np.minimum(away, RINGS - 1).astype(np.intp)
+        ring = np.minimum(away, RIM_RINGS - 1).astype(np.intp)
     jacobian = _jacobian(place, steepness, 1.0, to_middle)
     slopes = _slopes(jacobian, surface.side).reshape(6, -1)
     return _Key(surface, touched, place, steepness, to_middle, jacobian, slopes, ring)
@@ -179,7 +179,7 @@ def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None
         weight, share = weight / (1 + square * far[key.ring]), CAUCHY_VARIANCE_SHARE
     sums = np.array(
         [
-            np.bincount(key.ring.ravel(), plane.sum(axis=0).ravel(), RINGS)
+            np.bincount(key.ring.ravel(), plane.sum(axis=0).ravel(), RIM_RINGS)
             for plane in (weight * square, share * weight)
         ]
     )
