@@ -14,6 +14,7 @@ from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, Slope
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
     IN_DEGREES,
+    POSE_AXES,
     carried,
     six_numbers,
     small_motion,
@@ -28,8 +29,6 @@ Memory = Annotated[F4, Port("9 6", "mm, rad")]
 ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 """Motion from the first frame to the key frame, and on to the frame before; frames, key frames,
 and the variance of the key frame's slopes (0: not stated)."""
-POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
-POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
 MAX_CELLS = 15_000
 """Touched cells from which larger ones do."""
 SPARSE_PX = 3
@@ -186,14 +185,13 @@ def _tracked(
     spread = np.diag(IN_DEGREES) @ at_pose
     covariance = spread @ covariance @ spread.T
     figures: Metrics = {}
-    for axis, unit, value, deviation in zip(
-        POSE_AXES, POSE_UNITS, pose, np.sqrt(np.diag(covariance)), strict=True
-    ):
-        figures[f"pose_{axis}_{unit}"] = float(value)
-        figures[f"pose_sd_{axis}_{unit}"] = float(deviation)
+    for axis, value, deviation in zip(POSE_AXES, pose, np.sqrt(np.diag(covariance)), strict=True):
+        figures[f"pose_{axis}"], figures[f"pose_sd_{axis}"] = float(value), float(deviation)
     count = 0 if fit is None else fit.open.shape[1]
     figures["pose_open"] = float(count)
-    names = [axis for axis, is_open in zip(POSE_AXES, named, strict=True) if is_open]
+    names = (
+        axis.rpartition("_")[0] for axis, is_open in zip(POSE_AXES, named, strict=True) if is_open
+    )
     figures |= {f"pose_open/{name}": 1.0 for name in names}
     figures["pose_overlap"] = shared
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])

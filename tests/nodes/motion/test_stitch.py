@@ -17,6 +17,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
+from tactograph.nodes.motion._surface import POSE_AXES
 from tactograph.nodes.motion.read_touches import read_touches
 from tactograph.nodes.motion.stitch import StitchedSurface, stitch
 from tactograph.nodes.recording.write_mcap import write_mcap
@@ -37,7 +38,6 @@ from tests.nodes.recording.recordings import LEDS, record_touch
 
 COUNT = 9
 NAMES = [str(number) for number in range(COUNT)]
-AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
 
 
 def motions() -> list[F8]:
@@ -108,7 +108,7 @@ def test_the_error_holds(whole: StitchedSurface) -> None:
 def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
     root = motions()[root_of(whole)]
     for name, motion in zip(NAMES, motions(), strict=True):
-        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in AXES))
+        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in POSE_AXES))
         apart = shift_and_turn(pose @ motion @ np.linalg.inv(root))
         assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
 
@@ -141,13 +141,18 @@ def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) 
         stitch(heights, errors, PIXEL, ["one", "two"])
 
 
+def result(folder: Path, **maps: F4) -> None:
+    """What `stitch` reads of a result."""
+    folder.mkdir(parents=True)
+    for name, plane in maps.items():
+        np.save(folder / f"{name}.npy", plane)
+    (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+
+
 def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) -> None:
     for number, name in enumerate(("one", "two")):
-        folder = tmp_path / "results" / name
-        folder.mkdir(parents=True)
-        np.save(folder / "height.npy", touches[0][number])
-        np.save(folder / "error.npy", touches[1][number])
-        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+        maps = {"height": touches[0][number], "error": touches[1][number]}
+        result(tmp_path / "results" / name, **maps)
     given = {"over": str(tmp_path / "results"), "out": str(tmp_path / "whole")}
     (found,) = open_pipeline(read_graph("stitch"), given).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
@@ -220,9 +225,6 @@ def test_frames_of_a_recording_become_one(
 
 def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:
     for size in (20, 21):
-        folder = tmp_path / str(size)
-        folder.mkdir()
-        np.save(folder / "height.npy", np.zeros((size, 20), np.float32))
-        (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+        result(tmp_path / str(size), height=np.zeros((size, 20), np.float32))
     with pytest.raises(InputError, match=r"21: differs in size or pixel size from .*20"):
         read_touches(folder=tmp_path)
