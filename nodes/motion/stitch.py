@@ -113,8 +113,9 @@ def stitch(
         If no two touches fit.
     """
     touched = [_touched(*each, margin_px) for each in zip(heights, errors, strict=True)]
+    nan = np.float32(np.nan)
     surfaces = [
-        surface_of(height, mask, _slope_variance(error, mask, pixel), pixel)
+        surface_of(np.where(mask, height, nan), _slope_variance(error, mask, pixel), pixel)
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
     cells = [surface.coarser(cell_px) for surface in surfaces]
