@@ -43,7 +43,7 @@ from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.conftest import simulated_sensor
-from tests.nodes.force.test_drag_to_shear import Press, deviations, values
+from tests.nodes.force.test_drag_to_shear import random_presses
 from tests.nodes.live import oneshot
 from tests.nodes.motion import moved_objects, test_find_slip, test_stitch
 from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
@@ -80,51 +80,26 @@ def poses() -> Iterator[Row]:
 
 def slips() -> Iterator[Row]:
     """A dome that is dragged while a front runs inwards."""
-    step = test_find_slip.STEP_MM
-    fronts = [*[9.0] * 8, *np.linspace(3, 0, 12), *[0.0] * 6]
-    path = [(moved(step * n - 0.5, 0, 0, 0, 0, 0.3 * n), front) for n, front in enumerate(fronts)]
-    film, state, true = test_find_slip.Film(coin), [], []
-    follow = test_find_slip.follow(film, path, fitted=True)
-    for slip, (motion, front) in zip(follow, path, strict=True):
-        state.append(slip.figures.get("contact_slip/c1", 0.0))
-        away = np.hypot(*(film.at - motion[:2, 3]).T)
-        true.append(float(np.mean(away[away < 2.8] > front)))
-    for level, least, name in ((1, 0.1, "partial"), (2, 0.9, "whole")):
-        late = (
-            np.flatnonzero(np.array(state) >= level)[0] - np.flatnonzero(np.array(true) > least)[0]
-        )
-        yield f"slip: onset of {name} slip", f"{late:+d} frames"
+    state, _, _, true = test_find_slip.front(test_find_slip.Film(coin))
+    partly, wholly = test_find_slip.onsets(state, true)
+    yield "slip: onset of partial and of whole slip", f"{partly:+d}, {wholly:+d} frames"
 
 
 def surfaces() -> Iterator[Row]:
     """Nine touches of a plate of 31 x 24 mm."""
-    rng = np.random.default_rng(6)
-    true = np.array([pressed(plate, motion) for motion in test_stitch.motions()])
-    heights = np.array([seen(z, rng)[0] for z in true])
-    single = float(np.sqrt(np.square(heights - true).mean()))
-    errors = np.full_like(heights, single)
-    whole = stitch(heights, errors, moved_objects.PIXEL, test_stitch.NAMES)
-    apart = test_stitch.departure(whole)
-    known = np.isfinite(apart)
-    together = float(np.sqrt(np.square(apart[known]).mean()))
-    inside = np.mean(np.abs(apart[known]) < 1.645 * whole.error[known])
+    heights, errors = test_stitch.noisy_touches()
+    whole, single = stitch(heights, errors, moved_objects.PIXEL, test_stitch.NAMES), errors.mean()
+    together = float(np.sqrt(np.nanmean(np.square(test_stitch.departure(whole)))))
     yield (
         "surface of nine touches: RMSE",
         f"{1e3 * together:.2f} um ({together / single:.2f} of a touch's)",
     )
-    yield "surface of nine touches: in the 90 % band", f"{100 * inside:.0f} %"
+    yield "surface of nine touches: in the 90 % band", f"{100 * test_stitch.held(whole):.0f} %"
 
 
 def forces() -> Iterator[Row]:
     """200 presses that drag and turn."""
-    rng, inside, off = np.random.default_rng(5), [], []
-    for _ in range(200):
-        gel = rng.uniform(1.5, 4), rng.uniform(0.4, 0.5)
-        press = Press(gel, rng.uniform(1.2, 2.5), rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.9))
-        found = press.found(press.markers(rng, rng.uniform(0.8, 1.5), 0.05))
-        apart = values(found) - press.truth
-        inside.append(np.abs(apart) < 1.645 * deviations(found))
-        off.append(np.hypot(*apart[:2]) / np.hypot(*press.truth[:2]))
+    inside, off = random_presses()
     shares = " ".join(f"{100 * share:.0f}" for share in np.mean(inside, axis=0))
     yield "shear x, y, torque: in the 90 % band", f"{shares} %"
     yield "shear: median error", f"{100 * np.median(off):.1f} %"
@@ -193,9 +168,7 @@ def streams() -> Iterator[Row]:
         np.abs(moved_objects.shift_and_turn(moved(*pose) @ np.linalg.inv(motion @ first)))
         for pose, motion in zip(poses, motions, strict=True)
     ]
-    worst = np.max(off, axis=0)
-    value = f"{1e3 * worst[:2].max():.0f} um, {worst[5]:.2f} degrees about z"
-    yield "stream of moving frames: largest error of the pose", value
+    yield "stream of moving frames: largest error of the pose", largest(off)
 
 
 class Pressed(SimulatedColourSensor):
@@ -233,15 +206,19 @@ def one_shot() -> Iterator[Row]:
             if n:
                 off.append(np.abs(astray(found, sensor.motion)))
                 stated.append(np.sqrt(np.diag(found.covariance)))
-    errors, spreads = np.array(off)[:, [0, 1, 5]], np.array(stated)[:, [0, 1, 5]]
-    worst = errors.max(axis=0)
-    name = "one-shot, a textured dome"
-    yield (
-        f"{name}: largest error",
-        f"{1e3 * worst[:2].max():.0f} um, {worst[2]:.2f} degrees about z",
+    yield "one-shot, a textured dome: largest error", largest(off)
+    ratios = np.sqrt(np.mean((np.array(off) / stated) ** 2, axis=0))[[0, 1, 3, 4, 5]]
+    value = " ".join(f"{ratio:.1f}" for ratio in ratios)
+    yield "one-shot: error over its deviation, x, y, turns", value
+
+
+def largest(off: list[np.ndarray]) -> str:
+    """Largest of six errors over all frames."""
+    worst = np.max(off, axis=0)
+    return (
+        f"{1e3 * worst[:2].max():.0f} um, {worst[5]:.2f} degrees about z, "
+        f"{worst[3:5].max():.2f} about x and y"
     )
-    shares = " ".join(f"{share:.1f}" for share in np.sqrt(np.mean((errors / spreads) ** 2, axis=0)))
-    yield f"{name}: error over its deviation, x, y, turn", shares
 
 
 def milliseconds(call: Callable[..., object], *given: object) -> str:

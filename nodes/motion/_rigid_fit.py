@@ -50,7 +50,9 @@ ZERO_MM = 0.01
 SLOPE_VARIANCE_RATIO = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
-BLOCK_CELLS = 8
+RIM_RINGS = 16
+"""Rings of cells along the contact's rim whose deviations are found apart."""
+BLOCK_CELLS = 16
 """Side of the blocks whose scatter is compared with the stated errors."""
 
 
@@ -65,7 +67,7 @@ class Fit(NamedTuple):
     overlap: float
     """Share of the first surface's touched cells that the second has, too."""
     misfit: float
-    """Standard deviation of the residual slopes."""
+    """Standard deviation of the residual slopes away from the contact's rim."""
     likeness: float
     """Correlation of the slopes, their mean taken out."""
 
@@ -84,6 +86,8 @@ class _Key(NamedTuple):
     """6 x H x W."""
     slopes: F4
     """6 x (2 H W), of the Jacobian."""
+    ring: NDArray[np.intp]
+    """H x W, how many cells it is to the contact's rim, at most `RIM_RINGS` - 1."""
 
 
 def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
@@ -96,11 +100,14 @@ def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
     steepness = normals(surface.height, surface.side)
     z, steepness = (np.where(touched, p, np.float32(0)) for p in (surface.height, steepness))
     place = *surface.places(), z
+    ring = np.zeros(touched.shape, np.intp)
     if to_middle is None:
         to_middle = _to_middle(place, touched)
+        away = cv2.distanceTransform(touched.view(np.uint8), cv2.DIST_L2, 3)
+        ring = np.minimum(away, RIM_RINGS - 1).astype(np.intp)
     jacobian = _jacobian(place, steepness, 1.0, to_middle)
     slopes = _slopes(jacobian, surface.side).reshape(6, -1)
-    return _Key(surface, touched, place, steepness, to_middle, jacobian, slopes)
+    return _Key(surface, touched, place, steepness, to_middle, jacobian, slopes, ring)
 
 
 def _jacobian(place: tuple[F4, F4, F4], steepness: F4, up: float, to_middle: F8) -> F4:
@@ -139,11 +146,9 @@ class _Seen(NamedTuple):
     slope: F4
     """Of the residual, 2 x H x W; 0 beside cells that are not seen."""
     weight: F4
-    """2 x H x W."""
-    level: float
-    """Standard deviation of the residual slopes, from those that keep their weight."""
-    variance: float
-    """Of the residual slopes as they count: as stated, or as seen where that is larger."""
+    """2 x H x W, 1 / variance; less in rings that err more, and for large slopes."""
+    levels: F8
+    """Standard deviation of the residual slopes by ring, from those that keep their weight."""
 
     def equations(self, key: _Key) -> tuple[F8, F8]:
         """A and g of the normal equations A d = g."""
@@ -152,34 +157,41 @@ class _Seen(NamedTuple):
         count = np.count_nonzero(self.overlap)
         mean = key.jacobian.reshape(6, -1) @ self.overlap.ravel().astype(np.float32) / count
         zero = self.residual[self.overlap].mean(dtype=np.float64) / ZERO_MM**2
-        matrix, gradient = weighted @ key.slopes.T, weighted @ self.slope.ravel()
         return (
-            matrix / self.variance + np.outer(mean, mean) / ZERO_MM**2,
-            gradient / self.variance + mean * zero,
+            weighted @ key.slopes.T + np.outer(mean, mean) / ZERO_MM**2,
+            weighted @ self.slope.ravel() + mean * zero,
         )
 
 
-def _see(key: _Key, now: Surface, motion: F8, level: float | None) -> _Seen | None:
-    """Compare; slopes far beyond the deviation `level` lose weight."""
+def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None:
+    """Compare; slopes far beyond the deviations `levels` of their rings lose weight."""
     residual = pulled_back(now, motion, *key.place, key.steepness)
     residual[~key.touched] = np.nan
     slope = _slopes(residual, now.side)
     pairs = np.isfinite(slope)
     pairs[0, :, -1] = pairs[1, -1] = False
-    count = np.count_nonzero(pairs)
-    if count < MIN_PAIRS:
+    if np.count_nonzero(pairs) < MIN_PAIRS:
         return None
     slope[~pairs] = 0
-    square = slope**2
-    weight = pairs.astype(np.float32)
-    if level is not None:
-        weight /= 1 + square / np.float32(CAUCHY_SIGMAS * level) ** 2
-    share = 1.0 if level is None else CAUCHY_VARIANCE_SHARE
-    spread = np.vdot(weight, square) / (share * weight.sum(dtype=np.float64))
-    found = float(np.sqrt(spread)) + 1e-9
+    square, weight, share = slope**2, pairs.astype(np.float32), 1.0
+    if levels is not None:
+        far = (1 / (CAUCHY_SIGMAS * levels) ** 2).astype(np.float32)
+        weight, share = weight / (1 + square * far[key.ring]), CAUCHY_VARIANCE_SHARE
+    sums = np.array(
+        [
+            np.bincount(key.ring.ravel(), plane.sum(axis=0).ravel(), RIM_RINGS)
+            for plane in (weight * square, share * weight)
+        ]
+    )
+    # Film that hangs beside the contact does not move with it.
+    inward = sums[:, ::-1].cumsum(axis=1)[:, ::-1]
+    found = np.sqrt(np.max([s[0] / np.maximum(s[1], 1e-9) for s in (sums, inward)], axis=0)) + 1e-9
     stated = (key.surface.variance or 0.0) + (now.variance or 0.0)
-    variance = max(stated, SLOPE_VARIANCE_RATIO * found**2)
-    return _Seen(np.isfinite(residual), residual, slope, weight, found, variance)
+    variance = np.maximum(stated, SLOPE_VARIANCE_RATIO * found**2)
+    least = sums[1].sum() / (sums[1] / variance).sum()
+    # What it errs by is alike along a ring: no number of cells averages it.
+    sure = (np.minimum(least / variance, 1) ** 2 / variance).astype(np.float32)
+    return _Seen(np.isfinite(residual), residual, slope, weight * sure[key.ring], found)
 
 
 def fit_motion(
@@ -236,7 +248,7 @@ def _fitted(levels: list[tuple[_Key, Surface]], guess: F8) -> Fit | None:
     spread = carried(motion) @ key.to_middle
     overlap = np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched)
     covariance = spread @ covariance @ spread.T
-    return Fit(motion, covariance, is_open, overlap, seen.level, _likeness(key, seen))
+    return Fit(motion, covariance, is_open, overlap, float(seen.levels[-1]), _likeness(key, seen))
 
 
 def _descend(levels: list[tuple[_Key, Surface]], motion: F8, still: F8) -> tuple[F8, _Seen] | None:
@@ -244,18 +256,18 @@ def _descend(levels: list[tuple[_Key, Surface]], motion: F8, still: F8) -> tuple
     seen, free = None, null_space(still.T) if still.size else np.eye(6)
     for key, now in levels:
         # No residual is known yet: all slopes count alike.
-        level = None
+        deviations = None
         for _ in range(MAX_STEPS):
-            seen = _see(key, now, motion, level)
+            seen = _see(key, now, motion, deviations)
             if seen is None:
                 break
             matrix, gradient = seen.equations(key)
             matrix += np.eye(6) / OPEN_MM**2
             step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
             motion = motion @ small_motion(key.to_middle @ step)
-            if level is not None and step @ gradient < MIN_STEP_VARIANCE:
+            if deviations is not None and step @ gradient < MIN_STEP_VARIANCE:
                 break
-            level = seen.level
+            deviations = seen.levels
     return None if seen is None else (motion, seen)
 
 
@@ -268,7 +280,7 @@ def _told(key: _Key, seen: _Seen) -> tuple[F8, F8]:
     told = motions[:, ~is_open] / (1 - shares[~is_open])
     still = np.linalg.qr(motions[:, is_open])[0]
     moved = (np.eye(6) - still @ still.T) @ told
-    return _scatter(key, seen, told) * moved @ moved.T + OPEN_MM**2 * still @ still.T, still
+    return moved @ _scatter(key, seen, told) @ moved.T + OPEN_MM**2 * still @ still.T, still
 
 
 def _noise_information(key: _Key, seen: _Seen) -> F8:
@@ -283,22 +295,25 @@ def _noise_information(key: _Key, seen: _Seen) -> F8:
     share = np.count_nonzero(known) / np.count_nonzero(seen.weight)
     slopes = np.where(known, slopes, 0)
     matrix = (seen.weight.ravel() * slopes) @ slopes.T
-    return np.asarray(matrix / (2 * max(share, 1e-9) * seen.variance), np.float64)
+    return np.asarray(matrix / (2 * max(share, 1e-9)), np.float64)
 
 
-def _scatter(key: _Key, seen: _Seen, told: F8) -> float:
-    """Observed over stated variance of the motions `told`, by the gradients of blocks; at least 1.
+def _scatter(key: _Key, seen: _Seen, told: F8) -> F8:
+    """Covariance of the motions `told` in units of the stated one, by the gradients of blocks; at
+    least 1 in any direction.
 
     What the film's model leaves is alike over many cells, and weighs more than the same noise.
     Half of a noise is curl, which integration has taken out.
     """
-    rows, columns = key.surface.height.shape
     each = (told.T.astype(np.float32) @ key.slopes) * (seen.weight * seen.slope).ravel()
-    planes = each.reshape(-1, 2, rows, columns).sum(axis=1)
-    for axis, size in ((1, rows), (2, columns)):
-        planes = np.add.reduceat(planes, np.arange(0, size, BLOCK_CELLS), axis)
-    total = float(np.vdot(planes, planes)) / seen.variance**2
-    return max(1.0, 2 * total / max(told.shape[1], 1))
+    blocks = each.reshape(-1, 2, *key.touched.shape).sum(axis=1)
+    for axis, size in enumerate(key.touched.shape, start=1):
+        blocks = np.add.reduceat(blocks, np.arange(0, size, BLOCK_CELLS), axis)
+    blocks = blocks.reshape(len(blocks), -1).astype(np.float64)
+    count = np.count_nonzero(blocks.any(axis=0))
+    # The fit has made their sum zero.
+    spread, axes = np.linalg.eigh(2 * blocks @ blocks.T * count / max(count - 1, 1))
+    return np.asarray((axes * np.maximum(spread, 1)) @ axes.T)
 
 
 def _likeness(key: _Key, seen: _Seen) -> float:

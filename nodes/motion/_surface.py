@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tactograph.nodes import F4, F8
 
+POSE_AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
 IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
 """Six numbers in mm and rad to mm and degrees."""
 
@@ -58,12 +59,10 @@ class Surface(NamedTuple):
         )[:, None]
 
 
-def surface_of(
-    height: F4, touched: NDArray[np.bool_], variance: float | None, px: float
-) -> Surface:
-    """The touched surface on pixels of `px` mm."""
-    left, top = ((1 - size) / 2 * px for size in height.shape[::-1])
-    return Surface(np.where(touched, height, np.float32(np.nan)), variance, px, left, top)
+def surface_of(height: F4, variance: float | None, pixel: float) -> Surface:
+    """The touched surface, NaN elsewhere, on pixels of `pixel` mm."""
+    left, top = ((1 - size) / 2 * pixel for size in height.shape[::-1])
+    return Surface(height, variance, pixel, left, top)
 
 
 def small_motion(step: F8) -> F8:

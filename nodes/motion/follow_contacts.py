@@ -11,7 +11,7 @@ from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, Contacts, Metrics, PixelSize
+from tactograph.nodes import F4, F8, Contacts, Metrics, PixelSize
 
 MAX_NUMBER = 254
 """Largest number of a contact: labels have 8 bits."""
@@ -78,9 +78,10 @@ def follow_contacts(
     known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
     numbers = np.unique(contact[contact > 0])
     alive = np.flatnonzero(known[:, COLUMN_AGE] > 0)
-    areas = np.array([np.count_nonzero(contact == number) for number in numbers])
     places = np.array(center_of_mass(contact > 0, contact, numbers)).reshape(-1, 2)[:, ::-1]
-    cost = _costs(contact, numbers, areas, places, before, known, alive, reach)
+    earlier = np.zeros_like(contact) if before is None else before
+    both = np.bincount(contact.ravel() * np.intp(256) + earlier.ravel(), minlength=256**2)
+    cost = _costs(both.reshape(256, 256), numbers, places, known[alive], alive + 1, reach)
     pairs = zip(*linear_sum_assignment(cost), strict=True)
     number_of = {
         int(now): int(alive[then]) for now, then in pairs if cost[now, then] < FORBIDDEN_COST
@@ -102,35 +103,31 @@ def follow_contacts(
 
 
 def _costs(
-    contact: Contacts,
+    both: NDArray[np.int_],
     numbers: NDArray[np.uint8],
-    areas: NDArray[np.int_],
-    places: NDArray[np.float64],
-    before: Contacts | None,
-    known: F4,
-    alive: NDArray[np.intp],
+    places: F8,
+    tracks: F4,
+    earlier: NDArray[np.intp],
     reach: float,
-) -> NDArray[np.float64]:
-    """Costs of pairs of a contact now and one before: below 0 where they overlap."""
-    cost = np.full((len(numbers), len(alive)), FORBIDDEN_COST)
-    frames = known[alive, COLUMN_UNSEEN] + 1
-    expected = (
-        known[alive][:, [COLUMN_X, COLUMN_Y]]
-        + frames[:, None] * known[alive][:, [COLUMN_VX, COLUMN_VY]]
-    )
-    for now, (number, area, place) in enumerate(zip(numbers, areas, places, strict=True)):
-        radius = max(np.sqrt(area / np.pi), MIN_RADIUS_PX)
-        apart = np.hypot(*(expected - place).T) / (reach * radius * np.sqrt(frames))
-        cost[now] = np.where(apart < 1, apart, FORBIDDEN_COST)
-        if before is not None:
-            shared = np.bincount(before[contact == number], minlength=256)[alive + 1]
-            earlier = np.bincount(before.ravel(), minlength=256)[alive + 1]
-            either = np.maximum(area + earlier - shared, 1)
-            cost[now] = np.where(shared > 0, -shared / either, cost[now])
-    return cost
+) -> F8:
+    """Costs of pairs of a contact now and an earlier one: below 0 where they overlap.
+
+    `both` holds the pixels by number now and number before.
+    """
+    frames = tracks[:, COLUMN_UNSEEN] + 1
+    moved = frames[:, None] * tracks[:, [COLUMN_VX, COLUMN_VY]]
+    expected = tracks[:, [COLUMN_X, COLUMN_Y]] + moved
+    area = both[numbers].sum(axis=1)[:, None]
+    radius = np.maximum(np.sqrt(area / np.pi), MIN_RADIUS_PX)
+    apart = np.hypot(*np.moveaxis(expected - places[:, None], 2, 0))
+    apart /= reach * radius * np.sqrt(frames)
+    shared = both[np.ix_(numbers, earlier)]
+    either = np.maximum(area + both[:, earlier].sum(axis=0) - shared, 1)
+    far = np.where(apart < 1, apart, FORBIDDEN_COST)
+    return np.where(shared > 0, -shared / either, far)
 
 
-def _go_on(track: F4, place: NDArray[np.float64]) -> None:
+def _go_on(track: F4, place: F8) -> None:
     """Note where a contact is now."""
     if track[COLUMN_AGE] > 0:
         moved = (place - track[[COLUMN_X, COLUMN_Y]]) / max(float(track[COLUMN_UNSEEN]), 1.0)

@@ -22,6 +22,7 @@ from tactograph.nodes.motion._pose_graph import Pair, solve_poses
 from tactograph.nodes.motion._rigid_fit import fit_motion
 from tactograph.nodes.motion._surface import (
     IN_DEGREES,
+    POSE_AXES,
     Surface,
     cells_at,
     normals,
@@ -112,8 +113,9 @@ def stitch(
         If no two touches fit.
     """
     touched = [_touched(*each, margin_px) for each in zip(heights, errors, strict=True)]
+    nan = np.float32(np.nan)
     surfaces = [
-        surface_of(height, mask, _slope_variance(error, mask, pixel), pixel)
+        surface_of(np.where(mask, height, nan), _slope_variance(error, mask, pixel), pixel)
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
     cells = [surface.coarser(cell_px) for surface in surfaces]
@@ -243,9 +245,8 @@ def _turned(surface: Surface, deviation: F4, motion: F8, grid: Surface) -> tuple
 
 def _places(poses: dict[int, F8], names: list[str]) -> Metrics:
     """The poses as figures, shift in mm and turn in degrees."""
-    axes = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
     return {
         f"stitched_{axis}/{names[number]}": float(value)
         for number in sorted(poses)
-        for axis, value in zip(axes, IN_DEGREES * six_numbers(poses[number]), strict=True)
+        for axis, value in zip(POSE_AXES, IN_DEGREES * six_numbers(poses[number]), strict=True)
     }

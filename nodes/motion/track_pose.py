@@ -7,13 +7,13 @@ from typing import Annotated, NamedTuple
 import cv2
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
     IN_DEGREES,
+    POSE_AXES,
     carried,
     six_numbers,
     small_motion,
@@ -28,8 +28,6 @@ Memory = Annotated[F4, Port("9 6", "mm, rad")]
 ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 """Motion from the first frame to the key frame, and on to the frame before; frames, key frames,
 and the variance of the key frame's slopes (0: not stated)."""
-POSE_AXES = "x", "y", "z", "turn_x", "turn_y", "turn_z"
-POSE_UNITS = "mm", "mm", "mm", "deg", "deg", "deg"
 MAX_CELLS = 15_000
 """Touched cells from which larger ones do."""
 SPARSE_PX = 3
@@ -104,17 +102,15 @@ def track_pose(
     """
     rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
     touched = cv2.erode((contact > 0).view(np.uint8), rim, borderValue=0) > 0
-    stated = 0.0
-    if variance is not None and touched.any():
-        sparse = slice(None, None, SPARSE_PX), slice(None, None, SPARSE_PX)
-        stated = float(np.median(variance[:, *sparse][:, touched[sparse]]))
+    stated, inside = 0.0, touched[::SPARSE_PX, ::SPARSE_PX]
+    if variance is not None and inside.any():
+        stated = float(np.median(variance[:, ::SPARSE_PX, ::SPARSE_PX][:, inside]))
     heights = np.where(touched, height, np.float32(np.nan))
     if key is None or memory is None:
-        return _begin(heights, stated, touched)
-    fit = _fit(key, memory, heights, stated, pixel, cell_px)
-    shared = 0.0 if fit is None else _shared(fit, key, touched)
+        return _begin(heights, stated)
+    fit, shared = _fit(key, memory, heights, stated, pixel, cell_px)
     if fit is None or shared < least_overlap / 2:
-        return _begin(heights, stated, touched)
+        return _begin(heights, stated)
     begun = small_motion(memory[ROW_KEY].astype(np.float64))
     pose = fit.motion @ begun
     onwards = carried(fit.motion)
@@ -126,57 +122,37 @@ def track_pose(
         key = heights
     else:
         kept = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
-    named = np.square(fit.open).sum(axis=1) > OPEN_SHARE
-    return _tracked(pose, covariance, key, kept, named, fit, shared)
+    return _tracked(pose, covariance, key, kept, fit.open, shared)
 
 
 def _fit(
-    key: F4,
-    memory: F4,
-    heights: F4,
-    stated: float,
-    pixel: float,
-    cell_px: int,
-) -> Fit | None:
-    variances = float(memory[ROW_COUNTS, 2]) or None, stated or None
-    masks = np.isfinite(key), np.isfinite(heights)
-    fewest = min(np.count_nonzero(mask) for mask in masks)
+    key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int
+) -> tuple[Fit | None, float]:
+    """The motion since the key frame, and the share of the smaller contact that both see."""
+    before, now = (int(np.isfinite(plane).sum()) for plane in (key, heights))
+    fewest = min(before, now)
     finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
-    first, second = (
-        surface_of(plane, mask, doubt, pixel).coarser(finest)
-        for plane, mask, doubt in zip((key, heights), masks, variances, strict=True)
-    )
-    return fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
-
-
-def _shared(fit: Fit, key: F4, touched: NDArray[np.bool_]) -> float:
-    """Share of the smaller contact that both frames see."""
-    before, now = int(np.isfinite(key).sum()), int(touched.sum())
-    return min(1.0, fit.overlap * before / max(min(before, now), 1))
+    first = surface_of(key, float(memory[ROW_COUNTS, 2]) or None, pixel).coarser(finest)
+    second = surface_of(heights, stated or None, pixel).coarser(finest)
+    fit = fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
+    return fit, min(1.0, fit.overlap * before / max(fewest, 1)) if fit else 0.0
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:
     return np.vstack([covariance, key, since, counts]).astype(np.float32)
 
 
-def _begin(heights: F4, stated: float, touched: NDArray[np.bool_]) -> TrackedPose:
+def _begin(heights: F4, stated: float) -> TrackedPose:
     """The first frame of a touch, or one without a touch."""
-    begins = np.count_nonzero(touched) >= MIN_PAIRS
+    begins, zero = np.count_nonzero(np.isfinite(heights)) >= MIN_PAIRS, np.zeros((6, 6))
     counts = np.array([begins, begins, stated, 0, 0, 0], np.float32)
-    zero = np.zeros((6, 6))
     memory = _memory(zero, zero[0], zero[0], counts)
     unknown = zero if begins else OPEN_MM**2 * np.eye(6)
-    return _tracked(np.eye(4), unknown, heights, memory, np.zeros(6, bool), None, float(begins))
+    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), float(begins))
 
 
 def _tracked(
-    motion: F8,
-    covariance: F8,
-    key: F4,
-    memory: F4,
-    named: NDArray[np.bool_],
-    fit: Fit | None,
-    shared: float,
+    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, shared: float
 ) -> TrackedPose:
     """The pose in mm and degrees with its figures, and a warning of open motions."""
     pose = IN_DEGREES * six_numbers(motion)
@@ -186,18 +162,15 @@ def _tracked(
     spread = np.diag(IN_DEGREES) @ at_pose
     covariance = spread @ covariance @ spread.T
     figures: Metrics = {}
-    for axis, unit, value, deviation in zip(
-        POSE_AXES, POSE_UNITS, pose, np.sqrt(np.diag(covariance)), strict=True
-    ):
-        figures[f"pose_{axis}_{unit}"] = float(value)
-        figures[f"pose_sd_{axis}_{unit}"] = float(deviation)
-    count = 0 if fit is None else fit.open.shape[1]
-    figures["pose_open"] = float(count)
-    names = [axis for axis, is_open in zip(POSE_AXES, named, strict=True) if is_open]
-    figures |= {f"pose_open/{name}": 1.0 for name in names}
+    for axis, value, deviation in zip(POSE_AXES, pose, np.sqrt(np.diag(covariance)), strict=True):
+        figures[f"pose_{axis}"], figures[f"pose_sd_{axis}"] = float(value), float(deviation)
+    figures["pose_open"] = float(is_open.shape[1])
+    for axis, share in zip(POSE_AXES, np.square(is_open).sum(axis=1), strict=True):
+        if share > OPEN_SHARE:
+            figures[f"pose_open/{axis.rpartition('_')[0]}"] = 1.0
     figures["pose_overlap"] = shared
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])
-    if count:
+    if is_open.size:
         # The same words in each frame, so that a stream says it once.
         warn(
             "track_pose: the shape leaves motions open, which stay as they were; the figures "

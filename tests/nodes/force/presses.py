@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.special import j0
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, F8, U1
 from tactograph.nodes.force.elastic_layer import layer_compliance, wave_numbers
 
-F8 = NDArray[np.float64]
 PIXEL = 0.1
 SHAPE = (120, 160)
 RADIUS = 1.6
@@ -52,7 +50,7 @@ def noise(rng: np.random.Generator, deviation: float) -> F8:
     return np.asarray(plane - np.median(plane[[0, -1]]))
 
 
-def contact() -> NDArray[np.uint8]:
+def contact() -> U1:
     """A contact a little wider than the true one."""
     return (distance() < 1.2 * RADIUS).astype(np.uint8)
 

@@ -47,30 +47,23 @@ def test_a_contact_that_moves_keeps_its_number_and_has_a_velocity() -> None:
 
 def test_an_order_of_finding_that_changes_swaps_nothing() -> None:
     rising = [[(30, 60 - 2.0 * t, 6), (80, 30, 6)] for t in range(25)]
-    numbers = {number_at(found, 80, 30) for found in follow(rising)}
-    assert len(numbers) == 1
+    assert len({number_at(found, 80, 30) for found in follow(rising)}) == 1
 
 
-def test_a_contact_jumps_as_far_as_its_reach() -> None:
-    near, far = [[(30, 40, 6)], [(38, 40, 6)]], [[(30, 40, 6)], [(90, 40, 6)]]
-    assert [number_at(f, x, 40) for f, x in zip(follow(near), (30, 38), strict=True)] == [1, 1]
-    assert [number_at(f, x, 40) for f, x in zip(follow(far), (30, 90), strict=True)] == [1, 2]
-
-
-def test_of_a_contact_that_splits_the_larger_part_keeps_the_number() -> None:
-    whole = [(50.0, 40.0, 10.0), (60.0, 40.0, 6.0)]
-    parts = [(46.0, 40.0, 9.0), (68.0, 40.0, 5.0)]
-    first, second = follow([whole, parts])
-    assert number_at(second, 46, 40) == number_at(first, 50, 40)
-    assert number_at(second, 68, 40) == 2
-
-
-def test_where_contacts_merge_the_larger_goes_on() -> None:
-    apart = [(46.0, 40.0, 9.0), (68.0, 40.0, 5.0)]
-    together = [(50.0, 40.0, 10.0), (62.0, 40.0, 6.0)]
-    first, second = follow([apart, together])
-    assert number_at(second, 50, 40) == number_at(first, 46, 40)
-    assert np.count_nonzero(np.unique(second.contact)) == 1
+@pytest.mark.parametrize(
+    ("before", "now", "numbers"),
+    [
+        ([(30, 40, 6)], [(38, 40, 6)], [1]),
+        ([(30, 40, 6)], [(90, 40, 6)], [2]),
+        ([(50, 40, 10), (60, 40, 6)], [(46, 40, 9), (68, 40, 5)], [1, 2]),
+        ([(46, 40, 9), (68, 40, 5)], [(50, 40, 10), (62, 40, 6)], [1, 1]),
+    ],
+    ids=["within reach", "beyond", "the larger part of a split", "the larger of a merge"],
+)
+def test_who_keeps_a_number(before: list[Disc], now: list[Disc], numbers: list[int]) -> None:
+    first, second = follow([before, now])
+    assert number_at(first, *before[0][:2]) == 1
+    assert [number_at(second, x, y) for x, y, _ in now] == numbers
 
 
 def test_contacts_that_pass_through_one_another_come_out_with_their_own_numbers() -> None:

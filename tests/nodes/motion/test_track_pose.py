@@ -10,7 +10,9 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
+from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.motion.track_pose import TrackedPose, track_pose
+from tactograph.nodes.simulate.press import press
 from tests.conftest import Calibration, Raytraced
 from tests.nodes.motion.moved_objects import (
     F8,
@@ -73,6 +75,15 @@ def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
     assert last.figures["pose_sd_x_mm"] < 0.01 * length
 
 
+def test_film_that_hangs_beside_the_contact_holds_no_tilt_back() -> None:
+    motions, state = [moved(0.3 * n, 0.1 * n, 0, 2.0 * n, 0, 3.0 * n) for n in range(2)], ()
+    for motion in motions:
+        film = press(pressed(coin, motion).astype(np.float32), PIXEL)
+        found = track_pose(film, find_contact(film), PIXEL, None, *state)
+        state = found[2:4]
+    assert np.all(np.abs(astray(found, motions[1])) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
+
+
 @pytest.mark.parametrize("variance", [STATED, None], ids=["stated", "not stated"])
 def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
     (_, motion), (first, second) = way(coin, STEP, 1)
@@ -128,8 +139,8 @@ def test_a_jump_begins_anew() -> None:
     assert not second.pose.any()
 
 
-@pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
-def test_the_overlay_fits_graphs_of_flashed_lights(graph: str) -> None:
+@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "record", "live_oneshot"])
+def test_the_overlay_fits(graph: str) -> None:
     posed = with_overlays(read_graph(graph), ["pose"])
     assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
     assert "pose" in posed.nodes["figures"].inputs
