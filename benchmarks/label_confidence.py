@@ -90,7 +90,7 @@ def fit(folder: Path) -> None:
             (found,) = open_pipeline(graph, here, sinks=False).items()
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
             height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
-            truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm)
+            truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm, attached=True)
             known.append({port: found[port] for port in inputs})
             right.append(found["shadow"] == truth)
 

@@ -41,8 +41,7 @@ COMMANDS = (
     "bench",
     "schema",
 )
-
-
+COMMAND_ALIASES = {"plan": "explain"}
 STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
@@ -59,6 +58,7 @@ class _Lazy(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        cmd_name = COMMAND_ALIASES.get(cmd_name, cmd_name)
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(f"tactograph.graph.commands.{cmd_name.replace('-', '_')}")
@@ -69,7 +69,11 @@ class _Lazy(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         word = args[0]
-        if word not in COMMANDS and not word.startswith("-") and not ctx.resilient_parsing:
+        if (
+            word not in (*COMMANDS, *COMMAND_ALIASES)
+            and not word.startswith("-")
+            and not ctx.resilient_parsing
+        ):
             ctx.fail(f"No such command '{printable(word)}'{_meant(word)}")
         return super().resolve_command(ctx, args)
 

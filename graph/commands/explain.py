@@ -31,10 +31,12 @@ def command(
     place: Path | None,
     options: RunOptions,
 ) -> None:
-    """Print the plan of GRAPH, and how long its steps took before.  No node runs.
+    """Print the plan of GRAPH, how long its steps took before, and what is kept on disk.
 
-    Params that are not given do not matter to the plan.
+    Params that are not given do not matter to the plan.  No node runs; files are read that tell
+    whether a result is kept.
     """
+    from tactograph.graph.cache.store import kept_on_disk
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
@@ -45,8 +47,9 @@ def command(
     last = _last_times(plan, place)
     known = last.ms if last else {}
     shown = [step for step in plan.steps if transfers or not step.is_transfer]
-    _print_steps(title, plan, shown, known)
-    say(_duration(plan, last))
+    kept = kept_on_disk(plan)
+    _print_steps(title, plan, shown, known, kept)
+    say(_duration(plan, last, kept))
     if moves and not transfers:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -76,14 +79,18 @@ def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
     return None
 
 
-def _duration(plan: Plan, last: LastTimes | None) -> str:
-    """Time of an item, in one line."""
+def _duration(plan: Plan, last: LastTimes | None, kept: Mapping[str, bool]) -> str:
+    """Time of an item, in one line; what is read from disk takes no time worth a count."""
     from tactograph.graph.errors import a_few
 
     if last is None or not last.ms:
         return "how long: not known; run it, or give an earlier result or bench with --times"
     each, once = (
-        sum(last.ms.get(step.name, 0.0) for step in plan.steps if step.stream == stream)
+        sum(
+            last.ms.get(step.name, 0.0)
+            for step in plan.steps
+            if step.stream == stream and not kept.get(step.name)
+        )
         for stream in (True, False)
     )
     unknown = [name for name in plan.tasks if name not in last.ms]
@@ -91,7 +98,13 @@ def _duration(plan: Plan, last: LastTimes | None) -> str:
     return f"how long: {each:.1f} ms an item and {once:.1f} ms once, as {last.file} says{rest}"
 
 
-def _print_steps(title: str, plan: Plan, steps: Iterable[Step], known: Mapping[str, float]) -> None:
+def _print_steps(
+    title: str,
+    plan: Plan,
+    steps: Iterable[Step],
+    known: Mapping[str, float],
+    kept: Mapping[str, bool],
+) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -102,21 +115,23 @@ def _print_steps(title: str, plan: Plan, steps: Iterable[Step], known: Mapping[s
         task = plan.tasks.get(step.name)
         op = task.node.name if task else step.kind
         took = f"{known[step.name]:.2f}" if step.name in known else "-"
-        table.add_row(step.name, op, step.backend, _when(step, task), took, step.why)
+        table.add_row(step.name, op, step.backend, _when(step, task, kept), took, step.why)
     console = Console(markup=False)
     if not console.is_terminal:
         console.width = 120
     console.print(table)
 
 
-def _when(step: Step, task: Task | None) -> str:
-    """Occasion of a step's run, and whether an earlier result may stand for it."""
+def _when(step: Step, task: Task | None, kept: Mapping[str, bool]) -> str:
+    """Occasion of a step's run, and whether an earlier result stands for it."""
     from tactograph.graph.cache.store import has_stored
 
     if task is not None and task.conditions:
         return f"if {' and '.join(map(str, task.conditions))}"
     if step.stream:
         return "every item"
+    if step.name in kept:
+        return "kept on disk" if kept[step.name] else "once"
     if task is None or step.on_device or task.looks_outside or not has_stored(task.node):
         return "once"
     return "once, unless on disk"

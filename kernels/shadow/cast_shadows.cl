@@ -97,17 +97,38 @@ LANED __kernel void spread_labels(
     store_bytes(labels, near + y * W + x, count);
 }
 
-// Labels: shadows that the height casts and the image shows near by.
+// Labels: shadows that the height casts, film that faces away if `attached`, where the image shows
+// one near by.
 LANED __kernel void join(
     __global const uchar *restrict dark,
     __global const uchar *restrict near,
+    __global const float *restrict height,
+    __global const float *restrict lights,
     __global uchar *restrict out,
-    const int H, const int W, const int K)
+    const int H, const int W, const int K,
+    const float pixel,
+    const int attached)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    const int below = min(y + 1, H - 1), above = max(y - 1, 0);
+    __global const float *row = height + y * W;
+    const ints no = 0, yes = 1;
+    const floats one = 1.0f, two = 2.0f, column = (float)x + LANE_NUMBERS;
+    const floats columns = (column == 0.0f | column == (float)(W - 1)) ? one : two;
+    const floats z = load_floats(row + x, count);
+    const floats rightwards = (load_within_border(row, x + 1, count, W, REPLICATE) -
+                               load_within_border(row, x - 1, count, W, REPLICATE)) / columns;
+    const floats downwards = (load_floats(height + below * W + x, count) -
+                              load_floats(height + above * W + x, count)) / (float)max(below - above, 1);
     ints labels = 0;
-    for (int k = 0; k < K; ++k)
-        labels |= load_bytes(dark + (k * H + y) * W + x, count) << k;
+    for (int k = 0; k < K; ++k) {
+        ints shadow = load_bytes(dark + (k * H + y) * W + x, count);
+        const floats across = column - 0.5f * (float)(W - 1) - lights[3 * k] / pixel;
+        const float down = (float)y - 0.5f * (float)(H - 1) - lights[3 * k + 1] / pixel;
+        const floats faces = rightwards * across + downwards * down + (lights[3 * k + 2] - z);
+        if (attached) shadow |= faces < 0.0f ? yes : no;
+        labels |= shadow << k;
+    }
     if (near) labels &= load_bytes(near + y * W + x, count);
     store_bytes(labels, out + y * W + x, count);
 }

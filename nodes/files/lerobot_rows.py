@@ -7,7 +7,6 @@ levels (`height_picture`), and three lights are the channels of one picture.
 from __future__ import annotations
 
 import importlib
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -168,8 +167,3 @@ def lerobot_dataset() -> Any:
     """
     need("lerobot", "a LeRobot dataset", "lerobot")
     return importlib.import_module("lerobot.datasets.lerobot_dataset").LeRobotDataset
-
-
-def features_text(features: Mapping[str, Any]) -> str:
-    """Return features as text that is equal where they are."""
-    return json.dumps(features, sort_keys=True)

@@ -27,39 +27,51 @@ PAPER_PIXEL_MM = 1 / 14
 """The paper's simulation: a ball of radius 5 mm is 70 pixels high (section 4.1)."""
 
 
+class ShapeImage(NamedTuple):
+    """The image of a shape.
+
+    Parameters
+    ----------
+    offset_mm
+        Middle or axis of the shape from the centre of the image.
+    width_px, height_px, pixel_size_mm
+        The image.
+    """
+
+    offset_mm: Offset = (0.0, 0.0)
+    width_px: Side = 320
+    height_px: Side = 240
+    pixel_size_mm: PixelSide = PAPER_PIXEL_MM
+
+    def places(self) -> tuple[F8, F8]:
+        """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's middle.
+
+        Raises
+        ------
+        InputError
+            If the image has more than `MAX_PIXELS`.
+        """
+        self.check_pixels()
+        sides = zip((self.width_px, self.height_px), self.offset_mm, strict=True)
+        x, y = ((np.arange(n) - (n - 1) / 2) * self.pixel_size_mm - middle for n, middle in sides)
+        return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
+
+    def check_pixels(self) -> None:
+        """Refuse an image that is larger than any camera's."""
+        pixels = self.width_px * self.height_px
+        if pixels > MAX_PIXELS:
+            raise InputError(
+                f"width_px={self.width_px} and height_px={self.height_px} are "
+                f"{pixels / 1e6:.0f} million pixels, at most "
+                f"{MAX_PIXELS / 1e6:.0f} million can be simulated"
+            )
+
+
 class Shape(NamedTuple):
     """A surface as the camera sees it."""
 
     height: Height
     pixel_size: PixelSize
-
-
-def grid(width_px: int, height_px: int, pixel_size_mm: float, offset_mm: Offset) -> tuple[F8, F8]:
-    """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's centre.
-
-    Raises
-    ------
-    InputError
-        If the image has more than `MAX_PIXELS`.
-    """
-    check_pixels(width_px, height_px)
-    x: F8 = (
-        np.arange(width_px, dtype=np.float64) - (width_px - 1) / 2
-    ) * pixel_size_mm - offset_mm[0]
-    y: F8 = (
-        np.arange(height_px, dtype=np.float64) - (height_px - 1) / 2
-    ) * pixel_size_mm - offset_mm[1]
-    return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
-
-
-def check_pixels(width_px: int, height_px: int) -> None:
-    """Refuse an image that is larger than any camera's."""
-    if width_px * height_px > MAX_PIXELS:
-        raise InputError(
-            f"width_px={width_px} and height_px={height_px} are "
-            f"{width_px * height_px / 1e6:.0f} million pixels, at most "
-            f"{MAX_PIXELS / 1e6:.0f} million can be simulated"
-        )
 
 
 def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +13,6 @@ from tactograph.graph import InputError, Provenance, Session, node, warn
 from tactograph.nodes.files.lerobot_rows import (
     NS_PER_S,
     Column,
-    features_text,
     lerobot_dataset,
     open_lerobot,
     touch_columns,
@@ -132,7 +133,8 @@ class _Episode:
         """Refuse a dataset whose rows are of another kind."""
         has = {name: there.features.get(name) for name in features}
         rows = {*there.features} - {*features}
-        unlike = sorted(n for n in features if features_text(has[n]) != features_text(features[n]))
+        as_text = partial(json.dumps, sort_keys=True)
+        unlike = sorted(n for n in features if as_text(has[n]) != as_text(features[n]))
         unlike += sorted(name for name in rows if "." in name)
         if unlike:
             raise InputError(

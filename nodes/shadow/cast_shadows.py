@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, PixelSize
+from tactograph.nodes.optics.difference import difference
 
 LINES_PER_ITEM = 15
 """Lines that a work-item follows; it also knows where the next one is."""
@@ -40,8 +41,12 @@ def cast_shadows(
     seen: Labels | None = None,
     *,
     reach_px: Annotated[int, Interval(ge=0, le=32)] = 3,
+    attached: bool = False,
 ) -> Labels:
     """Return where the surface rises above the rays from the pixels to the LEDs.
+
+    The ray begins a pixel away, so it finds a terminator half a pixel late.  `attached` looks at
+    the pixel itself.
 
     Labels from the image alone err where a shadow begins, because light is weak there.  The
     shadow that the height casts is sharper, if the height is right.  So both are combined: a
@@ -59,6 +64,8 @@ def cast_shadows(
         H x W, the shadows in the image; without it the height alone decides.
     reach_px
         Largest distance in px, along each axis, at which the image may show the shadow.
+    attached
+        Whether surface that faces away from an LED, by central differences, is in shadow too.
 
     Returns
     -------
@@ -76,6 +83,9 @@ def cast_shadows(
         # Places on a diagonal belong to the quarters below and above.
         _cast(height.T, dark.T, across, down, led_z, diagonal=False)
         _cast(height.T[::-1], dark.T[::-1], -across[::-1], down, led_z, diagonal=False)
+        if attached:
+            rises = difference(height, 1) * across + difference(height, 0) * down[:, None]
+            dark |= rises + (led_z - height) < 0
         if seen is not None:
             dark &= cv2.dilate(np.ascontiguousarray(seen >> k & 1), window) > 0
         labels |= dark.astype(np.uint8) << k
@@ -138,7 +148,11 @@ def _launch(run: Launch) -> None:
         for axis in (1, 0):
             seen, near = near, run.scratch((height, width), np.uint8)
             run.kernel("spread_labels", by_rows, seen, near, height, width, reach, axis)
-    run.kernel("join", by_rows, dark, near, run.outputs["cast_shadows"], *sizes)
+    run.kernel(
+        "join", by_rows, dark, near, inputs["height"], inputs["lights"],
+        run.outputs["cast_shadows"], *sizes,
+        float(inputs["pixel"]), int(run.settings["attached"]),
+    )  # fmt: skip
 
 
 @cast_shadows.example

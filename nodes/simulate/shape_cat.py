@@ -3,18 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph import node
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    grid,
-    shape,
-    stretched,
-    turned,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, stretched, turned
 from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union, without
 
 # The model's own unit is the radius of the head; y points down, from the ears to the paws.
@@ -29,10 +18,7 @@ def shape_cat(
     length_mm: Length = 15.0,
     rise_mm: Length | None = None,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a sitting cat (the kind of object of figure 8).
 
@@ -47,20 +33,16 @@ def shape_cat(
         the cat keeps its proportions.
     angle_deg
         Turns the cat from x (right) towards y (down).
-    offset_mm
-        Centre of the cat from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
     Height H x W, mm, and the pixel size.
     """
-    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    x, y = image.places()
     x, y = turned(x, y, angle_deg)
     unit = length_mm / CAT_LENGTH
     height = relief(_cat(), x / unit, y / unit, CAT_TOP, SURFACE_ACCURACY)
-    return shape(stretched(height * unit, rise_mm), pixel_size_mm)
+    return shape(stretched(height * unit, rise_mm), image.pixel_size_mm)
 
 
 def _cat() -> Solid:

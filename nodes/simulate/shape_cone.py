@@ -8,16 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    grid,
-    shape,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape
 
 
 @node
@@ -26,10 +17,7 @@ def shape_cone(
     radius_mm: Length = 5.0,
     rise_mm: Length = 3.0,
     top_radius_mm: Annotated[float, Interval(ge=0, le=1e4)] = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a cone, which has one slope in every direction.
 
@@ -41,10 +29,6 @@ def shape_cone(
         Height of the top above the plane.
     top_radius_mm
         Radius of the flat top; 0 for a point.
-    offset_mm
-        Axis of the cone from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
@@ -60,6 +44,6 @@ def shape_cone(
             f"shape_cone: top_radius_mm = {top_radius_mm:g} is not below "
             f"radius_mm = {radius_mm:g}; make the top narrower"
         )
-    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    x, y = image.places()
     share = (radius_mm - np.sqrt(x**2 + y**2)) / (radius_mm - top_radius_mm)
-    return shape(rise_mm * np.clip(share, 0.0, 1.0), pixel_size_mm)
+    return shape(rise_mm * np.clip(share, 0.0, 1.0), image.pixel_size_mm)

@@ -9,8 +9,8 @@ from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM,
     PixelSide,
     Shape,
+    ShapeImage,
     Side,
-    check_pixels,
     shape,
 )
 
@@ -30,5 +30,5 @@ def shape_flat(
     -------
     Height H x W, zero, and the pixel size.
     """
-    check_pixels(width_px, height_px)
+    ShapeImage(width_px=width_px, height_px=height_px).check_pixels()
     return shape(np.zeros((height_px, width_px)), pixel_size_mm)

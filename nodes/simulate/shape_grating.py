@@ -9,19 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F8
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    WallAngle,
-    grid,
-    risen,
-    shape,
-    turned,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
 
 Profile = Literal["square", "triangle", "sine"]
 
@@ -43,10 +31,7 @@ def shape_grating(
     ridge: Ridge,
     side_mm: Length = 12.0,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a grating, to test resolution and ridges that shade grooves.
 
@@ -71,10 +56,6 @@ def shape_grating(
         Side of the square patch that the grating fills.
     angle_deg
         Azimuth across the ridges, from x (right) towards y (down).
-    offset_mm
-        Centre of the patch from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
@@ -86,17 +67,17 @@ def shape_grating(
         If ridges that are not square get an angle of walls, or walls leave no level.
     """
     profile, duty, wall_deg, middle = ridge
-    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    x, y = image.places()
     across, along = turned(x, y, angle_deg)
     periods = across / period_mm + (0.5 if middle == "groove" else 0.0)
     phase = np.abs(periods - np.round(periods))
     from_edge = side_mm / 2 - np.maximum(np.abs(across), np.abs(along))
     if wall_deg == 90:
         height = rise_mm * _ridge(phase / (duty / 2), profile)
-        return shape(np.where(from_edge >= 0, height, 0.0), pixel_size_mm)
+        return shape(np.where(from_edge >= 0, height, 0.0), image.pixel_size_mm)
     _check_walls(rise_mm / np.tan(np.radians(wall_deg)), period_mm, duty, profile)
     within = np.minimum((duty / 2 - phase) * period_mm, from_edge)
-    return shape(risen(within, rise_mm, wall_deg), pixel_size_mm)
+    return shape(risen(within, rise_mm, wall_deg), image.pixel_size_mm)
 
 
 def _check_walls(run_mm: float, period_mm: float, duty: float, profile: Profile) -> None:

@@ -10,17 +10,7 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.graph.extras import need
 from tactograph.nodes import F8
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    check_pixels,
-    shape,
-    turned,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, turned
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
 PAIRS_AT_ONCE = 1 << 21
@@ -35,10 +25,7 @@ def shape_mesh(
     up: Up = "flat",
     rise_mm: Length | None = None,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a mesh that lies on the plane.
 
@@ -57,10 +44,6 @@ def shape_mesh(
         By default the mesh lies on the plane.
     angle_deg
         Turns the mesh from x (right) towards y (down).
-    offset_mm
-        Middle of the mesh from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
@@ -71,7 +54,7 @@ def shape_mesh(
     InputError
         If the file cannot be read or holds no triangles, or trimesh is not installed.
     """
-    check_pixels(width_px, height_px)
+    image.check_pixels()
     vertices, triangles = _read(file)
     vertices = _laid_down(vertices, up)
     if length_mm is not None:
@@ -79,10 +62,10 @@ def shape_mesh(
     top = vertices[:, 2].max()
     base = vertices[:, 2].min() if rise_mm is None else top - rise_mm
     x, y = turned(vertices[:, 0], vertices[:, 1], -angle_deg)
-    columns = (x + offset_mm[0]) / pixel_size_mm + (width_px - 1) / 2
-    rows = (y + offset_mm[1]) / pixel_size_mm + (height_px - 1) / 2
+    columns = (x + image.offset_mm[0]) / image.pixel_size_mm + (image.width_px - 1) / 2
+    rows = (y + image.offset_mm[1]) / image.pixel_size_mm + (image.height_px - 1) / 2
     corners = np.stack([columns, rows, vertices[:, 2] - base], axis=1)[triangles]
-    return shape(_rasterised(corners, height_px, width_px), pixel_size_mm)
+    return shape(_rasterised(corners, image.height_px, image.width_px), image.pixel_size_mm)
 
 
 def _read(file: Path) -> tuple[F8, np.ndarray]:

@@ -8,16 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    grid,
-    shape,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape
 
 
 @node
@@ -27,10 +18,7 @@ def shape_pyramid(
     inradius_mm: Length = 4.0,
     rise_mm: Length = 3.0,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a pyramid, with plane faces of one slope each and sharp ridges.
 
@@ -44,16 +32,12 @@ def shape_pyramid(
         Height of the tip above the plane.
     angle_deg
         Azimuth of the first face, from x (right) towards y (down).
-    offset_mm
-        Axis of the pyramid from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
     Height H x W, mm, and the pixel size.
     """
-    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    x, y = image.places()
     azimuth = np.deg2rad(angle_deg + 360.0 / faces * np.arange(faces))
     outwards = np.max([np.cos(a) * x + np.sin(a) * y for a in azimuth], axis=0)
-    return shape(rise_mm * (1 - outwards / inradius_mm), pixel_size_mm)
+    return shape(rise_mm * (1 - outwards / inradius_mm), image.pixel_size_mm)

@@ -8,19 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    WallAngle,
-    grid,
-    risen,
-    shape,
-    turned,
-)
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
 
 
 @node
@@ -32,10 +20,7 @@ def shape_steps(
     breadth_mm: Length = 10.0,
     wall_deg: WallAngle = 90.0,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     """Return the height of a staircase, with walls of known height and angle.
 
@@ -53,23 +38,19 @@ def shape_steps(
         Angle of the walls between the steps and of those around the staircase; 90 is vertical.
     angle_deg
         Azimuth in which the stairs climb, from x (right) towards y (down).
-    offset_mm
-        Middle of the staircase from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
     Height H x W, mm, and the pixel size.
     """
-    x, y = grid(width_px, height_px, pixel_size_mm, offset_mm)
+    x, y = image.places()
     along, across = turned(x, y, angle_deg)
     if wall_deg == 90:
         tread = np.floor(along / tread_mm + count / 2)
         there = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
-        return shape(np.where(there, (tread + 1) * step_mm, 0.0), pixel_size_mm)
+        return shape(np.where(there, (tread + 1) * step_mm, 0.0), image.pixel_size_mm)
     top = count * step_mm
     starts = (np.arange(count) - count / 2) * tread_mm
     stairs = sum(risen(along - start, step_mm, wall_deg) for start in starts)
     around = np.minimum(count * tread_mm / 2 - along, breadth_mm / 2 - np.abs(across))
-    return shape(np.minimum(stairs, risen(around, top, wall_deg)), pixel_size_mm)
+    return shape(np.minimum(stairs, risen(around, top, wall_deg)), image.pixel_size_mm)

@@ -10,18 +10,7 @@ from annotated_types import Ge
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F8
-from tactograph.nodes.optics.shape import (
-    MAX_PIXELS,
-    PAPER_PIXEL_MM,
-    Length,
-    Offset,
-    PixelSide,
-    Shape,
-    Side,
-    grid,
-    shape,
-    turned,
-)
+from tactograph.nodes.optics.shape import MAX_PIXELS, Length, Shape, ShapeImage, shape, turned
 
 LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""
@@ -35,10 +24,7 @@ def shape_text(
     rise_mm: Length = 1.0,
     bevel_mm: Annotated[float, Ge(0)] = 0.3,
     angle_deg: float = 0.0,
-    offset_mm: Offset = (0.0, 0.0),
-    width_px: Side = 320,
-    height_px: Side = 240,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    image: ShapeImage,
 ) -> Shape:
     r"""Return the height of raised letters, in the bold font that Matplotlib includes.
 
@@ -54,10 +40,6 @@ def shape_text(
         Width of the slope from a letter's outline to its top; 0 for vertical walls.
     angle_deg
         Turns the text from x (right) towards y (down).
-    offset_mm
-        Centre of the text from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
 
     Returns
     -------
@@ -68,16 +50,16 @@ def shape_text(
     InputError
         If there is nothing to draw.
     """
-    depth, left, top = _depth_inside(text, size_mm, pixel_size_mm / LETTER_SUBSAMPLES)
-    x, y = turned(*grid(width_px, height_px, pixel_size_mm, offset_mm), angle_deg)
-    scale = LETTER_SUBSAMPLES / pixel_size_mm
+    depth, left, top = _depth_inside(text, size_mm, image.pixel_size_mm / LETTER_SUBSAMPLES)
+    x, y = turned(*image.places(), angle_deg)
+    scale = LETTER_SUBSAMPLES / image.pixel_size_mm
     columns = np.asarray((x - left) * scale - 0.5, np.float32)
     rows = np.asarray((y - top) * scale - 0.5, np.float32)
     columns, rows = np.broadcast_arrays(columns, rows)
     inside = cv2.remap(depth, columns.copy(), rows.copy(), cv2.INTER_LINEAR)
     # Half a fine pixel is the outline itself.
-    slope = max(bevel_mm, pixel_size_mm / LETTER_SUBSAMPLES)
-    return shape(rise_mm * np.clip(inside / slope, 0.0, 1.0).astype(float), pixel_size_mm)
+    slope = max(bevel_mm, image.pixel_size_mm / LETTER_SUBSAMPLES)
+    return shape(rise_mm * np.clip(inside / slope, 0.0, 1.0).astype(float), image.pixel_size_mm)
 
 
 def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray, float, float]:

@@ -79,7 +79,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._error: Exception | None = None
-        self._picture: U1 | None = None
+        self._picture: U1 = np.empty((0, 0, PICTURE_CHANNELS), np.uint8)
         self._time = -math.inf
         self._count = self._read = 0
 
@@ -104,7 +104,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         if self.is_connected:
             raise ConnectionError(f"{self}: is connected already")
         self._ended.clear()
-        self._error, self._picture = None, None
+        self._error = None
         self._thread = threading.Thread(target=self._run, name=str(self), daemon=True)
         self._thread.start()
         try:
@@ -135,7 +135,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
             )
             if self._count > self._read:
                 self._read = self._count
-                return self._newest()
+                return self._picture
         self._check()
         raise TimeoutError(f"{self}: no height within {timeout_ms:.0f} ms")
 
@@ -153,7 +153,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         with self._came:
             if 1000 * (time.monotonic() - self._time) > max_age_ms:
                 raise TimeoutError(f"{self}: no height for {max_age_ms} ms")
-            return self._newest()
+            return self._picture
 
     def disconnect(self) -> None:
         """End the stream, and release the sensor."""
@@ -164,10 +164,6 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
 
     def __str__(self) -> str:
         return f"tactograph({self.config.calibration})"
-
-    def _newest(self) -> U1:
-        assert self._picture is not None
-        return self._picture
 
     def _check(self) -> None:
         if not self.is_connected:
@@ -185,19 +181,17 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
                 for touch in pipeline.items():
                     if self._ended.is_set():
                         break
-                    self._show(self._drawn(touch["picture"]))
+                    picture = self._drawn(touch["picture"])
+                    with self._came:
+                        self._picture, self._time = picture, time.monotonic()
+                        self._count += 1
+                        self._came.notify_all()
         except Exception as error:  # told to whoever reads next
             self._error = error
         finally:
             with self._came:
                 self._ended.set()
                 self._came.notify_all()
-
-    def _show(self, picture: U1) -> None:
-        with self._came:
-            self._picture, self._time = picture, time.monotonic()
-            self._count += 1
-            self._came.notify_all()
 
     def _drawn(self, value: NDArray[Any]) -> U1:
         if self.config.picture == "lights":

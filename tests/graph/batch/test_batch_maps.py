@@ -14,27 +14,40 @@ from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 
-HEIGHTS = np.arange(4 * 2 * 3, dtype=np.float32).reshape(4, 2, 3)
+MAPS = np.arange(60)[:, None, None] + np.zeros((2, 3))
+"""The maps of a capture are its number."""
+
+
+def stored(place: Path, count: int, failed: set[int], pending: set[int], chunk: int) -> Path:
+    """Captures in shards of a size."""
+    job = Job("", "", "", {}, {}, "capture", ("height", "shadow"))
+    store = create_store(str(place), job, Origin({}, {}, ""), chunk)
+    store.append([str(number) for number in range(count)])
+    kinds = {"height": "float32", "shadow": "uint8"}
+    store.add_maps({name: MapType((2, 3), kind, "", ("H", "W")) for name, kind in kinds.items()})
+    for first in range(0, count, chunk):
+        numbers = {*range(first, min(first + chunk, count))} - pending
+        maps = {n: {name: MAPS[n].astype(kind) for name, kind in kinds.items()} for n in numbers}
+        store.write({n: Entry(FAILED if n in failed else DONE, maps=maps[n]) for n in numbers})
+    return place
 
 
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     """Four captures: the second failed, the last is pending."""
-    job = Job("", "", "", {}, {}, "capture", ("height", "shadow"))
-    store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
-    store.append(["a", "b", "c", "d"])
-    kinds = {"height": "float32", "shadow": "uint8"}
-    store.add_maps({name: MapType((2, 3), kind, "", ("H", "W")) for name, kind in kinds.items()})
-    maps = [{"height": z, "shadow": z.astype(np.uint8)} for z in HEIGHTS]
-    store.write({0: Entry(DONE, maps=maps[0]), 1: Entry(FAILED, "dark", maps=maps[1])})
-    store.write({2: Entry(DONE, maps=maps[2])})
-    return tmp_path / "out.zarr"
+    return stored(tmp_path / "out.zarr", 4, {1}, {3}, 2)
+
+
+@pytest.fixture
+def many(tmp_path: Path) -> Path:
+    """Sixty captures in shards of five, of which every seventh failed."""
+    return stored(tmp_path / "many.zarr", 60, {*range(0, 60, 7)}, set(), 5)
 
 
 def test_the_maps_of_finished_captures_are_read_one_by_one(place: Path) -> None:
     found = BatchMaps(place)
-    assert (len(found), found.captures, found.names) == (2, ["a", "c"], ("height", "shadow"))
-    np.testing.assert_array_equal(found[1]["height"], HEIGHTS[2])
+    assert (len(found), found.captures, found.names) == (2, ["0", "2"], ("height", "shadow"))
+    np.testing.assert_array_equal(found[1]["height"], MAPS[2])
     assert found[-1]["shadow"].dtype == np.uint8
     assert list(BatchMaps(place, "height")[0]) == ["height"]
     with pytest.raises(IndexError):
@@ -47,7 +60,7 @@ def test_processes_that_are_started_read_the_same(place: Path, method: str) -> N
     first = found[0]  # the store is open here
     with multiprocessing.get_context(method).Pool(2) as pool:
         there = pool.map_async(found.__getitem__, [0, 1]).get(timeout=60)
-    np.testing.assert_array_equal([each["height"] for each in there], HEIGHTS[[0, 2]])
+    np.testing.assert_array_equal([each["height"] for each in there], MAPS[[0, 2]])
     np.testing.assert_array_equal(there[0]["height"], first["height"])
 
 
@@ -58,25 +71,9 @@ def test_what_is_not_there_is_refused(place: Path, tmp_path: Path) -> None:
         BatchMaps(place, "hight")
     (place / "height" / "c" / "0" / "0" / "0").unlink()
     found = BatchMaps(place, "shadow")
-    with pytest.raises(InputError, match="the maps of a are damaged; the command of the batch"):
+    with pytest.raises(InputError, match="the maps of 0 are damaged; the command of the batch"):
         found[0]
-    np.testing.assert_array_equal(found[1]["shadow"], HEIGHTS[2])
-
-
-@pytest.fixture
-def many(tmp_path: Path) -> Path:
-    """Sixty captures in shards of five, of which every seventh failed; a map is its number."""
-    job = Job("", "", "", {}, {}, "capture", ("height",))
-    store = create_store(str(tmp_path / "many.zarr"), job, Origin({}, {}, ""), 5)
-    store.append([str(number) for number in range(60)])
-    store.add_maps({"height": MapType((2, 3), "float32", "", ("H", "W"))})
-    for first in range(0, 60, 5):
-        entries = {
-            n: Entry(DONE if n % 7 else FAILED, maps={"height": np.full((2, 3), n, np.float32)})
-            for n in range(first, first + 5)
-        }
-        store.write(entries)
-    return tmp_path / "many.zarr"
+    np.testing.assert_array_equal(found[1]["shadow"], MAPS[2])
 
 
 def test_shards_hold_all_finished_captures(many: Path) -> None:

@@ -72,15 +72,9 @@ def test_a_recording_is_replayed_with_its_own_sensor_alone(
     assert "is of sensor 'left', but the calibration" in line
     assert "is of sensor 'right'" in line
     assert "another_sensor=true" in line
-
-
-def test_another_sensor_is_taken_on_purpose_with_a_warning(
-    tmp_path: Path, calibrated: Calibrated
-) -> None:
-    recording = recorded(tmp_path / "touch", calibrated("left"))
     with collect_warnings([]) as told:
-        given = {"calibration": calibrated("right"), "another_sensor": True}
-        assert len(list(replay(recording=recording, speed=0, **given))) == 1
+        again = replay(recording=recording, calibration=right, another_sensor=True, speed=0)
+        assert len(list(again)) == 1
     assert "taken on purpose" in told[0]
 
 
@@ -137,24 +131,16 @@ def test_a_camera_is_not_used_with_the_calibration_of_another(calibrated: Calibr
         CameraParams("serial:B2").check_calibration(mini)
 
 
-def test_a_calibration_made_from_another_keeps_its_sensor(calibrated: Calibrated) -> None:
+def test_a_calibration_keeps_name_and_serial_of_its_sensor(calibrated: Calibrated) -> None:
+    """Also one that was made from another; in a message they are one line."""
     inputs = {"calibration": file_identity(calibrated("left"))}
     assert file_identity(calibrated(None, inputs=inputs))["sensor"] == "left"
-
-
-def test_the_serial_number_is_a_value_of_the_calibration(calibrated: Calibrated) -> None:
     assert read_calibration(file=calibrated("mini", "A1")).serial == "A1"
     assert read_calibration(file=calibrated("left")).serial is None
-
-
-def test_names_in_a_message_are_one_line() -> None:
     assert str(identity_in({"sensor": "a\nb\x1b[2J", "serial": 7})).isprintable()
 
 
-@pytest.fixture
-def graph(tmp_path: Path) -> Path:
-    """A graph that reads captures for a calibration."""
-    text = """
+GRAPH = """
 format: 1
 title: The first light
 params:
@@ -166,41 +152,32 @@ nodes:
   lit:    {op: label_lit, in: {light: frames.image}}
 outputs: {lit: lit}
 """
-    file = tmp_path / "first.yaml"
-    file.write_text(text)
-    return file
 
 
 def test_a_store_of_another_sensor_is_refused_by_both_names(
-    tmp_path: Path, graph: Path, calibrated: Calibrated, tactograph: Command
+    tmp_path: Path, calibrated: Calibrated, tactograph: Command
 ) -> None:
+    """A store from before it kept sensors goes on."""
     write_images(tmp_path / "touches" / "1", IMAGES)
-    used = tmp_path / "used.npz"
-    words = ("batch", graph, f"calibration={used}", "--over", tmp_path / "touches" / "*")
-    words += ("--out", tmp_path / "all.zarr")
+    graph, used, store = (tmp_path / name for name in ("first.yaml", "used.npz", "all.zarr"))
+    graph.write_text(GRAPH)
+    words = ("batch", graph, f"calibration={used}", "--out", store)
+    words += ("--over", tmp_path / "touches" / "*")
     calibrated("left").replace(used)
     assert tactograph(*words).code == 0
-    shown = tactograph("show", tmp_path / "all.zarr").out
+    shown = tactograph("show", store).out
     assert "calibration: hash" in shown
     assert "sensor left, date 20" in shown
+    kept = (store / "zarr.json").read_text()
+    about = json.loads(kept)
+    del about["attributes"]["tactograph"]["job"]["files"]
+    (store / "zarr.json").write_text(json.dumps(about))
+    assert tactograph(*words).code == 0
+    assert "captures: 1, done 1" in tactograph("show", store).out
+    (store / "zarr.json").write_text(kept)
     calibrated("right").replace(used)
     said = one_line(tactograph(*words))
     assert "another content of calibration, for sensor 'left' and not 'right'" in said
-
-
-def test_a_store_from_before_it_kept_sensors_goes_on(
-    tmp_path: Path, graph: Path, calibrated: Calibrated, tactograph: Command
-) -> None:
-    write_images(tmp_path / "touches" / "1", IMAGES)
-    words = ("batch", graph, f"calibration={calibrated('left')}", "--out", tmp_path / "all.zarr")
-    words += ("--over", tmp_path / "touches" / "*")
-    assert tactograph(*words).code == 0
-    file = tmp_path / "all.zarr" / "zarr.json"
-    said = json.loads(file.read_text())
-    del said["attributes"]["tactograph"]["job"]["files"]
-    file.write_text(json.dumps(said))
-    assert tactograph(*words).code == 0
-    assert "captures: 1, done 1" in tactograph("show", tmp_path / "all.zarr").out
 
 
 def test_results_name_the_calibration_they_were_made_with(

@@ -47,65 +47,43 @@ def columns_of(
 
 
 def test_a_height_survives_as_a_picture_to_half_a_level() -> None:
-    levels = height_levels(HEIGHT)
+    levels = np.arange(65536, dtype=np.uint16).reshape(256, 256)
     np.testing.assert_array_equal(picture_levels(levels_picture(levels)), levels)
-    back = level_height(levels, STEP_MM, OFFSET_MM)
+    back = level_height(height_levels(HEIGHT), STEP_MM, OFFSET_MM)
     assert np.abs(back - HEIGHT).max() < 0.51 * STEP_MM
 
 
-def test_every_level_is_a_picture_of_its_own() -> None:
-    levels = np.arange(65536, dtype=np.uint16).reshape(256, 256)
-    np.testing.assert_array_equal(picture_levels(levels_picture(levels)), levels)
+def test_what_a_row_cannot_hold_is_refused() -> None:
+    high = np.where(HEIGHT > 1.4, np.float32(6), HEIGHT)
+    with pytest.raises(InputError, match=r"from -0.10 to 6.00 mm do not fit into -0.9999 to 5.55"):
+        columns_of(a_touch(height=high))
+    with pytest.raises(InputError, match=r"'force_n' is not measured here; angle_deg, area_mm2, "):
+        columns_of(a_touch(), "depth_mm force_n")
 
 
-def test_a_height_that_sixteen_bits_do_not_hold_is_refused() -> None:
-    with pytest.raises(
-        InputError, match=r"from -0.10 to 6.00 mm do not fit into -0.9999 to 5.5535 mm"
-    ):
-        columns_of(a_touch(height=np.where(HEIGHT > 1.4, np.float32(6), HEIGHT)))
-
-
-def test_a_row_says_its_scale_its_sensor_and_its_calibration() -> None:
-    feature = columns_of(a_touch())["observation.images.left_height"].feature
+def test_a_row_holds_height_lights_contacts_pose_and_time() -> None:
+    """With scale, sensor and calibration; a contact that is not there is zero."""
+    columns = columns_of(a_touch(pose=POSE))
+    feature = columns["observation.images.left_height"].feature
     assert (feature["dtype"], feature["shape"]) == ("image", (*SIZE, 3))
     assert feature["names"] == ["height", "width", "channels"]
     said = {"unit": "mm", "step": 1e-4, "offset": -1.0, "sensor": "bench", "hash": "0"}
     assert said.items() <= feature["info"].items()
-
-
-def test_three_lights_are_the_channels_of_a_picture() -> None:
-    columns = columns_of(a_touch())
     first, second = (columns[f"observation.images.left_lights{n}"] for n in (1, 4))
     np.testing.assert_array_equal(first.value, BYTES[:3].transpose(1, 2, 0))
     np.testing.assert_array_equal(second.value[..., 0], BYTES[3])
     assert not second.value[..., 1:].any()
     assert [c.info["lights"] for c in (first, second)] == [[1, 2, 3], [4]]
-
-
-def test_contacts_have_their_places_and_those_that_are_not_there_are_zero() -> None:
-    column = columns_of(a_touch())["observation.left.contacts"]
-    assert column.names == ["x_mm_c1", "depth_mm_c1", "x_mm_c2", "depth_mm_c2"]
+    contacts = columns["observation.left.contacts"]
+    assert contacts.names == ["x_mm_c1", "depth_mm_c1", "x_mm_c2", "depth_mm_c2"]
     metrics = measure_contact(HEIGHT, CONTACT, PIXEL)
     expected = [metrics["contact_x_mm/c1"], metrics["contact_depth_mm/c1"], 0, 0]
-    np.testing.assert_allclose(column.value, expected, rtol=1e-6)
-    assert "observation.left.contacts" not in columns_of(a_touch(), contacts=0)
-
-
-def test_a_figure_that_is_not_measured_is_refused_and_those_that_are_named() -> None:
-    with pytest.raises(InputError, match=r"'force_n' is not measured here; angle_deg, area_mm2, "):
-        columns_of(a_touch(), "depth_mm force_n")
-
-
-def test_a_pose_is_a_column_where_the_graph_tracks_it() -> None:
-    np.testing.assert_array_equal(
-        columns_of(a_touch(pose=POSE))["observation.left.pose"].value, POSE.pose
-    )
-    assert "observation.left.pose" not in columns_of(a_touch())
-
-
-def test_a_time_is_exact_to_the_nanosecond() -> None:
-    seconds, parts = columns_of(a_touch())["left.time"].value
+    np.testing.assert_allclose(contacts.value, expected, rtol=1e-6)
+    np.testing.assert_array_equal(columns["observation.left.pose"].value, POSE.pose)
+    seconds, parts = columns["left.time"].value
     assert int(seconds) * 10**9 + int(parts) == STAMP_NS
+    fewer = columns_of(a_touch(), contacts=0).keys()
+    assert not fewer & {"observation.left.pose", "observation.left.contacts"}
 
 
 def test_a_folder_of_something_else_is_no_dataset(tmp_path: Path) -> None:
@@ -182,22 +160,15 @@ def test_lerobot_itself_reads_scale_rows_and_times_of_other_cameras(tmp_path: Pa
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("lerobot")
-def test_a_row_without_a_touch_repeats_the_one_before(tmp_path: Path) -> None:
-    gap = [1000 + n / 30 for n in (0, 1, 2, 6, 7)]
-    write(tmp_path / "data", [a_touch(time=time) for time in gap])
-    came = [
-        1000 + round(30 * (t.time - 1000)) / 30 for t in read_lerobot(dataset=tmp_path / "data")
-    ]
-    assert [round(30 * (time - 1000)) for time in came] == [0, 1, 2, 2, 2, 2, 6, 7]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("lerobot")
-def test_touches_that_come_faster_than_rows_are_left_out_and_counted(tmp_path: Path) -> None:
+def test_rows_are_even_where_touches_are_missing_or_too_many(tmp_path: Path) -> None:
+    """The touch before is repeated; those that come faster are left out and counted."""
+    write(tmp_path / "gap", [a_touch(time=1000 + n / 30) for n in (0, 1, 2, 6, 7)])
+    came = read_lerobot(dataset=tmp_path / "gap")
+    assert [round(30 * (touch.time - 1000)) for touch in came] == [0, 1, 2, 2, 2, 2, 6, 7]
     with collect_warnings([]) as warnings:
-        write(tmp_path / "data", [a_touch(time=time) for time in times(60, rate=60)])
+        write(tmp_path / "fast", [a_touch(time=time) for time in times(60, rate=60)])
     assert any("touches came faster than 30 rows per second" in line for line in warnings)
-    assert len(list(read_lerobot(dataset=tmp_path / "data"))) in (30, 31)
+    assert len(list(read_lerobot(dataset=tmp_path / "fast"))) in (30, 31)
 
 
 @pytest.mark.slow
