@@ -22,6 +22,8 @@ from tactograph.nodes.slope.height_slopes import height_slopes
 
 CAUTIOUS_TURN_RAD = 0.8
 """Angle by which leaving LEDs out must turn a normal where labels gain nothing: as at a crack."""
+MIN_DIFFUSED_SHARE = 0.1
+"""Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
 MAX_BALLS = 12
 """Balls that are measured, spread over all."""
 REACH_RADII = 2.6
@@ -53,8 +55,8 @@ def judge_labels(
     tells along: slopes around a ball no longer fit together, which bends the height inside.  So
     balls are measured with labels, and with those alone that turn a normal by
     `CAUTIOUS_TURN_RAD`.  Where labels gain nothing, only the latter are given.  No label is
-    fitted to a press, so all presses are held out.  Where film diffuses no light, shadows are
-    dark, and labels stand.
+    fitted to a press, so all presses are held out.  Where film diffuses hardly any
+    light, shadows are dark, and labels stand.
 
     Parameters
     ----------
@@ -81,7 +83,7 @@ def judge_labels(
         much nearer the normals of the balls' heights are with labels.
     """
     found = np.flatnonzero(balls.circle[:, 2] > 0)
-    if not film.diffuse.any() or not found.size:
+    if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not found.size:
         return LabelGain(0.0, {})
     sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
     gains = []
