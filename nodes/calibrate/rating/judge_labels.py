@@ -55,8 +55,8 @@ def judge_labels(
     tells along: slopes around a ball no longer fit together, which bends the height inside.  So
     balls are measured with labels, and with those alone that turn a normal by
     `CAUTIOUS_TURN_RAD`.  Where labels gain nothing, only the latter are given.  No label is
-    fitted to a press, so all presses are held out.  Where film diffuses hardly any
-    light, shadows are dark, and labels stand.
+    fitted to a press, so all presses are held out.  Where film diffuses hardly any light,
+    shadows are dark, and labels stand.
 
     Parameters
     ----------
@@ -106,16 +106,16 @@ def _errors(
 ) -> Iterator[float]:
     """Mean angles between normals of a ball and of its height, with labels and without."""
     circle, radius = balls.circle[ball].astype(np.float64), float(balls.radius[ball]) / pixel
-    part = [
+    rows, columns = (
         slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)
         for at in circle[1::-1]
-    ]
-    window = (..., *part)
-    taken, relative, matt, height = (image[window] for image in press)
-    sigma = np.hypot(light_noise(taken, flat[window], noise), np.float32(film.grain) * relative)
+    )
+    taken, relative, matt, height = (image[..., rows, columns] for image in press)
+    sigma = light_noise(taken, flat[:, rows, columns], noise)
+    sigma = np.hypot(sigma, np.float32(film.grain) * relative)
     sigma /= direct_share(film)[:, None, None]
     light, sigma = unwrapped(wrapped(matt, film.wrap), sigma, film.wrap)
-    corner = np.array([part[1].start, part[0].start, 0])
+    corner = np.array([columns.start, rows.start, 0])
     middle = corner + np.array([*np.subtract(height.shape[::-1], flat.shape[:0:-1]) / 2, 0])
     lights = (film.lights - middle * pixel).astype(np.float32)
     level = np.zeros((2, *height.shape), np.float32)
