@@ -140,7 +140,10 @@ def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any
 
 
 def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, scale: int) -> None:
-    """The grid of balls, calibrated with one ball and with a whole scan."""
+    """The grid of balls, calibrated with one ball and with a whole scan.
+
+    Also of a flow that refuses it: at full resolution `paper` has slopes of no surface.
+    """
     row(
         "LEDs",
         "calibrated with",
@@ -168,7 +171,7 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
             quality = _calibrated(captures, leds, scale, file, **how)
             chosen = f"{quality['film_heldout_deg']:.2f}"
             for graph in graphs:
-                given = {"capture": captures["balls_2"], "calibration": file}
+                given = {"capture": captures["balls_2"], "calibration": file, "force": True}
                 result = run(graph, {"frames.leds": leds}, **given)
                 if "error" in result and not stand:
                     stand = seats(captures, leds, scale, other, data / "balls_1.csv")

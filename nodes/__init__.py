@@ -66,6 +66,8 @@ Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
 Wrap = Annotated[float, Port(unit="1", high=0.3)]
 """w: how far light goes on falling behind the terminator (`optics.near_light.wrapped`)."""
+LabelTurn = Annotated[float, Port(unit="rad", high=1)]
+"""Angle by which leaving LEDs out must turn a normal (`label_lights`)."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
 """Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
 ZeroError = Annotated[float, Port(unit="mm", high=1)]

@@ -85,7 +85,7 @@ typedef struct {
 
 typedef struct {
     int pair, dark;
-    float floor_, price, one_sided, steepest, dimmed, uneven, wrap;
+    float floor_, price, one_sided, steepest, dimmed, uneven, wrap, turn;
 } Rules;
 
 // Pixels that another set of LEDs may explain better: what all LEDs cost there, and a number that
@@ -679,6 +679,14 @@ static ONCE void any_set(
             best.normals.twin = chosen_of(better, tried.twin, best.normals.twin);
         }
     }
+    if (rules->turn > 0.0f) {
+        const Equations equations = normal_equations(&here, all);
+        const Vector by_all = least_squares(&equations, K, rules->uneven).normal;
+        const ints alike = (here.forced == 0)
+            & (dot_of(by_all, best.normals.normal) > cos(rules->turn));
+        best.used = alike ? whole : best.used;
+        best.cost = alike ? LOAD_LANES(costs) : best.cost;
+    }
     const ints dimmed = allow_dimmed(&here, rules, &best);
     // If all LEDs explain a pixel best, its result is already written.
     const ints same = (best.used == all) & ~dimmed;
@@ -703,6 +711,7 @@ LANED __kernel void label_lights(
     const float pixel,
     const float uneven,
     const float wrap,
+    const float turn,
     __global float *restrict slope,
     __global float *restrict twin,
     __global float *restrict variance,
@@ -723,7 +732,7 @@ LANED __kernel void label_lights(
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
     const Made made = {slope, twin, variance, misfit, used, shadow};
-    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven, wrap};
+    const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven, wrap, turn};
     Doubtful doubtful;
     doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)

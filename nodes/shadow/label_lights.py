@@ -19,6 +19,7 @@ from tactograph.nodes import (
     F4,
     Height,
     Labels,
+    LabelTurn,
     Light,
     LightPositions,
     PixelSize,
@@ -148,6 +149,12 @@ class Choice(NamedTuple):
             for part, other in parts:
                 part[..., where[better]] = other.take(better, axis=-1)
 
+    def keep(self, other: Choice, where: Leds) -> None:
+        """Take another explanation at some pixels."""
+        parts: Any = zip(self, other, strict=True)
+        for part, theirs in parts:
+            part[..., where] = theirs[..., where]
+
 
 @node(
     tolerance=Flips(
@@ -164,6 +171,7 @@ def label_lights(
     pixel: PixelSize,
     uneven: Uneven,
     wrap: Wrap | None = None,
+    turn: LabelTurn | None = None,
     *,
     rules: Rules,
     wanted: Wanted = EVERYTHING,
@@ -195,6 +203,10 @@ def label_lights(
     from the ratios of their light.  The cost of more than three LEDs allows for this factor,
     too.  The cost of three does not: there only |n| = 1 can reveal a shadow.
 
+    On a film that diffuses light, leaving LEDs out may cost more than it gains (`judge_labels`).
+    There a subset must ``turn`` the normal by more than that from the normal of all LEDs, or all
+    count: what remains are pixels whose light is absurd for a film, as at a crack.
+
     Dirt on the lens or a hair dims all LEDs alike.  Where no subset costs less than ``dimmed``
     and no LED is dark (below the floor, or a twentieth of the brightest), all LEDs are tried at
     any lower brightness, at that price.  Their ratios give the slope; ``misfit`` is still that
@@ -216,6 +228,8 @@ def label_lights(
         Standard deviation of the film's brightness, as a share.
     wrap
         How far light goes on falling behind the terminator; None or 0: not at all.
+    turn
+        Radians by which leaving LEDs out must turn a normal; None or 0: any angle will do.
 
     Returns
     -------
@@ -233,7 +247,7 @@ def label_lights(
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        made: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0)
+        made: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0, turn or 0.0)
         return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
@@ -250,7 +264,10 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
     lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
     sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
-    made: dict[str, Any] = {"wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)]))}
+    made: dict[str, Any] = {
+        "wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
+        "turn": float(rng.choice([0, 0.8])),
+    }
     if made["wrap"]:
         sigma = rng.uniform(0.015, 0.03, (K, H, W)).astype(np.float32)
         slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
@@ -263,7 +280,14 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
 
 
 def _label(
-    light: F4, sigma: F4, vectors: F4, prior: F4, rules: Rules, uneven: float, wrap: float
+    light: F4,
+    sigma: F4,
+    vectors: F4,
+    prior: F4,
+    rules: Rules,
+    uneven: float,
+    wrap: float,
+    turn: float,
 ) -> Labelled:
     """Solve for each set of LEDs, find its cost, and take the least.
 
@@ -282,6 +306,9 @@ def _label(
         may = (forced & _labels(lit) == 0) & (number <= most)
         explain = partial(_explain, lit=lit, rules=rules, uneven=uneven, wrap=wrap)
         best.improve(pixels, may, rules.price * number + ~lit @ glow, explain)
+    if turn > 0:
+        every = _explain(pixels, np.ones(leds, bool), rules, uneven, wrap)
+        best.keep(every, (forced == 0) & (dot(every.normal, best.normal) > np.cos(turn)))
     may = ~below.any(axis=0) & (light.min(axis=0) > MIN_EVEN_SHARE * light.max(axis=0))
     best.improve(pixels, may, rules.dimmed, partial(_dimmed, price=rules.dimmed, uneven=uneven))
     slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in (best.normal, best.twin))

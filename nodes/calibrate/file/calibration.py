@@ -21,6 +21,7 @@ from tactograph.nodes import (
     Blur,
     Dark,
     Film,
+    LabelTurn,
     Lens,
     Light,
     LutLight,
@@ -98,6 +99,11 @@ class Calibration(NamedTuple):
         Blur,
         Stored(0, 100, older=0.0),
         "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
+    ] = 0.0
+    label_turn: Annotated[
+        LabelTurn,
+        Stored(0, 3.2, older=0.0),
+        "radians by which leaving LEDs out must turn a normal; 0 where shadows cost nothing",
     ] = 0.0
 
 

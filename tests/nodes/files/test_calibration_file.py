@@ -110,7 +110,7 @@ def test_what_was_written_is_read(file: Path) -> None:
     assert np.allclose(MISFIT, found.misfit)
 
 
-NEW = {*Film._fields, "lens", "misfit", "correlation", "blur"} - {"lights", "others"}
+NEW = {*Film._fields, "lens", "misfit", "correlation", "blur", "label_turn"} - {"lights", "others"}
 """What files from before films were described lack."""
 
 

@@ -12,6 +12,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
 from tactograph.nodes.optics import cache_blocks
 from tactograph.nodes.optics.near_light import light_vectors, unwrapped, wrapped
+from tactograph.nodes.optics.normals import angle_between
 from tactograph.nodes.shadow.label_lights import Labelled, label_lights
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -242,6 +243,22 @@ def test_without_labels_every_led_is_used() -> None:
     found = label(light, dark=0)
     assert (found.used == 0b1111).all()
     assert not found.shadow.any()
+
+
+def test_where_labels_gain_nothing_those_that_turn_a_normal_little_are_not_given() -> None:
+    light = light_of(level(0.3, 0.2))
+    light[1] *= 0.7
+    assert (label(light).used == 0b1101).all()
+    found = label(light, turn=0.8)
+    assert (found.used == 0b1111).all()
+    assert np.array_equal(found.slope, label(light, dark=0).slope)
+
+
+def test_an_absurd_light_is_labelled_though_labels_gain_nothing() -> None:
+    cracked = light_of(LEVEL) * np.float32([0.02, 0.02, 0.3, 0.3])[:, None, None]
+    found, by_all = label(cracked, turn=0.8), label(cracked, dark=0)
+    assert (found.used == 0b1100).all()
+    assert (angle_between(found.slope, by_all.slope) > 0.8).all()
 
 
 def test_the_variance_is_that_of_the_slope() -> None:

@@ -1,0 +1,126 @@
+"""Measure on the presses what leaving shadowed LEDs out gains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import node
+from tactograph.nodes import Film, LabelTurn, Light, Metrics, Noise, PixelSize
+from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
+from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.optics.film import direct_share
+from tactograph.nodes.optics.near_light import unwrapped, wrapped
+from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, cut
+from tactograph.nodes.shadow.label_lights import label_lights
+from tactograph.nodes.slope.height_slopes import height_slopes
+
+CAUTIOUS_TURN_RAD = 0.8
+"""Angle by which leaving LEDs out must turn a normal where labels gain nothing: as at a crack."""
+MIN_DIFFUSED_SHARE = 0.1
+"""Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
+MAX_BALLS = 12
+"""Balls that are measured, spread over all."""
+REACH_RADII = 2.6
+"""Half the side of the film around a ball that is integrated, in radii of the ball."""
+
+
+class LabelGain(NamedTuple):
+    """The angle for `label_lights`, and what labels gain, as a figure for people."""
+
+    turn: LabelTurn
+    quality: Metrics
+
+
+@node
+def judge_labels(
+    image: SheetLight,
+    light: SheetLight,
+    matt: SheetLight,
+    flat: Light,
+    height: SheetHeight,
+    film: Film,
+    balls: BallPlaces,
+    noise: Noise,
+    pixel: PixelSize,
+) -> LabelGain:
+    """Compare heights of the presses with labels and without.
+
+    In a gel that diffuses light shadows are bright, and an LED that is left out takes what it
+    tells along: slopes around a ball no longer fit together, which bends the height inside.  So
+    balls are measured with labels, and with those alone that turn a normal by
+    `CAUTIOUS_TURN_RAD`.  Where labels gain nothing, only the latter are given.  No label is
+    fitted to a press, so all presses are held out.  Where film diffuses hardly any light,
+    shadows are dark, and labels stand.
+
+    Parameters
+    ----------
+    image, light, matt
+        K x S x W, the presses as captured, relative to the film at rest, and as `matt_presses`
+        returns them, on a sheet (`sheet`).
+    flat
+        K x H x W, the film at rest.
+    height
+        Of the presses, as `known_balls` returns it.
+    film
+        What was fitted to the presses.
+    balls
+        The node that found them: circles B x 3 in px, radii in mm, and the press of each.
+    noise
+        (shot, read), as `estimate_noise` returns it.
+    pixel
+        mm per px.
+
+    Returns
+    -------
+    LabelGain
+        ``turn`` for `label_lights`; on a film that diffuses light ``labels_gain_deg``, by how
+        much nearer the normals of the balls' heights are with labels.
+    """
+    found = np.flatnonzero(balls.circle[:, 2] > 0)
+    if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not found.size:
+        return LabelGain(0.0, {})
+    sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
+    gains = []
+    for ball in found[:: -(-found.size // MAX_BALLS)]:
+        press = [sheet[balls.of[ball]] for sheet in sheets]
+        errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
+        gains.append(errors[1] - errors[0])
+    gain = float(np.median(gains))
+    return LabelGain(0.0 if gain > 0 else CAUTIOUS_TURN_RAD, {"labels_gain_deg": gain})
+
+
+def _errors(
+    press: list[NDArray[np.float32]],
+    flat: Light,
+    film: Film,
+    balls: BallPlaces,
+    ball: int,
+    noise: Noise,
+    pixel: float,
+) -> Iterator[float]:
+    """Mean angles between normals of a ball and of its height, with labels and without."""
+    circle, radius = balls.circle[ball].astype(np.float64), float(balls.radius[ball]) / pixel
+    rows, columns = (
+        slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)
+        for at in circle[1::-1]
+    )
+    taken, relative, matt, height = (image[..., rows, columns] for image in press)
+    sigma = light_noise(taken, flat[:, rows, columns], noise)
+    sigma = np.hypot(sigma, np.float32(film.grain) * relative)
+    sigma /= direct_share(film)[:, None, None]
+    light, sigma = unwrapped(wrapped(matt, film.wrap), sigma, film.wrap)
+    corner = np.array([columns.start, rows.start, 0])
+    middle = corner + np.array([*np.subtract(height.shape[::-1], flat.shape[:0:-1]) / 2, 0])
+    lights = (film.lights - middle * pixel).astype(np.float32)
+    level = np.zeros((2, *height.shape), np.float32)
+    given = light, sigma, lights, height, level, pixel, film.uneven, film.wrap
+    for turn in (0.0, CAUTIOUS_TURN_RAD):
+        surface = integrate_dct(label_lights(*given, turn).slope, pixel)
+        slope = height_slopes(surface, pixel).slope
+        yield judge_contact(slope, surface, circle - corner, radius, pixel)[0]

@@ -1,0 +1,61 @@
+"""Labels stand where film diffuses no light, and where they bring balls nearer to the truth."""
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
+from tactograph.nodes.calibrate.rating.judge_labels import (
+    CAUTIOUS_TURN_RAD,
+    LabelGain,
+    judge_labels,
+)
+from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.simulate.render import render
+from tactograph.nodes.simulate.shape_ball import shape_ball
+
+LIGHTS = np.array([[20, 18, 25], [-19, 21, 25], [-20, -18, 26], [19, -20, 25]], np.float32)
+PIXEL, RADIUS = 0.05, 2.0
+BALL = shape_ball(
+    radius_mm=RADIUS, rise_mm=1.2, width_px=200, height_px=200, pixel_size_mm=PIXEL
+).height
+FLAT = np.ones((4, *BALL.shape), np.float32)
+CONTACT_PX = float(np.sqrt((BALL > 0).sum() / np.pi))
+BALLS = BallPlaces(
+    np.array([[99.5, 99.5, CONTACT_PX]], np.float32),
+    np.array([RADIUS], np.float32),
+    np.zeros(1, np.int32),
+)
+
+
+STRAY_LIGHT = np.float32(0.04)
+"""Light in shadows, without which LEDs certainly do not reach and are left out anyway."""
+HIGH = LIGHTS * np.float32([1, 1, 4])
+"""LEDs so high that nothing is in shadow."""
+
+
+def judged(lights: F4 = LIGHTS, diffused: float = 0.4) -> LabelGain:
+    level = np.zeros_like(BALL)
+    matt = np.asarray(render(BALL, PIXEL, lights).light / render(level, PIXEL, lights).light)
+    matt = np.maximum(matt, STRAY_LIGHT)
+    share = np.full(4, diffused, np.float32)
+    light = np.float32(diffused) + np.float32(1 - diffused) * matt
+    film = matt_film(lights)._replace(diffuse=share, uneven=0.02, grain=0.002)
+    noise = np.float32([0, 1e-6])
+    return judge_labels(light, light, matt, FLAT, BALL, film, BALLS, noise, PIXEL)
+
+
+def test_labels_of_shadows_that_are_as_the_model_has_them_stand() -> None:
+    found = judged()
+    assert found.turn == 0
+    assert found.quality["labels_gain_deg"] > 0
+
+
+def test_labels_that_gain_nothing_are_given_for_absurd_light_only() -> None:
+    found = judged(HIGH)
+    assert found.turn == pytest.approx(CAUTIOUS_TURN_RAD)
+    assert found.quality["labels_gain_deg"] <= 0
+
+
+def test_nothing_is_asked_of_a_film_that_diffuses_no_light() -> None:
+    assert judged(diffused=0.0) == LabelGain(0.0, {})
