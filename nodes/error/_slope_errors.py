@@ -40,7 +40,7 @@ FULL_MISFIT_SLOPE = np.float32(0.1)
 LEVEL_MISFIT_SHARE = np.float32(0.3)
 """Share of that error on level film around a touch.  There the flat frame cancels it, except for
 the light that the touch throws on the film."""
-LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.28)
+LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.3)
 """Share by which the light that a touch throws on level film is wrong, LED by LED, without and
 with a coat, whose mirror images are narrow.  No press is fitted there: around ray-traced touches
 it was off by 1 to 4 per cent, under a coat by up to 30; on their flanks by 0.5."""
