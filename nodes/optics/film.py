@@ -285,8 +285,8 @@ def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
     nx, ny, nz = n
     none = np.zeros_like(nx)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
-    bare = {"harmonics": np.zeros_like(film.harmonics), "diffuse": np.zeros_like(film.diffuse)}
-    coat = film._replace(gain=1.0, emission=0.0, **bare)
+    dark, plain = np.zeros_like(film.diffuse), np.zeros_like(film.harmonics)
+    coat = film._replace(gain=1.0, emission=0.0, diffuse=dark, harmonics=plain)
     squares = []
     for kind in (coat, coat._replace(refraction=1.0)):
         rest = rest_below(kind, *place)
