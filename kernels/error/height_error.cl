@@ -8,6 +8,7 @@
 #include "springs.clh"
 #include "spring_cells.clh"
 #include "height_system.clh"
+#include "film.clh"
 
 #define MAX_SLOPE 3.0f
 #define MIN_DETERMINANT_SHARE 1e-4f
@@ -17,7 +18,8 @@
 #define FULL_MISFIT_SLOPE 0.1f
 #define LEVEL_MISFIT_SHARE 0.3f
 #define LEVEL_BOUNCE_ERROR 0.03f
-#define COATED_LEVEL_BOUNCE_ERROR 0.1f
+#define COATED_LEVEL_BOUNCE_ERROR 0.3f
+#define MIN_SHARPNESS 0.5f
 #define UNSETTLED_SHARE 0.4f
 #define ERROR_COUNT 8
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
@@ -115,6 +117,38 @@ static Response respond(
     return found;
 }
 
+// How much faster a coated film's light changes with its normal than a matt film's, over the LEDs
+// that count; `coat_sharpness` of nodes/optics/film.py.
+static floats sharpness(
+    const Film *film, const floats p, const floats q, const floats u, const floats v,
+    const floats seen, const ints used, const floats *noise)
+{
+    const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
+    const floats z = seen / (1.0f + film->camera * seen), nearer = 1.0f - film->camera * z;
+    const Places here = {u * nearer, v * nearer, z, u, v};
+    const Vector eye = to_pupil(film, here.x, here.y, z), n = unit(-p, -q, one);
+    const Vector way_s = {n.z, none, -n.x}, way_t = {none, n.z, -n.y};
+    const Facing as_is = facing_of(film, n, eye);
+    const Facing facing_s = facing_of(film, tilted(n, way_s), eye);
+    const Facing facing_t = facing_of(film, tilted(n, way_t), eye);
+    floats coated = 0.0f, matt = 0.0f;
+    const int K = film->K;
+    EACH_LED(k) {
+        AtPlace there;
+        set_place(&there, film, k, eye, &here, one, 0);
+        const Turning by = turning_of(film, &there, &as_is, &facing_s, &facing_t);
+        const Vector way = matt_way(film->lights + 3 * k, &here);
+        const floats by_s = dot_of(way, way_s), by_t = dot_of(way, way_t);
+        const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
+        const floats weight = (used & (1 << k)) != 0 ? sure : none;
+        const float direct = 1.0f - film->diffuse[k];
+        coated += 1.0f / (direct * direct) * weight * (by.by_s * by.by_s + by.by_t * by.by_t);
+        matt += weight * (by_s * by_s + by_t * by_t);
+    }
+    const floats least = MIN_SHARPNESS, sharper = sqrt(coated / (matt > none ? matt : one));
+    return matt > none ? MORE_OF(sharper, least) : one;
+}
+
 // The cosine of an angle in turns, by Taylor's series of the sine up to a quarter: within 4e-6.
 static floats cosine_of(const floats turns)
 {
@@ -145,7 +179,8 @@ LANED __kernel void err_slopes(
     __global const float *restrict height, __global const float *restrict slope,
     __global const uchar *restrict state, __global const uchar *restrict used,
     __global const float *restrict lights, __global const float *restrict others,
-    __global float *restrict out, const int K, const int frame_height, const int frame_width,
+    __global const float *restrict diffuse, __global const float *let_in_curve, const float base,
+    const float roughness, const float camera, __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
     const float flat_noise, const float shared, const float uneven, const float refraction,
     __global const float *restrict kinds,
@@ -173,6 +208,13 @@ LANED __kernel void err_slopes(
     const ints free_ = load_bytes(state + i, count) == 0;
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
+    floats blunt = whole;
+    if (refraction != 1.0f) {
+        const Film film = {
+            lights, diffuse, 0, let_in_curve, 0.0f, 0.0f, 1.0f, 1.0f, 1.0f, base, roughness,
+            refraction, camera, 0.0f, K, 0};
+        blunt = 1.0f / sharpness(&film, a, b, x, y, z, load_bytes(used + from, count), noise);
+    }
     floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
@@ -180,7 +222,8 @@ LANED __kernel void err_slopes(
         const floats flat = flat_noise * load_floats(light + at, count);
         const floats noisy = shared * noise[k] * sqrt(1.0f + flat * flat);
         const floats to_p = response.by_p[k], to_q = response.by_q[k];
-        const floats noise_p = to_p * noisy, noise_q = to_q * noisy;
+        const floats seen_p = to_p * blunt, seen_q = to_q * blunt;
+        const floats noise_p = seen_p * noisy, noise_q = seen_q * noisy;
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
@@ -201,8 +244,8 @@ LANED __kernel void err_slopes(
                 const float led_sign = popcount(n & ((k + 2) % ERROR_COUNT)) & 1 ? -1.0f : 1.0f;
                 const floats change = (kind[n].sign * wrong + led_sign * by_led) * thrown
                     + UNSETTLED_SHARE * kind[n].settling * changed;
-                p[n] += to_p * change;
-                q[n] += to_q * change;
+                p[n] += seen_p * change;
+                q[n] += seen_q * change;
             }
         }
     }

@@ -23,6 +23,7 @@ from tactograph.nodes.error._random_errors import (
     wave,
 )
 from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.film import coat_sharpness
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
@@ -39,7 +40,7 @@ FULL_MISFIT_SLOPE = np.float32(0.1)
 LEVEL_MISFIT_SHARE = np.float32(0.3)
 """Share of that error on level film around a touch.  There the flat frame cancels it, except for
 the light that the touch throws on the film."""
-LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.1)
+LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.3)
 """Share by which the light that a touch throws on level film is wrong, LED by LED, without and
 with a coat, whose mirror images are narrow.  No press is fitted there: around ray-traced touches
 it was off by 1 to 4 per cent, under a coat by up to 30; on their flanks by 0.5."""
@@ -99,12 +100,13 @@ def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
         here = seen.rows(part)
         by_light = slope_by_light(here, causes)
         by_place = light_by_place(causes.film.lights, here.x, here.y, here.height, here.slope)
-        root = _root_of_noise(here, by_light, causes)
+        by_seen = by_light / _sharpness(here, causes.film)
+        root = _root_of_noise(here, by_seen, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
-            change = _moved_leds(by_place, other - causes.film.lights)
-            change += _wrong_bounce(here, causes, number)
-            error = (by_light * change).sum(axis=1)
+            moved = _moved_leds(by_place, other - causes.film.lights)
+            error = (by_light * moved).sum(axis=1)
+            error += (by_seen * _wrong_bounce(here, causes, number)).sum(axis=1)
             error += _noise(root, keys_of(seed, number).light, first, rows * columns)
             error = _bounded(error)
             if causes.misfit is not None:
@@ -145,6 +147,26 @@ def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     by_a, by_b = (bb * of_a - ab * of_b) * inverse, (aa * of_b - ab * of_a) * inverse
     by_p, by_q = (1 + p * p) * by_a + p * q * by_b, p * q * by_a + (1 + q * q) * by_b
     return np.asarray([-by_p, -by_q], np.float32)
+
+
+def _sharpness(seen: Unperturbed, film: Film) -> F4 | np.float32:
+    """How much more light tells under a coat, whose light changes faster than a matt film's.
+
+    What an LED elsewhere changes grows alike, and its part in the slope stays.
+    """
+    if film.refraction == 1:
+        return np.float32(1)
+    p, q = (plane.ravel() for plane in seen.slope)
+    z = (seen.height / (1 + film.camera * seen.height)).ravel()
+    nearer = 1 - film.camera * z
+    x, y = (np.broadcast_to(along, seen.height.shape).ravel() for along in (seen.x, seen.y))
+    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    lit = seen.used >> np.arange(len(seen.light), dtype=np.uint8)[:, None, None] & 1
+    weight = (lit / np.maximum(seen.sigma * seen.sigma, MIN_VARIANCE)).reshape(len(lit), -1)
+    place = x * nearer, y * nearer, z
+    return np.asarray(
+        coat_sharpness(film, normal, place, weight).reshape(seen.height.shape), np.float32
+    )
 
 
 def _moved_leds(by_place: F4, moved: LightPositions) -> F4:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import BAND_DEVIATIONS, Height, HeightError, Mask, Metrics
+from tactograph.nodes import BAND_DEVIATIONS, UM_PER_MM, Height, HeightError, Mask, Metrics
 
 
 @node
@@ -34,6 +34,7 @@ def evaluate_error(
     dict
         ``in_90_percent_band`` in per cent; 90 if the errors are right.
         ``stated_over_actual``, the root mean squares of stated and actual errors, divided.
+        ``max_resolved_error_um``, the largest error of these pixels.
         ``unresolved_percent``, of the pixels with a stated error, how many are left out.
     """
     stated = error > 0
@@ -50,5 +51,6 @@ def evaluate_error(
     return {
         "in_90_percent_band": float(100 * inside.mean()),
         "stated_over_actual": float(ratio),
+        "max_resolved_error_um": float(UM_PER_MM * off.max()),
         **known,
     }

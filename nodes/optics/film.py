@@ -70,6 +70,10 @@ LIGHT_NOISE_SHARE = 0.01
 MIN_DIRECT_SHARE = 0.05
 """Smallest 1 - b that is divided by."""
 
+MIN_SHARPNESS = 0.5
+"""Least derivative of a coated film's light by its normal, over a matt film's: beyond grazing
+angles it is not known."""
+
 Array = NDArray[Any]
 Place = tuple[Array, Array, Array]
 
@@ -260,6 +264,38 @@ def _changes(
             s[k] += (strength * by_s).sum(0)
             t[k] += (strength * by_t).sum(0)
     return s, t
+
+
+def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
+    """Return how much faster a coated film's light changes with its normal than a matt film's.
+
+    The root of the ratio of the squared derivatives along two tangents, summed over the LEDs.
+
+    Parameters
+    ----------
+    film
+        The LEDs' and the film's properties.
+    n
+        3 x N, unit normals.
+    place
+        x, y, z in mm.
+    weight
+        K x N, of the LEDs; all zero leaves 1.
+    """
+    nx, ny, nz = n
+    none = np.zeros_like(nx)
+    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
+    dark, plain = np.zeros_like(film.diffuse), np.zeros_like(film.harmonics)
+    coat = film._replace(gain=1.0, emission=0.0, diffuse=dark, harmonics=plain)
+    squares = []
+    for kind in (coat, coat._replace(refraction=1.0)):
+        rest = rest_below(kind, *place)
+        reflected = np.stack(list(_reflected(kind, n, *place)))
+        by_s, by_t = _changes(kind, n, tangents, place, rest, reflected)
+        squares.append((weight * (by_s * by_s + by_t * by_t)).sum(0))
+    coated, matt = squares
+    sharper = np.sqrt(np.where(matt > 0, coated / np.where(matt > 0, matt, 1), 1))
+    return np.asarray(np.maximum(sharper, MIN_SHARPNESS))
 
 
 def _shades_change(film: Film, n: Array, along: Array) -> Array:

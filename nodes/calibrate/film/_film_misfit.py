@@ -66,6 +66,10 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     are for one further press: the finite number n of presses adds 1/n to the variance; a tilt
     known from n presses and an albedo from n parts follow Student's distribution instead of a
     normal one; and errors of the level cause a common tilt by chance, by 1/n of their variance.
+    Of two presses or more the tilt is one part of a height's error beside the level, which many
+    pixels tell: the sum has more degrees of freedom (Satterthwaite, "An approximate distribution
+    of estimates of variance components", 1946).  Over a contact a tilt adds up, the level's
+    errors as a random walk.  Slices of a single press tell less of others than they seem to.
 
     Parameters
     ----------
@@ -103,8 +107,10 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     known = np.mean([_led_tilt(part, others, uneven) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
     level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held)))
-    tilt *= float(stdtrit(len(tilts), BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
+    alone = tilt * tilt * rim / max(tilt * tilt * rim + 2 * level * level * reach, 1e-30)
+    freedom = len(tilts) / max(alone, 1e-3) ** 2 if presses > 1 else len(tilts)
+    tilt *= float(stdtrit(freedom, BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 

@@ -47,6 +47,7 @@ def test_stated_over_actual_compares_root_mean_squares() -> None:
     truth, error = np.full((4, 5), 0.02, np.float32), np.full((4, 5), 0.01, np.float32)
     found = evaluate_error(np.zeros_like(truth), error, truth)
     assert found["stated_over_actual"] == pytest.approx(0.5)
+    assert found["max_resolved_error_um"] == pytest.approx(20)
 
 
 def test_where_all_is_unresolved_only_that_is_told() -> None:
