@@ -222,7 +222,7 @@ static void place(Packet *packet, const Table *table)
 }
 
 // Find the entries of `count` pixels; the leaves of one packet are where the next one starts.
-static void search(
+static ONCE void search(
     int *found, const float light[LIGHTS][PADDED], const ushort *order, const int count,
     const Table *table)
 {
