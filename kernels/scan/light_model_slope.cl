@@ -80,7 +80,7 @@ LANED __kernel void light_model_slope(
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, i = row * W + column;
-    const floats least = MIN_LIGHT, smallest = MIN_DETERMINANT, one = 1.0f;
+    const floats least = MIN_LIGHT, smallest = MIN_DETERMINANT, none = 0.0f, one = 1.0f;
     const floats u = load_floats(model_u + column, count), v = model_v[row];
 
     floats image[MAX_LEDS], terms[MAX_LEDS][MODEL_TERMS], powers[MAX_MONOMIALS], p, q;
@@ -134,8 +134,8 @@ LANED __kernel void light_model_slope(
         const floats length_ = sqrt(dp * dp + dq * dq), longest = MAX_TURN_RAD * square;
         const floats shrink = ANY(length_ > longest)
             ? LESS_OF(longest / MORE_OF(length_, smallest), one) : one;
-        p += moving ? dp * shrink : 0.0f;
-        q += moving ? dq * shrink : 0.0f;
+        p += moving ? dp * shrink : none;
+        q += moving ? dq * shrink : none;
         moving = moving && length_ > MIN_STEP_RAD * square;
     }
     floats left = 0.0f;
