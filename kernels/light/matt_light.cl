@@ -22,14 +22,7 @@ LANED __kernel void matt_light(
     __global const float *restrict sigma,
     __global const float *restrict slope,
     __global const float *restrict height,
-    __global const float *restrict film_lights,
-    __global const float *restrict film_diffuse,
-    const float film_wrap,
-    __global const float *restrict film_harmonics,
-    __global const float *let_in_curve,
-    const float film_flattest, const float film_reach, const float film_gain,
-    const float film_contact, const float film_base, const float film_roughness,
-    const float film_refraction, const float film_camera, const float film_emission,
+    FILM_PARAMETERS,
     const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
@@ -43,9 +36,7 @@ LANED __kernel void matt_light(
     if (row >= H) return;
     const int first = STRETCH_PX * (item - row * across), past = min(first + STRETCH_PX, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
-    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
-                       film_reach,    film_gain,    film_contact,   film_base,
-                       film_roughness, film_refraction, film_camera, film_emission, K, harmonic};
+    const Film film = FILM_OF(K, harmonic);
     const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;

@@ -10,14 +10,7 @@
 LANED __kernel void film_light(
     __global const float *restrict slope,
     __global const float *restrict height,
-    __global const float *restrict film_lights,
-    __global const float *restrict film_diffuse,
-    const float film_wrap,
-    __global const float *restrict film_harmonics,
-    __global const float *let_in_curve,
-    const float film_flattest, const float film_reach, const float film_gain,
-    const float film_contact, const float film_base, const float film_roughness,
-    const float film_refraction, const float film_camera, const float film_emission,
+    FILM_PARAMETERS,
     const float pixel,
     __global const uchar *restrict shadow,
     __global float *restrict out,
@@ -28,9 +21,7 @@ LANED __kernel void film_light(
     if (row >= H) return;
     const int first = STRETCH_PX * (item - row * across), past = min(first + STRETCH_PX, W);
     const int size = H * W, harmonic = any_harmonic(film_harmonics, K);
-    const Film film = {film_lights,   film_diffuse, film_harmonics, let_in_curve, film_wrap, film_flattest,
-                       film_reach,    film_gain,    film_contact,   film_base,
-                       film_roughness, film_refraction, film_camera, film_emission, K, harmonic};
+    const Film film = FILM_OF(K, harmonic);
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats one = 1.0f;
     RowShades shades[MAX_LEDS];

@@ -87,6 +87,18 @@ def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
     assert apart > 3 * off
 
 
+def test_a_near_camera_sees_shadows_where_they_fall(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """The pupil 65 mm above the film: the height comes back as under a distant one."""
+    with np.load(calibration("near33"), allow_pickle=False) as read:
+        np.savez(tmp_path / "near.npz", **{**read, "camera": np.float32(1 / 65)})
+    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
+    images = load("see_touch", calibration=tmp_path / "near.npz", seed=None)(height=truth)["image"]
+    back = load("precise", calibration=tmp_path / "near.npz", outputs=["height"])(frames=images)
+    assert np.sqrt(np.mean((back["height"] - truth) ** 2)) < 0.02 * RIG_PIXEL_MM["near33"]
+
+
 def test_a_one_shot_sensor_forwards_and_back(tmp_path: Path) -> None:
     """From its map of light alone: a press and the film at rest."""
     rows, columns, pixel = 120, 160, 0.1

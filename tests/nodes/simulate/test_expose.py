@@ -22,15 +22,11 @@ def test_image_is_a_whole_number_of_steps_and_within_half_a_step(bits, level):
     assert np.abs(image - min(level, 1)).max() <= 0.5 / (2**bits - 1) + 1e-6
 
 
-def test_same_seed_same_image_other_seed_other_noise():
+def test_same_seed_same_image_other_seed_or_light_other_noise():
     a, b, c = (expose(flat(0.5), seed=s).image for s in (7, 7, 8))
     np.testing.assert_array_equal(a, b)
     assert np.mean(a != c) > 0.3
-
-
-def test_noise_differs_between_lights():
-    image = expose(flat(0.5)).image
-    assert np.mean(image[0] != image[1]) > 0.3
+    assert np.mean(a[0] != a[1]) > 0.3
 
 
 @pytest.mark.parametrize("level", [0.05, 0.3, 0.8])
@@ -40,12 +36,11 @@ def test_shot_noise_is_the_square_root_of_the_electrons(level):
     assert image.std() == pytest.approx(np.sqrt(level / 10000), rel=0.05)
 
 
-def test_read_noise_does_not_depend_on_the_light():
-    for level in (0.3, 0.8):
-        image = expose(
-            flat(level), full_well=1000.0, shot_noise=False, read_noise=8.0, bits=16
-        ).image
-        assert image.std() == pytest.approx(0.008, rel=0.05)
+@pytest.mark.parametrize("level", [0.3, 0.8])
+def test_read_noise_does_not_depend_on_the_light(level):
+    silent = {"shot_noise": False, "read_noise": 8.0}
+    image = expose(flat(level), full_well=1000.0, bits=16, **silent).image
+    assert image.std() == pytest.approx(0.008, rel=0.05)
 
 
 def test_dark_image_holds_the_ambient_light_alone():
@@ -60,12 +55,9 @@ def test_lens_loses_the_share_asked_for_in_the_corners_and_nothing_in_the_middle
     assert image[0, 20, 30] == pytest.approx(0.8, abs=1e-4)
     np.testing.assert_allclose(image[:, [0, 0, -1, -1], [0, -1, 0, -1]], 0.6, atol=1e-4)
     np.testing.assert_array_equal(image, image[:, ::-1, ::-1])
+    alone = expose(flat(0.5, (1, 1, 1)), vignetting=0.5, **SILENT).image
+    np.testing.assert_allclose(alone, 0.5, atol=0.5 / 255)
 
 
 def test_too_much_light_is_clipped():
     assert (expose(flat(3.0)).image == 1).all()
-
-
-def test_the_corner_of_a_single_pixel_is_darkened_nowhere():
-    image = expose(flat(0.5, (1, 1, 1)), vignetting=0.5, **SILENT).image
-    np.testing.assert_allclose(image, 0.5, atol=0.5 / 255)
