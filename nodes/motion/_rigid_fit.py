@@ -90,7 +90,7 @@ class _Key(NamedTuple):
     """H x W, how many cells it is to the contact's rim, at most `RIM_RINGS` - 1."""
 
 
-def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
+def _key(surface: Surface, to_middle: F8 | None = None, *, rings: bool = False) -> _Key | None:
     """Return None where too little is touched."""
     surface = surface.cropped()
     whole = surface.touched.view(np.uint8)
@@ -103,6 +103,7 @@ def _key(surface: Surface, to_middle: F8 | None = None) -> _Key | None:
     ring = np.zeros(touched.shape, np.intp)
     if to_middle is None:
         to_middle = _to_middle(place, touched)
+    if rings:
         away = cv2.distanceTransform(touched.view(np.uint8), cv2.DIST_L2, 3)
         ring = np.minimum(away, RIM_RINGS - 1).astype(np.intp)
     jacobian = _jacobian(place, steepness, 1.0, to_middle)
@@ -195,7 +196,12 @@ def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None
 
 
 def fit_motion(
-    first: Surface, second: Surface, guess: F8, factors: tuple[int, ...] = COARSE_FACTORS
+    first: Surface,
+    second: Surface,
+    guess: F8,
+    factors: tuple[int, ...] = COARSE_FACTORS,
+    *,
+    rings: bool = True,
 ) -> Fit | None:
     """Find the rigid motion that takes the first surface to the second.
 
@@ -207,13 +213,15 @@ def fit_motion(
         4 x 4; an open motion stays as in the guess.
     factors
         Sides of the coarse cells that are tried where the fine ones do not fit.
+    rings
+        Whether rings along the contacts' rims count by what they err.
 
     Returns
     -------
     Fit
         None where too little is touched in both.
     """
-    key = _key(first)
+    key = _key(first, rings=rings)
     if key is None:
         return None
     fine = [(key, second)]

@@ -175,7 +175,11 @@ def _matched(
             continue
         least = least_overlap * min(sizes[first], sizes[second]) / sizes[first]
         guesses = likely_motions(coarse[first], coarse[second], turn_deg, least_overlap)
-        fits = [fit_motion(cells[first], cells[second], g, (MATCHED_CELLS,)) for g in guesses]
+        # Contacts of a few cells, as of small balls, have no ring that is sure.
+        fits = [
+            fit_motion(cells[first], cells[second], guess, (MATCHED_CELLS,), rings=False)
+            for guess in guesses
+        ]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))
