@@ -185,7 +185,9 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
 def test_a_grid_calibrates_as_far_as_the_film_follows_its_balls(
     sensor: Sensor, scans: list[dict[str, Any]]
 ) -> None:
-    assert np.load(sensor.scan.parent / "scan.npz")["pressed_slope"] > 2
+    file = np.load(sensor.scan.parent / "scan.npz")
+    assert file["pressed_slope"] > 2
+    assert not json.loads(str(file["about"]))["doubts"]
     assert degrees(scans[1]["height"], sensor.centres) < 1.22
 
 
