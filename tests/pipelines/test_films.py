@@ -177,7 +177,7 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
     at = moved[alike] - moved[alike].mean(axis=0)
     turned = np.degrees(np.sum(at[:, 0] * apart[:, 1] - at[:, 1] * apart[:, 0]) / np.sum(at**2))
     assert alike.sum() > 40
-    assert np.all(np.abs(apart.mean(axis=0)) < 0.0034)  # marks err by a pixel of the whole scan
+    assert np.all(np.abs(apart.mean(axis=0)) < 0.005)  # marks err by a pixel or two
     assert abs(turned) < 0.02
 
 
