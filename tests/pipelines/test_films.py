@@ -177,18 +177,8 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
     at = moved[alike] - moved[alike].mean(axis=0)
     turned = np.degrees(np.sum(at[:, 0] * apart[:, 1] - at[:, 1] * apart[:, 0]) / np.sum(at**2))
     assert alike.sum() > 40
-    assert np.all(np.abs(apart.mean(axis=0)) < 0.005)  # marks err by a pixel or two
+    assert np.all(np.abs(apart.mean(axis=0)) < 0.003)
     assert abs(turned) < 0.02
-
-
-@pytest.mark.slow
-def test_a_grid_calibrates_as_far_as_the_film_follows_its_balls(
-    sensor: Sensor, scans: list[dict[str, Any]]
-) -> None:
-    file = np.load(sensor.scan.parent / "scan.npz")
-    assert file["pressed_slope"] > 2
-    assert not json.loads(str(file["about"]))["doubts"]
-    assert degrees(scans[1]["height"], sensor.centres) < 1.22
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ SAMPLES_PER_BALL = 60
 """Samples per ball to place it."""
 EDGE_RADII = np.arange(0.5, 1.0, 0.04)
 """Radii, relative to the ball's, between which the contact's edge is searched for."""
-MAX_RESIDUAL_RATIO = 2.5
+MAX_RESIDUAL_RATIO = 1.5
 """Residual, relative to the inner one, above which the film has left the ball."""
 FAR_MM = 1e3
 

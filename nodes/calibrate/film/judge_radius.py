@@ -68,8 +68,6 @@ RADIUS_TOLERANCE = 0.02
 """Relative difference of two radii that counts as none."""
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
-SOFT_STEEPEST = 1.24
-"""Steepest slope that is compared where light ends softly: a plain film has sharp terminators."""
 
 
 class RadiusVerdict(NamedTuple):
@@ -154,7 +152,7 @@ def judge_radius(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
-        min(steepest, SOFT_STEEPEST) if film.wrap else steepest,
+        steepest,
         most=None,
         fine=True,
     )
