@@ -103,7 +103,7 @@ class Calibration(NamedTuple):
     label_turn: Annotated[
         LabelTurn,
         Stored(0, 3.2, older=0.0),
-        "radians by which leaving LEDs out must turn a normal; 0 where shadows cost nothing",
+        "radians by which leaving LEDs out must turn a normal; 0 where labels cost nothing",
     ] = 0.0
 
 

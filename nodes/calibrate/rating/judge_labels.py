@@ -21,7 +21,9 @@ from tactograph.nodes.shadow.label_lights import label_lights
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 CAUTIOUS_TURN_RAD = 0.8
-"""Angle by which leaving LEDs out must turn a normal where labels gain nothing: as at a crack."""
+"""Angle by which leaving LEDs out must turn a normal where labels cost: as at a crack."""
+MAX_COST_DEG = 0.003
+"""Loss up to which labels stand: presses without shadows tell nothing of labels."""
 MIN_DIFFUSED_SHARE = 0.1
 """Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
 MAX_BALLS = 12
@@ -54,9 +56,9 @@ def judge_labels(
     In a gel that diffuses light shadows are bright, and an LED that is left out takes what it
     tells along: slopes around a ball no longer fit together, which bends the height inside.  So
     balls are measured with labels, and with those alone that turn a normal by
-    `CAUTIOUS_TURN_RAD`.  Where labels gain nothing, only the latter are given.  No label is
-    fitted to a press, so all presses are held out.  Where film diffuses hardly any light,
-    shadows are dark, and labels stand.
+    `CAUTIOUS_TURN_RAD`.  Where labels cost more than `MAX_COST_DEG`, only the latter are given.
+    No label is fitted to a press, so all presses are held out.  Where film diffuses hardly any
+    light, shadows are dark, and labels stand; so they do where no ball is in shadow.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def judge_labels(
         errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
         gains.append(errors[1] - errors[0])
     gain = float(np.median(gains))
-    return LabelGain(0.0 if gain > 0 else CAUTIOUS_TURN_RAD, {"labels_gain_deg": gain})
+    return LabelGain(0.0 if gain > -MAX_COST_DEG else CAUTIOUS_TURN_RAD, {"labels_gain_deg": gain})
 
 
 def _errors(

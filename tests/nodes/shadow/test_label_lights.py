@@ -245,7 +245,7 @@ def test_without_labels_every_led_is_used() -> None:
     assert not found.shadow.any()
 
 
-def test_where_labels_gain_nothing_those_that_turn_a_normal_little_are_not_given() -> None:
+def test_where_labels_cost_those_that_turn_a_normal_little_are_not_given() -> None:
     light = light_of(level(0.3, 0.2))
     light[1] *= 0.7
     assert (label(light).used == 0b1101).all()
@@ -254,7 +254,7 @@ def test_where_labels_gain_nothing_those_that_turn_a_normal_little_are_not_given
     assert np.array_equal(found.slope, label(light, dark=0).slope)
 
 
-def test_an_absurd_light_is_labelled_though_labels_gain_nothing() -> None:
+def test_an_absurd_light_is_labelled_though_labels_cost() -> None:
     cracked = light_of(LEVEL) * np.float32([0.02, 0.02, 0.3, 0.3])[:, None, None]
     found, by_all = label(cracked, turn=0.8), label(cracked, dark=0)
     assert (found.used == 0b1100).all()

@@ -1,18 +1,19 @@
-"""Labels stand where film diffuses no light, and where they bring balls nearer to the truth."""
+"""Labels stand unless they take balls further from the truth, on a film that diffuses light."""
 
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
 from tactograph.nodes.calibrate.rating.judge_labels import (
     CAUTIOUS_TURN_RAD,
     LabelGain,
     judge_labels,
 )
-from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.film import matt_film, predict
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.nodes.slope.height_slopes import height_slopes
 
 LIGHTS = np.array([[20, 18, 25], [-19, 21, 25], [-20, -18, 26], [19, -20, 25]], np.float32)
 PIXEL, RADIUS = 0.05, 2.0
@@ -34,13 +35,28 @@ HIGH = LIGHTS * np.float32([1, 1, 4])
 """LEDs so high that nothing is in shadow."""
 
 
-def judged(lights: F4 = LIGHTS, diffused: float = 0.4) -> LabelGain:
-    level = np.zeros_like(BALL)
-    matt = np.asarray(render(BALL, PIXEL, lights).light / render(level, PIXEL, lights).light)
-    matt = np.maximum(matt, STRAY_LIGHT)
+def light_on(film: Film) -> F4:
+    """The light of the ball, K x H x W, without cast shadows."""
+    rows, columns = np.indices(BALL.shape, np.float32)
+    middle = (np.array(BALL.shape) - 1) / 2
+    x, y = (columns - middle[1]) * PIXEL, (rows - middle[0]) * PIXEL
+    p, q = height_slopes(BALL, PIXEL).slope
+    normals = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    made = predict(film, normals.reshape(3, -1), x.ravel(), y.ravel(), BALL.ravel())
+    return np.asarray(made, np.float32).reshape(4, *BALL.shape)
+
+
+def judged(lights: F4 = LIGHTS, diffused: float = 0.4, wrap: float = 0.0) -> LabelGain:
+    """What is found with `wrap` of the light behind the terminator."""
     share = np.full(4, diffused, np.float32)
+    film = matt_film(lights)._replace(diffuse=share, wrap=wrap, uneven=0.02, grain=0.002)
+    if wrap:
+        matt = light_on(film._replace(diffuse=0 * share))
+    else:
+        level = np.zeros_like(BALL)
+        matt = np.asarray(render(BALL, PIXEL, lights).light / render(level, PIXEL, lights).light)
+    matt = np.maximum(matt, STRAY_LIGHT)
     light = np.float32(diffused) + np.float32(1 - diffused) * matt
-    film = matt_film(lights)._replace(diffuse=share, uneven=0.02, grain=0.002)
     noise = np.float32([0, 1e-6])
     return judge_labels(light, light, matt, FLAT, BALL, film, BALLS, noise, PIXEL)
 
@@ -51,10 +67,15 @@ def test_labels_of_shadows_that_are_as_the_model_has_them_stand() -> None:
     assert found.quality["labels_gain_deg"] > 0
 
 
-def test_labels_that_gain_nothing_are_given_for_absurd_light_only() -> None:
-    found = judged(HIGH)
+def test_labels_that_cost_are_given_for_absurd_light_only() -> None:
+    """An LED behind the terminator still tells of the film; left out, it takes that along."""
+    found = judged(wrap=0.1)
     assert found.turn == pytest.approx(CAUTIOUS_TURN_RAD)
-    assert found.quality["labels_gain_deg"] <= 0
+    assert found.quality["labels_gain_deg"] < -0.1
+
+
+def test_balls_without_a_shadow_tell_nothing_and_labels_stand() -> None:
+    assert judged(HIGH) == LabelGain(0.0, {"labels_gain_deg": 0.0})
 
 
 def test_nothing_is_asked_of_a_film_that_diffuses_no_light() -> None:
