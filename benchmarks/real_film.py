@@ -171,7 +171,7 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
             quality = _calibrated(captures, leds, scale, file, **how)
             chosen = f"{quality['film_heldout_deg']:.2f}"
             for graph in graphs:
-                given = {"capture": captures["balls_2"], "calibration": file, "force": True}
+                given = {"capture": captures["balls_2"], "calibration": file}
                 result = run(graph, {"frames.leds": leds}, **given)
                 if "error" in result and not stand:
                     stand = seats(captures, leds, scale, other, data / "balls_1.csv")
