@@ -35,11 +35,10 @@ def film_on_rims(
     hanging = hangs_on_rims(height, rims).view(np.uint8)
     if not hanging.any():  # as of nearly all touches
         return np.zeros(like.shape[1:], np.uint8)
+    if lens is not None and not is_straight(lens):  # whole cells: rims are no finer
+        hanging = hanging[nearest_ideal(lens, hanging.shape)]
     rows, columns = (
         np.minimum(np.arange(size) // max(round(size / count), 1), count - 1)
         for size, count in zip(like.shape[1:], hanging.shape, strict=True)
     )
-    large: Mask = hanging[:, columns][rows]
-    if lens is None or is_straight(lens):
-        return large
-    return large[nearest_ideal(lens, large.shape)]
+    return hanging[:, columns][rows]

@@ -6,6 +6,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, U1, Metrics
+from tactograph.nodes.optics.lens import nearest_ideal
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
 from tactograph.nodes.trust._rims import rim_share
 from tactograph.nodes.trust.film_on_rims import film_on_rims
@@ -171,6 +172,10 @@ def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
     assert marked.shape == like.shape[1:]
     assert np.array_equal(marked[2::4, 2::4], steep["height"] > 0)
     assert not film_on_rims(gentle["height"], rims_of(gentle), like).any()
+    lens = np.array([-0.1, 0, 0, 0, 0, 0, 0, 0], np.float32)
+    seen = film_on_rims(steep["height"], rims_of(steep), like, lens)
+    true = marked[nearest_ideal(lens, marked.shape)]
+    assert np.count_nonzero(seen != true) < 0.05 * np.count_nonzero(true)
 
 
 @pytest.mark.parametrize(
