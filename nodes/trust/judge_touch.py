@@ -32,7 +32,7 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 TRUST_POWER = 4
 """Power of the joint figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
 REFUSED_FIGURE = 1.5
-"""Figure that all checks of a refused touch exceed: near their limits they may all be wrong."""
+"""Figure that two checks alone must exceed to refuse a touch; three need to fail only."""
 JOINT_POWER = 8
 """Power with which figures add up: checks that are all near their limits say more than one."""
 FORMER_MAPS = ("curl", "light", "drift", "departure", "slope", "used", "matt", "shadow", "pixel")
@@ -104,7 +104,7 @@ def judge_touch(
     Raises
     ------
     InputError
-        If all checks that are made fail clearly (`REFUSED_FIGURE`), unless `force`.
+        If all three checks fail, or clearly all that are made (`REFUSED_FIGURE`), unless `force`.
     """
     lights, misfit, uneven = film or FilmErrors()
     film_at_rest = FilmFigures(*evidence.film.tolist())
@@ -120,7 +120,8 @@ def judge_touch(
         checks["light"] = check_light(light, rim_error, brightness_error)
     joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
     trust = 1 / (1 + joint**TRUST_POWER)
-    if all(check.figure > REFUSED_FIGURE for check in checks.values()) and not force:
+    least_refused = REFUSED_FIGURE if len(checks) < 3 else 1
+    if all(check.figure > least_refused for check in checks.values()) and not force:
         raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
     if trust < least:
         warn(f"{_causes(checks)}; the height may be wrong")
