@@ -159,6 +159,12 @@ def scans(sensor: Sensor) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
+def test_scans_of_the_calibrated_sensor_are_trusted(scans: list[dict[str, Any]]) -> None:
+    """Also where labels cost, and an LED that shows a shadow counts all the same."""
+    assert min(scan["metrics"]["trust"] for scan in scans) > 0.7
+
+
+@pytest.mark.slow
 def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
     sensor: Sensor, scans: list[dict[str, Any]]
 ) -> None:
