@@ -15,7 +15,7 @@ import inspect
 import itertools
 import os
 import typing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -203,25 +203,25 @@ class Node:
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Inputs by port as positional arguments, with records assembled; None for absent ones."""
-        if not self.input_records:
-            return [inputs.get(name) for name in self.inputs]
-        arguments: dict[str, Any] = {}
-        for name in self.inputs:
-            record, dot, member = name.partition(".")
-            if dot:
-                arguments.setdefault(record, {})[member] = inputs.get(name)
-            else:
-                arguments[name] = inputs.get(name)
         return [
-            self._record(name, value) if name in self.input_records else value
-            for name, value in arguments.items()
+            self._record(name, [inputs.get(port) for port in ports])
+            if name in self.input_records
+            else inputs.get(name)
+            for name, ports in self._arguments.items()
         ]
+
+    @cached_property
+    def _arguments(self) -> dict[str, list[str]]:
+        """By positional argument, the ports that it holds: several if it is a record."""
+        arguments: dict[str, list[str]] = {}
+        for port in self.inputs:
+            arguments.setdefault(port.partition(".")[0], []).append(port)
+        return arguments
 
     def by_port(self, arguments: Iterable[Any]) -> dict[str, Any]:
         """Positional arguments by port, with records taken apart: the inverse of `in_order`."""
         values: list[Any] = []
-        names = dict.fromkeys(name.partition(".")[0] for name in self.inputs)
-        for name, value in zip(names, arguments, strict=False):
+        for name, value in zip(self._arguments, arguments, strict=False):
             record = self.input_records.get(name)
             if record is None:
                 values.append(value)
@@ -231,10 +231,10 @@ class Node:
                 values += record_values(record, value)
         return dict(zip(self.inputs, values, strict=False))
 
-    def _record(self, name: str, values: Mapping[str, Any]) -> Any:
-        if name in self.optional_inputs and all(value is None for value in values.values()):
+    def _record(self, name: str, values: Sequence[Any]) -> Any:
+        if name in self.optional_inputs and all(value is None for value in values):
             return None
-        return make_record(self.input_records[name], values.values())
+        return make_record(self.input_records[name], values)
 
     def results(self, made: Any) -> tuple[Any, ...]:
         """The values that the function returned or yielded, in the order of the outputs."""

@@ -142,12 +142,16 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
     left = iter(values)
     return record(
         *(
-            make_record(annotation, islice(left, len(record_ports(annotation))))
-            if is_record(annotation)
-            else next(left)
-            for annotation in record_fields(record).values()
+            make_record(inner, islice(left, len(record_ports(inner)))) if inner else next(left)
+            for inner in _inner_records(record)
         )
     )
+
+
+@cache
+def _inner_records(record: type) -> list[type | None]:
+    """By field, the record that it is, or None."""
+    return [inner if is_record(inner) else None for inner in record_fields(record).values()]
 
 
 @cache

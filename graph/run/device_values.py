@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode, Timer
+from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
@@ -138,11 +139,14 @@ class DeviceValues:
     def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
         """The outputs of the node that this one repeats; None if it does more."""
         first = self._plan.tasks[self._first[task.id]]
-        more = (value for name, value in task.reads.items() if name not in first.reads)
-        if first.settings != task.settings or any(value in self._values for value in more):
+        if first.settings != task.settings or any(map(self._counts, _differing(first, task))):
             return None
         made, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
         return made if all(n in made for n in task.node.outputs if n in wanted) else None
+
+    def _counts(self, value: Value) -> bool:
+        """Whether a value is there, and not the 0 that stands for an absent number in kernels."""
+        return value in self._values or bool(self._host.ready(value))
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
         """Ask a node whether it is idle, unless that would mean to wait."""
@@ -173,7 +177,7 @@ class DeviceValues:
         launch = self._launches.get(task.id)
         with Blaming(task, self._device.error):
             if launch is None or launch.sizes != sizes:
-                wanted = self._wanted[task.id]
+                wanted = self._wanted_here(task.id)
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)
                 self._launches[task.id] = launch
             outputs, self._timers[task.id] = launch.launch(inputs)
@@ -185,6 +189,11 @@ class DeviceValues:
         if launch.shapes is not None:
             return launch.shapes
         return {name: array.shape for name, array in outputs.items()}
+
+    def _wanted_here(self, node: str) -> Wanted:
+        """The outputs of a node that are read, of it or of a node that repeats it."""
+        names = node, *(other for other, first in self._first.items() if first == node)
+        return Wanted(frozenset().union(*(self._wanted[name].names or () for name in names)))
 
     def finish(self) -> dict[str, float]:
         """Wait for the device; return milliseconds by step."""
@@ -267,17 +276,32 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
 def _first(plan: Plan) -> dict[str, str]:
     """By node, the earlier node that it repeats: the same operation on the same inputs.
 
-    It may read more arrays, if they are optional: it repeats the other where those are absent.
+    Either may read more, if that is optional: it repeats the other where that is absent.
     """
     first: dict[str, str] = {}
     tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]
     for task, other in combinations(tasks, 2):
         same = task.node is other.node and task.stream == other.stream
-        if same and task.recalls == other.recalls and task.reads.items() <= other.reads.items():
-            more = [other.node.inputs[name] for name in other.reads.keys() - task.reads.keys()]
-            if all(port.optional and port.kind == "array" for port in more):
-                first.setdefault(other.id, task.id)
+        if same and task.recalls == other.recalls and _alike(task, other):
+            first.setdefault(other.id, task.id)
     return first
+
+
+def _alike(task: Task, other: Task) -> bool:
+    """Whether two nodes read the same, but for what is optional and one of them alone reads.
+
+    Arrays that only the first reads may be gone when the other runs.
+    """
+    inputs, ours, theirs = task.node.inputs, task.reads, other.reads
+    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys()) and all(
+        inputs[name].optional and (name in theirs or inputs[name].kind == "number")
+        for name in ours.keys() ^ theirs.keys()
+    )
+
+
+def _differing(task: Task, other: Task) -> list[Value]:
+    """What one of two nodes alone reads."""
+    return [value for _, value in task.reads.items() ^ other.reads.items()]
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

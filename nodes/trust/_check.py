@@ -19,12 +19,16 @@ MAX_CELLS = 2500
 
 
 class Check(NamedTuple):
-    """Evidence against a touch, and its possible cause."""
+    """Evidence against a touch, and its possible cause.  The larger check is the worse one."""
 
     figure: float
     """0: nothing; 1: the limit that right touches stay below."""
     cause: str = ""
-    """Observation and remedy, for a message."""
+    """Observation and remedy, for a message; facts stand for {}."""
+    facts: tuple[object, ...] = ()
+
+    def __str__(self) -> str:
+        return self.cause.format(*self.facts)
 
 
 def quarter_of(values: F4, quarter: int, least: int = MIN_CELLS) -> float:

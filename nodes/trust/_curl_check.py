@@ -26,4 +26,4 @@ def check_curl(curl: CurlEvidence) -> Check:
         "in a part of the image the slopes are those of no surface (check that the frames are "
         "whole, and that nothing moved while the LEDs flashed)",
     )
-    return max(whole, part, key=lambda check: check.figure)
+    return max(whole, part)

@@ -35,13 +35,13 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
     shaded = seen.shaded / seen.steep if seen.steep else 0.0
     wider = math.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE))
     rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
-    sense = "brighter" if seen.brighter > 0 else "darker"
+    sense, excess = "brighter" if seen.brighter > 0 else "darker", abs(seen.brighter)
     brightness = MAX_BRIGHTNESS * math.hypot(brightness_error, MIN_BRIGHTNESS_ERROR)
     checks = [
         Check(
             max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,
-            "the light of the touch is that of no surface under this calibration "
-            f"({LIGHT_CURE}{rims})",
+            "the light of the touch is that of no surface under this calibration ({}{})",
+            (LIGHT_CURE, rims),
         ),
         Check(
             seen.rest / MAX_REST / wider,
@@ -57,11 +57,12 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
         # The unit normal that light of two surfaces adds up to is too short: film that is dark
         # under all LEDs.  So is that of gamma, of other light, and of images that are alike.
         Check(
-            abs(seen.brighter) / (brightness * wider),
-            f"the touched film is {sense} by {abs(seen.brighter):.1%} than its slopes make it "
+            excess / (brightness * wider),
+            "the touched film is {} by {:.1%} than its slopes make it "
             "(check that the images show one touch and that nothing moved, that they are neither "
             "blurred nor averaged with others, that gamma and contrast are off, and that other "
             "light is kept out)",
+            (sense, excess),
         ),
     ]
     if seen.steep >= MIN_CELLS:
@@ -72,7 +73,7 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
                 "and that no LED is dead)",
             )
         )
-    worst = max(checks, key=lambda check: check.figure)
+    worst = max(checks)
     if worst.figure > 1:
         return worst
     # Light that is wrong everywhere is dark in places, too.
@@ -81,4 +82,4 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
         "in places the film is darker under all LEDs than any slope makes it (check the film and "
         "the lens for dirt and hairs)",
     )
-    return max(worst, dirt, key=lambda check: check.figure)
+    return max(worst, dirt)

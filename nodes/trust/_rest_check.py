@@ -35,19 +35,21 @@ def check_rest(
     """
     change = [lit - 1 for lit in level.tolist()]
     worst = max(range(len(change)), key=lambda led: abs(change[led]))
-    sense = "brighter" if change[worst] > 0 else "darker"
+    named = worst + 1, "brighter" if change[worst] > 0 else "darker"
     keeps = not film.levelled and film.dark <= MAX_DARK_SHARE
     other = "other light was added to the touch" if added > 0 else "the touch lacks light"
-    named = f"LED {worst + 1} is {sense} than in the calibration"
     checks = [
         Check(
             abs(change[worst]) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
-            f"{named} (check exposure, gain and LED, and that other light is kept out)",
+            "LED {} is {} than in the calibration (check exposure, gain and LED, and that other "
+            "light is kept out)",
+            named,
         ),
         Check(
             (max(change) - min(change)) / 2 / MAX_SPREAD,
-            f"{named}, and the others are not (check the LED; if the touch reaches all borders, "
-            "the height's tilt is unknown)",
+            "LED {} is {} than in the calibration, and the others are not (check the LED; if the "
+            "touch reaches all borders, the height's tilt is unknown)",
+            named,
         ),
         Check(
             film.shape / MAX_SHAPE,
@@ -71,13 +73,14 @@ def check_rest(
         ),
         Check(
             abs(added) / MAX_ADDED,
-            f"{other}, the same everywhere (keep other light out of touch and flat frame; or the "
+            "{}, the same everywhere (keep other light out of touch and flat frame; or the "
             "camera's black level has changed)",
+            (other,),
         ),
     ]
     if lights is not None and film.highest - film.lowest < FLAT_MM:
         checks.append(_tilt(level - 1, lights))
-    return max(checks, key=lambda check: check.figure)
+    return max(checks)
 
 
 def _tilt(change: F4, lights: F4) -> Check:

@@ -1,15 +1,28 @@
-"""Where the height hangs on rims that light does not measure."""
+"""What of a touch hangs on rims that light does not measure."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Height, Lens, Mask
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal
-from tactograph.nodes.trust._rims import hangs_on_rims
+
+TOUCHED_SHARE, TOUCHED_MM = 0.1, 0.02
+"""Film is touched above this share of the greatest height, and above this height."""
+RimShare = Annotated[float, Port(unit="1")]
+"""Share of the touched film that hangs on rims."""
+
+
+class FilmOnRims(NamedTuple):
+    """Film that hangs on rims, as the camera sees it, and its share of the touch."""
+
+    film: Annotated[U1, Port("r c", "flag", high=1)]
+    share: RimShare
 
 
 @node
@@ -18,10 +31,11 @@ def film_on_rims(
     rims: Mask,
     like: Annotated[F4, Port("K r c", "1")],
     lens: Lens | None = None,
-) -> Annotated[U1, Port("r c", "flag", high=1)]:
-    """Return 1 where the film is rim, or rims close it in, as the camera sees it; else 0.
+) -> FilmOnRims:
+    """Return 1 where touched film is rim, or rims close it in; else 0.
 
-    Their share of the touch is the figure ``rim_share`` of `judge_touch`.
+    Heights are sums of slopes.  Where a path leads down to the film at rest and crosses no rim,
+    the height is measured; what rims close in is as high as they rise, which light does not say.
 
     Parameters
     ----------
@@ -32,13 +46,26 @@ def film_on_rims(
     lens
         Length 8, as `read_lens` gives it; without it the image is not distorted.
     """
-    hanging = hangs_on_rims(height, rims).view(np.uint8)
-    if not hanging.any():  # as of nearly all touches
-        return np.zeros(like.shape[1:], np.uint8)
+    hanging, share = _hanging(height, rims)
+    if not share:  # as of nearly all touches
+        return FilmOnRims(np.zeros(like.shape[1:], np.uint8), 0.0)
     if lens is not None and not is_straight(lens):  # whole cells: rims are no finer
         hanging = hanging[nearest_ideal(lens, hanging.shape)]
     rows, columns = (
         np.minimum(np.arange(size) // max(round(size / count), 1), count - 1)
         for size, count in zip(like.shape[1:], hanging.shape, strict=True)
     )
-    return hanging[:, columns][rows]
+    return FilmOnRims(hanging[:, columns][rows].view(np.uint8), share)
+
+
+def _hanging(height: F4, rims: Mask) -> tuple[NDArray[np.bool_], float]:
+    """Which touched film is rim, or is parted by rims from all other film; and its share."""
+    if not rims.any():
+        return rims.view(np.bool_), 0.0
+    touched = height > max(TOUCHED_MM, TOUCHED_SHARE * float(height.max()))
+    count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
+    measured = np.zeros(count, bool)
+    measured[parts[~touched]] = True
+    measured[0] = False  # the rims
+    hanging = touched & ~measured[parts]
+    return hanging, float(hanging.sum() / max(touched.sum(), 1))

@@ -11,21 +11,14 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import (
-    F4,
-    LightPositions,
-    Mask,
-    Metrics,
-    Misfit,
-    Uneven,
-)
+from tactograph.nodes import LightPositions, Metrics, Misfit, Uneven
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust._light_check import check_light
 from tactograph.nodes.trust._light_evidence import LightFigures
 from tactograph.nodes.trust._rest_check import check_rest
 from tactograph.nodes.trust._rest_evidence import FilmFigures
-from tactograph.nodes.trust._rims import MAX_RIM_SHARE, rim_share
+from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.light_departure import light_error
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -35,6 +28,8 @@ REFUSED_FIGURE = 1.5
 """Figure that two checks alone must exceed to refuse a touch; three need to fail only."""
 JOINT_POWER = 8
 """Power with which figures add up: checks that are all near their limits say more than one."""
+MAX_RIM_SHARE = 0.25
+"""Share from which on there is a warning; soft presses and a real sensor's balls stay below it."""
 FORMER_MAPS = ("curl", "light", "drift", "departure", "slope", "used", "matt", "shadow", "pixel")
 """Inputs that `touch_evidence` takes now."""
 
@@ -51,12 +46,12 @@ class FilmErrors(NamedTuple):
     former=dict.fromkeys(("lights", "misfit", "uneven"), "give the calibration as 'film'")
     | dict.fromkeys(FORMER_MAPS, "give touch_evidence as 'evidence'")
     | {"flat": "give added_light as 'added'"}
+    | dict.fromkeys(("height", "rims"), "give film_on_rims' share as 'rim_share'")
 )
 def judge_touch(
     evidence: TouchEvidence,
     film: FilmErrors | None = None,
-    height: Annotated[F4, Port("H W", "mm", low=-1, high=5)] | None = None,
-    rims: Mask | None = None,
+    rim_share: RimShare | None = None,
     added: Annotated[float, Port(unit="1")] | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
@@ -79,8 +74,8 @@ def judge_touch(
     film
         The calibration: the LEDs, K x 3 in mm, its misfit, and the standard deviation of the
         film's brightness; without that it is known.
-    height, rims
-        H x W in mm, and where its rims are (`rim_cells`).
+    rim_share
+        What `film_on_rims` found.
     added
         What `added_light` found.
     least
@@ -98,8 +93,7 @@ def judge_touch(
     -------
     dict
         ``trust``, 0 to 1, and the figures ``check_light``, ``check_curl`` and ``check_rest``;
-        with `rims` also ``rim_share``, the share of the touched film whose height hangs on rims
-        that light does not measure.
+        also ``rim_share``, where it is given.
 
     Raises
     ------
@@ -113,10 +107,11 @@ def judge_touch(
     if not filled:
         checks["rest"] = check_rest(evidence.level, film_at_rest, lights, added or 0.0)
     if light.steep >= 0:
-        tallest = max(film_at_rest.highest, -film_at_rest.lowest)
-        tall = 0.0 if lights is None else tallest / _nearest(lights)
-        rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
-        brightness_error = math.hypot(light_error(misfit, 0.0), uneven or 0.0)
+        rim_error, brightness_error = 0.0, math.hypot(light_error(misfit, 0.0), uneven or 0.0)
+        if lights is not None and light.shaded:
+            tallest = max(film_at_rest.highest, -film_at_rest.lowest)
+            tall = tallest / _nearest(lights)
+            rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
         checks["light"] = check_light(light, rim_error, brightness_error)
     joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
     trust = 1 / (1 + joint**TRUST_POWER)
@@ -126,11 +121,11 @@ def judge_touch(
     if trust < least:
         warn(f"{_causes(checks)}; the height may be wrong")
     figures = {"trust": trust} | {f"check_{n}": check.figure for n, check in checks.items()}
-    if height is not None and rims is not None:
-        figures["rim_share"] = share = rim_share(height, rims)
-        if share > MAX_RIM_SHARE and not rims_measured:
+    if rim_share is not None:
+        figures["rim_share"] = rim_share
+        if rim_share > MAX_RIM_SHARE and not rims_measured:
             warn(
-                f"{share:.0%} of the touch hangs on rims that light does not measure: steeper "
+                f"{rim_share:.0%} of the touch hangs on rims that light does not measure: steeper "
                 "than a cell shows, or in the shadow of several LEDs. It may stand higher "
                 "(precise measures rims by their shadows)"
             )
@@ -139,9 +134,9 @@ def judge_touch(
 
 def _causes(checks: dict[str, Check]) -> str:
     """Reasons of the failed checks, the worst first."""
-    worst_first = sorted(checks.values(), key=lambda check: -check.figure)
-    failed = [check.cause for check in worst_first if check.figure > 1]
-    return ", and ".join(failed or [worst_first[0].cause])
+    worst_first = sorted(checks.values(), reverse=True)
+    failed = [check for check in worst_first if check.figure > 1]
+    return ", and ".join(map(str, failed or worst_first[:1]))
 
 
 def _nearest(lights: LightPositions) -> float:

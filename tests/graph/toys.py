@@ -206,10 +206,22 @@ class Halves(NamedTuple):
 
 
 @node
-def halves(image: Light, *, wanted: Wanted = EVERYTHING) -> Halves:
-    """Half the light, and one and a half of it."""
+def stray_light(*, level: float = 0.0) -> Annotated[float, Port(unit="1")]:
+    """Light that is the same everywhere."""
+    return level
+
+
+@node
+def halves(
+    image: Light,
+    stray: Annotated[float, Port(unit="1")] | None = None,
+    *,
+    wanted: Wanted = EVERYTHING,
+) -> Halves:
+    """Half the light, and one and a half of it, and stray light on both."""
     CALLS.extend(name for name in ("low", "high") if name in wanted)
-    low, high = image * np.float32(0.5), image * np.float32(1.5)
+    more = np.float32(stray or 0.0)
+    low, high = image * np.float32(0.5) + more, image * np.float32(1.5) + more
     return Halves(low if "low" in wanted else None, high if "high" in wanted else None)
 
 

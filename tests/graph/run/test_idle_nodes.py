@@ -120,6 +120,25 @@ def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same(write: Write)
         assert (device.times["again"] == 0) == (number == 1)
 
 
+@pytest.mark.parametrize("level", [0.0, 0.25])
+@pytest.mark.parametrize("stray", ["low", "high"])
+def test_a_number_that_is_0_is_as_good_as_none(write: Write, stray: str, level: float) -> None:
+    """Whichever of the two nodes reads it, and though each makes what the other need not."""
+    reads = {name: ", stray: stray" if name == stray else "" for name in ("low", "high")}
+    graph = write(
+        "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
+        "  frames: {op: touches}\n"
+        f"  stray:  {{op: stray_light, with: {{level: {level}}}}}\n"
+        f"  once:   {{op: halves, in: {{image: frames.image{reads['low']}}}}}\n"
+        f"  again:  {{op: halves, in: {{image: frames.image{reads['high']}}}}}\n"
+        "outputs: {once: once.low, again: again.high}\n"
+    )
+    host, device = (next(iter(load(graph, backend=backend).items())) for backend in BACKENDS)
+    np.testing.assert_array_equal(device["once"], host["once"])
+    np.testing.assert_array_equal(device["again"], host["again"])
+    assert (device.times["again"] == 0) == (level == 0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_film_that_throws_no_light_on_film_makes_none(

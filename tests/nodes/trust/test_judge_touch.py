@@ -8,7 +8,6 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, U1, Metrics
 from tactograph.nodes.optics.lens import nearest_ideal
 from tactograph.nodes.trust._curl_check import MAX_MEDIAN
-from tactograph.nodes.trust._rims import rim_share
 from tactograph.nodes.trust.film_on_rims import film_on_rims
 from tactograph.nodes.trust.judge_touch import FilmErrors, judge_touch
 from tactograph.nodes.trust.rim_cells import rim_cells
@@ -152,7 +151,7 @@ def rims_of(made: dict[str, F4]) -> U1:
 
 
 def share(made: dict[str, F4]) -> float:
-    return rim_share(made["height"], rims_of(made))
+    return film_on_rims(made["height"], rims_of(made), REST).share
 
 
 def test_what_rims_close_in_hangs_on_them() -> None:
@@ -168,26 +167,23 @@ def test_what_rims_close_in_hangs_on_them() -> None:
 def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
     like = np.zeros((1, 4 * SHAPE[0] - 1, 4 * SHAPE[1] - 1), np.float32)
     steep, gentle = dome(3.0), dome(1.1)
-    marked = film_on_rims(steep["height"], rims_of(steep), like)
+    marked = film_on_rims(steep["height"], rims_of(steep), like).film
     assert marked.shape == like.shape[1:]
     assert np.array_equal(marked[2::4, 2::4], steep["height"] > 0)
-    assert not film_on_rims(gentle["height"], rims_of(gentle), like).any()
+    assert not film_on_rims(gentle["height"], rims_of(gentle), like).film.any()
     lens = np.array([-0.1, 0, 0, 0, 0, 0, 0, 0], np.float32)
-    seen = film_on_rims(steep["height"], rims_of(steep), like, lens)
+    seen = film_on_rims(steep["height"], rims_of(steep), like, lens).film
     true = marked[nearest_ideal(lens, marked.shape)]
     assert np.count_nonzero(seen != true) < 0.05 * np.count_nonzero(true)
 
 
-@pytest.mark.parametrize(
-    ("wall", "measured", "warned"), [(3, False, 1), (3, True, 0), (1.1, False, 0)]
-)
+@pytest.mark.parametrize(("hanging", "measured", "told"), [(0.5, 0, 1), (0.5, 1, 0), (0.2, 0, 0)])
 def test_rims_are_a_warning_unless_something_else_measures_them(
-    wall: float, measured: bool, warned: int
+    hanging: float, measured: bool, told: bool
 ) -> None:
     notes: list[str] = []
-    made = dome(wall)
-    height, rims = made["height"], rims_of(made)
     with collect_warnings(notes):
-        found = judged(0.0, height=height, rims=rims, rims_measured=measured)
-    assert found["rim_share"] == (1 if wall == 3 else 0)
-    assert sum("100% of the touch hangs on rims" in note for note in notes) == warned
+        found = judged(0.0, rim_share=hanging, rims_measured=measured)
+    assert found["rim_share"] == hanging
+    assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
+    assert len(notes) == told

@@ -79,7 +79,7 @@ def test_a_frame_whose_end_is_of_other_images_is_told() -> None:
     whole, part = (check_curl(curl_evidence(curl)) for curl in found)
     assert whole.figure < 0.25
     assert part.figure > 1
-    assert "in a part of the image" in part.cause
+    assert "in a part of the image" in str(part)
 
 
 def test_turned_images_curl_no_more_and_need_another_check() -> None:
