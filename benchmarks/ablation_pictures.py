@@ -3,8 +3,6 @@
 Usage: ablation_pictures.py REPORTS PICTURES; the tables are printed.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -6,8 +6,6 @@ Every rig is calibrated once, from one ball press and its flat frame; nothing is
 capture.  The true shadows are those that the true height casts from the true LEDs.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -15,8 +15,6 @@ the table unless they are measured again, so the whole can be done in parts.  `s
 the capture's true height to images, which the literal flow does not.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

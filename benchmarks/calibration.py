@@ -6,8 +6,6 @@ Three tables: LEDs placed by one ball, by another, and by both; one flat frame a
 mean of eight (simulated, LEDs 55 mm away); LEDs that have faded since the flat frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from pathlib import Path

@@ -7,8 +7,6 @@ three times finer than the camera's pixels and averaged, so that edges are mixed
 mixes them; the truth is the height in the middle of a pixel.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import replace

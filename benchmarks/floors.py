@@ -3,8 +3,6 @@
 python benchmarks/floors.py
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -9,8 +9,6 @@ given to the command line in its own process.  It must end within a minute and 2
 the files that caused them, and the exit code is 1.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import os

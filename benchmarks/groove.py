@@ -6,8 +6,6 @@ Four of the six LEDs.  The reference is the sensor vendor's own height map: inde
 metrological.  There is no untouched frame, so both graphs estimate it.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -7,8 +7,6 @@ In a gap, from the end of a kernel to the start of the next, the device waits fo
 decides, computes, or takes its time to enqueue.  Medians over many runs of one item.
 """
 
-from __future__ import annotations
-
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator

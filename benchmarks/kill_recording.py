@@ -8,8 +8,6 @@ fast as it can, and says on a pipe after every touch that `record` has returned.
 pixel.  Rotation every few files is on.  Exit code 1 if one is not.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing

@@ -8,8 +8,6 @@ the labels of all its LEDs are.  ``--fit`` finds the coefficients of `shadow_con
 likelihood, on the simulated captures of `error_band.py` that have shadows.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

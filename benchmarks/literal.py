@@ -1,7 +1,5 @@
 """The paper's flow as one would write it down with NumPy and SciPy: what all is compared with."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@
 Of the sensor of `live.sh`, medians of many frames while its ball goes down and up.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from statistics import median

@@ -8,8 +8,6 @@ shows half-way down, `live_strip.png` heights over time and their errors.  With 
 recording and what `view_rerun` makes of it (`live.rrd`) stay there.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

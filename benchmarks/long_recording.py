@@ -6,8 +6,6 @@ Frames of 640 x 480 (a smooth picture with a camera's noise) are recorded as fas
 takes them, one a touch, into a folder that may hold 1 GB, the oldest file going.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

@@ -10,8 +10,6 @@ other presses; the second row leaves the centres as `find_ball` gave them.  Ever
 counts, also those that a calibration of all presses would leave out.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

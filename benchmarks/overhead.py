@@ -8,8 +8,6 @@ a device 20 launches of the kernel by a bare loop that then waits.  Given are th
 the engine adds.
 """
 
-from __future__ import annotations
-
 import gc
 import resource
 import subprocess

@@ -6,8 +6,6 @@ A cat under four LEDs 55 mm away is rendered, and measured with `precise`: its l
 heights that its shadows measure, and the error band along a section.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import replace

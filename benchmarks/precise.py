@@ -14,8 +14,6 @@ Processor time counts all threads.  Memory is the process's peak, including libr
 compiler of kernels.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import shlex

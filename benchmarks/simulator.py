@@ -6,8 +6,6 @@ Each rig's properties are those of its scene.json; the shapes are the true heigh
 `hand_ideal`, which are seen from straight above.  One gain per rig is fitted on its flat frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -9,8 +9,6 @@ the height of the last change is there: one of the last nodes, then one of the f
 --browser chromium drags the slider instead, and the pictures that it shows are counted.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

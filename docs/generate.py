@@ -1,7 +1,5 @@
 """Pages made from the code when the site is built: the nodes and the shipped graphs."""
 
-from __future__ import annotations
-
 import mkdocs_gen_files
 
 from tactograph.graph.declare.find_node import builtin_names, find_node

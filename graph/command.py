@@ -1,7 +1,5 @@
 """The command line.  It knows graphs and nothing else."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

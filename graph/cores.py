@@ -1,7 +1,5 @@
 """The cores that this process may use, as one of several workers."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Errors and warnings in one line: what is wrong, where, and what to do."""
 
-from __future__ import annotations
-
 import difflib
 import errno
 import unicodedata

@@ -1,7 +1,5 @@
 """Packages that only some features need, and the extra of the installation that brings them."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from tactograph.graph.errors import InputError

@@ -6,8 +6,6 @@ scale as captured, 1 on the film at rest once divided by the flat field.  LEDs a
 from 1; K is their number.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

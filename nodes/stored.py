@@ -1,7 +1,5 @@
 """Values of a record that a file keeps, their limits, and what stands for them in older files."""
 
-from __future__ import annotations
-
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The command ``tactograph``, also as ``python -m tactograph``."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

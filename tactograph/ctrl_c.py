@@ -1,7 +1,5 @@
 """Ctrl-C, heard where it does no harm."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

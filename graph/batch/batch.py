@@ -1,7 +1,5 @@
 """A batch: the captures that are still to do, in chunks for the workers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """The maps of a batch, one capture after another or shuffled: what a training loop reads."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from itertools import chain, zip_longest

@@ -1,7 +1,5 @@
 """Find the captures of a batch: local folders or object-store URLs, by pattern."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

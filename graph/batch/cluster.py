@@ -1,7 +1,5 @@
 """Workers of a Dask cluster.  Dask schedules; this module bounds the chunks that are out."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import logging

@@ -1,7 +1,5 @@
 """The result of one capture."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from dataclasses import dataclass, field

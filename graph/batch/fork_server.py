@@ -1,7 +1,5 @@
 """The process that a batch's processes are forked from: it imports their modules once for all."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

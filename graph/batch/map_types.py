@@ -1,7 +1,5 @@
 """The maps in a store: their types, the names of their dimensions, the places of pixels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

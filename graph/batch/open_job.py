@@ -1,7 +1,5 @@
 """The pipeline of a job, opened once for all captures."""
 
-from __future__ import annotations
-
 import tempfile
 import threading
 from contextlib import suppress

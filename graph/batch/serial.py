@@ -1,7 +1,5 @@
 """One worker: this process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 

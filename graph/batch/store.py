@@ -10,8 +10,6 @@ Dimensions have names, so that xarray opens the store: an image's are ``y`` and 
 the graph puts out a pixel size, arrays of these names are its coordinates in mm.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import uuid

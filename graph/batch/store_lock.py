@@ -1,7 +1,5 @@
 """One batch at a time in a store."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -1,7 +1,5 @@
 """The number of processes for a batch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from tactograph.graph.backends.device_backend import open_device

@@ -1,7 +1,5 @@
 """Results of nodes in this process, by key, so that equal work is done once."""
 
-from __future__ import annotations
-
 import sys
 import threading
 from collections import OrderedDict

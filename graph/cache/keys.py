@@ -1,7 +1,5 @@
 """Keys of values: short texts for a value's content, or for all that makes it."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 from collections.abc import Iterable

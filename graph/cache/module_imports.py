@@ -1,7 +1,5 @@
 """The modules that a source file may import, kept on disk from start to start."""
 
-from __future__ import annotations
-
 import ast
 import json
 import sys

@@ -1,7 +1,5 @@
 """The origin of a result.  A stored result may stand for a new one only if it is the same."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import importlib.util

@@ -3,8 +3,6 @@
 A file (`disk_cache`) holds one node's outputs; a damaged one is made again.
 """
 
-from __future__ import annotations
-
 import io
 import pickle
 import time

@@ -1,7 +1,5 @@
 """``tactograph cameras``: the cameras that are plugged in, by the graph of that name."""
 
-from __future__ import annotations
-
 import click
 
 from tactograph.graph.commands import run_shipped

@@ -3,8 +3,6 @@
 A shell's script comes from click: ``eval "$(_TACTOGRAPH_COMPLETE=bash_source tactograph)"``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

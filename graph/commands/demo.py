@@ -1,7 +1,5 @@
 """``tactograph demo``: from a simulated sensor to a height, by the commands that a user types."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``tactograph devices``: every OpenCL device, and whether it can be trusted."""
 
-from __future__ import annotations
-
 import click
 
 from tactograph.graph.commands import say

@@ -1,7 +1,5 @@
 """``tactograph new-node``: write the first files of a node."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

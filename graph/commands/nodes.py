@@ -1,7 +1,5 @@
 """``tactograph nodes``: the nodes there are, or the page of one."""
 
-from __future__ import annotations
-
 import click
 
 from tactograph.graph.commands import say

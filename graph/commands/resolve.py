@@ -1,7 +1,5 @@
 """``tactograph resolve``: the flat graph behind a variant."""
 
-from __future__ import annotations
-
 import click
 
 from tactograph.graph.commands import changed, graph_argument, say, set_option, with_option

@@ -1,7 +1,5 @@
 """``tactograph schema``: the JSON schema of graph files."""
 
-from __future__ import annotations
-
 import json
 
 import click

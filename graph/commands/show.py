@@ -1,7 +1,5 @@
 """``tactograph show``: print and draw the content of a file, by the graph of that name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """``tactograph tune``: change a graph in the browser while its result is seen."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 

@@ -3,8 +3,6 @@
 Nothing here knows optics: a row holds the figures among a graph's outputs.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field

@@ -1,7 +1,5 @@
 """The record of a comparison, from which it can be made again."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from collections.abc import Mapping, Sequence

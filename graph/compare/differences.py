@@ -1,7 +1,5 @@
 """The differences between two graphs, node by node: what exactly was ablated."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """One self-contained page that shows a comparison: figures, differences, pictures, curves."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources

@@ -4,8 +4,6 @@ A view called ``truth_shadow`` is the truth for the view ``shadow``; one whose n
 that kind, such as ``truth``, is the truth for the first view of its kind and unit.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Sweeps: the values that a comparison tries for a node's parameter, and its seeds."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

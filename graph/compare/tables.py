@@ -1,7 +1,5 @@
 """The figures of a comparison as tables: for programs, for papers and for the terminal."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Check a node's parameters against its annotations, by pydantic."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
 from pathlib import Path

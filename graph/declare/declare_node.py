@@ -1,7 +1,5 @@
 """Make a `Node` of a function: read and check its signature."""
 
-from __future__ import annotations
-
 import collections.abc
 import inspect
 import typing

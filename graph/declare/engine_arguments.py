@@ -1,7 +1,5 @@
 """Types of keyword-only arguments that the engine gives to a node."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NewType, Protocol, TypeVar

@@ -6,8 +6,6 @@ entry-point group ``tactograph.nodes`` (``x = package.module:x``).  Only the nod
 names are imported.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """The declaration of a node's OpenCL kernels, and of where they can run."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The type that a parameter's annotation states, and its limits."""
 
-from __future__ import annotations
-
 import types
 import typing
 from collections.abc import Iterator

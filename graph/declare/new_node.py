@@ -1,7 +1,5 @@
 """Write the files of a new node from templates: into the project, or into a package."""
 
-from __future__ import annotations
-
 import keyword
 import re
 from pathlib import Path

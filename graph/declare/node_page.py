@@ -1,7 +1,5 @@
 """The page of a node: its docstring, ports and parameters."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ ports is a record: one edge, several values.  The ports of a record inside a rec
 outer record's own.  A node that lacks optional fields of a record can be read as that record.
 """
 
-from __future__ import annotations
-
 import types
 import typing
 from collections.abc import Iterable

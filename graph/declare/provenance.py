@@ -1,7 +1,5 @@
 """The provenance of a result, which the engine hands to a sink that asks for it."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import platform
 from collections.abc import Mapping

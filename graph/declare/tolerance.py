@@ -1,7 +1,5 @@
 """Tolerances: the difference allowed between two back ends, with the reason."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """NumPy files, read without pickle and without trust in the sizes of their headers."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from pathlib import Path

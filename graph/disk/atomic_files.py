@@ -1,7 +1,5 @@
 """Files that appear whole or not at all: written beside their place, then moved there."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """Hashes of the content of files and folders."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import cache
 from pathlib import Path

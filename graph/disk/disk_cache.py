@@ -5,8 +5,6 @@ content is checked when it is read.  The files that were read longest ago go whe
 large.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Identity of the files that a graph is given: the hash and header of each."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from functools import cache

@@ -1,7 +1,5 @@
 """File names that are text: others cannot be written down, and crash some libraries."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tactograph.graph.errors import InputError

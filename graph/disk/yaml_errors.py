@@ -1,7 +1,5 @@
 """Errors of YAML in plain words: the place, and what to do."""
 
-from __future__ import annotations
-
 import re
 
 from ruamel.yaml.error import MarkedYAMLError, StringMark

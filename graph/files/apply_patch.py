@@ -5,8 +5,6 @@ A change speaks of a node of the flat graph (``save``, ``pass_2.label``), of a u
 change in every use.
 """
 
-from __future__ import annotations
-
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.patch_groups import (

@@ -1,7 +1,5 @@
 """A folder that a user names: one capture, or a folder of captures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

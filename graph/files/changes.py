@@ -1,7 +1,5 @@
 """Change single settings of a graph, as a command line or a program asks for it."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from typing import Any

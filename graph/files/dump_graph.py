@@ -1,7 +1,5 @@
 """Write a graph as a file that reads back as the same graph."""
 
-from __future__ import annotations
-
 import io
 
 from ruamel.yaml import YAML

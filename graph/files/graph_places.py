@@ -1,7 +1,5 @@
 """Folders of graph files: shipped ones, those of other packages, and the user's own."""
 
-from __future__ import annotations
-
 import importlib.util
 from importlib import resources
 from importlib.metadata import entry_points

@@ -4,8 +4,6 @@ A node ``label`` of a group is the node ``pass_2.label`` where ``pass_2`` uses i
 reference names a node or an input of the group; outside it names a node, or an output of a use.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

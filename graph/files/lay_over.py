@@ -1,7 +1,5 @@
 """Lay a layer over a graph, or make a graph of one that stands alone."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace

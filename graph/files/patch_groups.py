@@ -1,7 +1,5 @@
 """Changes to groups and to their uses, by the patch verbs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

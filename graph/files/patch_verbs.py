@@ -1,7 +1,5 @@
 """The patch verbs: what each does to one node of a graph."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Graphs given by a program as plain data, in the form that a file's YAML would give."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Mapping

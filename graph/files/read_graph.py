@@ -1,7 +1,5 @@
 """Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """The JSON schema of graph files, generated from the nodes, for editors and checks."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import BaseModel

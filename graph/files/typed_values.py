@@ -1,7 +1,5 @@
 """Values as a user types them: ``name=value`` words, read for a graph's params."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Write a changed graph as a variant of another: `extends`, and the fewest changes."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

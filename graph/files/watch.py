@@ -1,7 +1,5 @@
 """Wait for a change of a graph's files, or of the files that it reads."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Pass 4: decide where each node runs, and say why."""
 
-from __future__ import annotations
-
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.kernel_declaration import Obstacle
 from tactograph.graph.declare.node import Node

@@ -1,7 +1,5 @@
 """The draft of a plan: values and tasks, which the passes resolve step by step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple

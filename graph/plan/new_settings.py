@@ -1,7 +1,5 @@
 """New settings for the nodes of a plan: checked first, then taken over together."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Plans: placements, steps, and the plan itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Pass 2: check that both ends of every edge have the same type and unit."""
 
-from __future__ import annotations
-
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft

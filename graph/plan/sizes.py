@@ -4,8 +4,6 @@ A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends on
 Fixed sizes are checked before anything runs, others as soon as the sources have yielded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple

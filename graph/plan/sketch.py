@@ -1,7 +1,5 @@
 """Sketches of plans: every step, or the nodes alone."""
 
-from __future__ import annotations
-
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
 

@@ -1,7 +1,5 @@
 """Spots: a value and its side, host or device."""
 
-from __future__ import annotations
-
 from typing import Literal, NamedTuple
 
 from tactograph.graph.plan.draft import Value

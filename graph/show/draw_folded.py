@@ -5,8 +5,6 @@ An edge that passes layers goes through a spot in each, shared by all edges from
 order each layer so that few edges cross, and then move boxes towards their neighbours.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 

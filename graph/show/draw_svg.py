@@ -3,8 +3,6 @@
 Steps of a group's use stand together in a frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape

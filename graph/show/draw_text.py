@@ -1,7 +1,5 @@
 """Draw a sketch as text: DOT for graphviz, Mermaid for web pages."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from tactograph.graph.backends import BACKENDS

@@ -1,7 +1,5 @@
 """Figures for people: means with their confidence intervals, and names in words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Results drawn in a notebook."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from html import escape
 from typing import Any

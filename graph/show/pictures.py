@@ -1,7 +1,5 @@
 """Pictures of views and of sweeps, as data URIs that a page can hold by itself."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A graph to be drawn: boxes and edges, with the uses of groups drawn whole or folded to a box."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from graphlib import CycleError, TopologicalSorter

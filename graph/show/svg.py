@@ -1,7 +1,5 @@
 """Boxes and edges of a sketch as SVG."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from html import escape
 

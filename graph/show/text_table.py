@@ -1,7 +1,5 @@
 """A table as plain text that cuts no cell, however narrow the terminal is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from textwrap import wrap
 

@@ -4,8 +4,6 @@ A float array H x W is a map, an unsigned one whose unit speaks of bits holds la
 array K x H x W is a stack of images.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """The warnings of many runs in few lines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from tactograph.graph.errors import a_few

@@ -1,7 +1,5 @@
 """The captures that a graph is tuned on, or none if its stream has its own items."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The control of a parameter, read from its declaration."""
 
-from __future__ import annotations
-
 import math
 import typing
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Small changes to the page that follow a slider, sent together once the last are shown."""
 
-from __future__ import annotations
-
 import json
 from importlib import resources
 from typing import Any

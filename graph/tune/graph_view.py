@@ -1,7 +1,5 @@
 """The graph on the page: a drawing in which nodes are chosen."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

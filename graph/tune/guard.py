@@ -1,7 +1,5 @@
 """Access to the page: from this machine, with the token, and from no other site's page."""
 
-from __future__ import annotations
-
 import hmac
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie

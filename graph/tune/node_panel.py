@@ -1,7 +1,5 @@
 """The panel of the chosen node: its back end, its outputs, and a control for each parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page: the graph as a drawing, a node's controls and outputs, and the result."""
 
-from __future__ import annotations
-
 from html import escape
 from importlib import resources
 from typing import Any

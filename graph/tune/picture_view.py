@@ -1,7 +1,5 @@
 """A picture on the page that is replaced many times a second, its colour bar and its value."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from html import escape

@@ -1,7 +1,5 @@
 """Arrays as pictures, fast enough to follow a slider."""
 
-from __future__ import annotations
-
 import base64
 import io
 from functools import cache

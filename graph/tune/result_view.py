@@ -1,7 +1,5 @@
 """The result on the page: one output as a picture, beside another graph's, with a section."""
 
-from __future__ import annotations
-
 from html import escape
 from typing import Any
 

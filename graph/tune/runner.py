@@ -1,7 +1,5 @@
 """A graph on its present item, run again after changes, or on the next item."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The dialog that saves a variant."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from nicegui import ui

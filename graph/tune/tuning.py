@@ -4,8 +4,6 @@ Changes are taken at once, and one thread runs the latest state.  Requests in be
 run, and outdated results are never shown.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

@@ -5,8 +5,6 @@ film's model, calibrate a lens or a one-shot sensor, rate a calibration, carry i
 film, and its file.  Here is what several of them share.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

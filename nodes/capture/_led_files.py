@@ -1,7 +1,5 @@
 """Assign the images of a folder to LEDs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Find the directions to lamps by their highlights on a mirror ball."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Read the presses of one or several balls from which a sensor is calibrated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, NamedTuple
 

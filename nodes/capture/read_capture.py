@@ -3,8 +3,6 @@
 Long because images come in many layouts, and every one that does not fit has its message.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

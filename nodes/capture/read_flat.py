@@ -1,7 +1,5 @@
 """Read the untouched film, by which every image is divided."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Read one image, such as that of a grid on the film."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Read where the lamps of a capture stand, from a table or the file of a light dome."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Read the many presses of a ball from which a one-shot sensor is calibrated."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """Write a simulated capture with its ground truth."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, Any

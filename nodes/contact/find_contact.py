@@ -1,7 +1,5 @@
 """Find where something presses against the film."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Measure the size, depth and position of each contact."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

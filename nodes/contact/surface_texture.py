@@ -1,7 +1,5 @@
 """Surface texture of what is pressed against the film (ISO 25178)."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """Check the stated error of a height against its true error."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

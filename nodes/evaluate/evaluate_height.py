@@ -1,7 +1,5 @@
 """Compare a height with the truth, as the paper's Table 1 does."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

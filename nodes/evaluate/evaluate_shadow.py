@@ -1,7 +1,5 @@
 """Compare shadow labels with the truth, LED by LED."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

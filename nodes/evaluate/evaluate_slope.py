@@ -1,7 +1,5 @@
 """Compare slopes with the truth."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """All figures of a touch in one place."""
 
-from __future__ import annotations
-
 from tactograph.graph import InputError, node
 from tactograph.nodes import Metrics
 

@@ -1,7 +1,5 @@
 """Height maps in micrometres, as surfalize, a package for surface metrology, takes them."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The file of a calibration: arrays with units, a version, and provenance."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Height maps in other people's formats: images, meshes, and those of surface metrology."""
 
-from __future__ import annotations
-
 import json
 import math
 import struct

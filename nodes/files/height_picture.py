@@ -1,7 +1,5 @@
 """Heights as levels of 16 bits, and as colour pictures of 8 bits for formats that know no depth."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Images that a caller hands in as arrays: the rule of image files holds for them too."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """One image file: decode, check, crop, and convert to fractions of full scale."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

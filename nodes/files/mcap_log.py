@@ -7,8 +7,6 @@ program's end; another syncs to the disk, which survives the computer's.
 All topics are CDR, because ``ros2 bag`` refuses mixed serialisation.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

@@ -3,8 +3,6 @@
 Lengths are metres in all of them.  Rows stay in the image's order, the first on top.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """``result.json``: its statements about the files beside it."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from pathlib import Path

@@ -3,8 +3,6 @@
 Lengths are in metres, as everywhere in ROS; times are nanoseconds since 1970.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Whose calibration, recording or capture it is, and the refusal of another sensor's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple

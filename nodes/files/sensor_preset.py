@@ -1,7 +1,5 @@
 """Presets for kinds of sensor: small files, shipped or the user's own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

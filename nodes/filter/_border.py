@@ -1,7 +1,5 @@
 """Pixels beyond the frame: OpenCV's border rules, by OpenCV's names."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import cv2

@@ -4,8 +4,6 @@ All map a float image to a float image of the same size; ``src``, ``dst`` and ``
 arguments here.  To add a function, add an entry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Blur images, but not across edges."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """Mix two sets of images."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

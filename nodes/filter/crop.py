@@ -1,7 +1,5 @@
 """Cut a window out of images."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

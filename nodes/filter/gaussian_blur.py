@@ -1,7 +1,5 @@
 """Blur images by a Gaussian."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

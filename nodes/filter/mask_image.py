@@ -1,7 +1,5 @@
 """Keep the part of images that a mask shows."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

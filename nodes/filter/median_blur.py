@@ -1,7 +1,5 @@
 """Remove single wrong pixels from images by a median."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import cv2

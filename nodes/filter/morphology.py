@@ -1,7 +1,5 @@
 """Erode, dilate, open or close a mask."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import cv2

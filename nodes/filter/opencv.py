@@ -1,7 +1,5 @@
 """Call a function of OpenCV by its name."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

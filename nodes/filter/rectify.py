@@ -1,7 +1,5 @@
 """Resample a rectangle that a camera sees at an angle to a regular grid."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """Resize images."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Annotated, Literal
 

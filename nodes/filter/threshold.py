@@ -1,7 +1,5 @@
 """Find the pixels that are brighter than a threshold."""
 
-from __future__ import annotations
-
 from functools import reduce
 from typing import Literal
 

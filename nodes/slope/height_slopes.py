@@ -1,7 +1,5 @@
 """The slopes of any object of known height."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

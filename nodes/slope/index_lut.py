@@ -7,8 +7,6 @@ them.  On CPUs the kernel sorts the frame by light, and 16 pixels of similar lig
 together.  Entries of equal light are merged, so all back ends find the same slope.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from typing import Annotated, NamedTuple
 

@@ -1,7 +1,5 @@
 """Look up the slope of the nearest light in the tables."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trust a slope less where its light contradicts it, or allows a second slope."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mean slope over a pixel, from the slope of its mean normal."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Refine a coarse slope by a first-order Taylor step of the reflectance."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Slope from light whose dependence on slope varies over the film."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

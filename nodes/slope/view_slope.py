@@ -1,7 +1,5 @@
 """Slopes of the film as a camera near the film sees them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import Close, node

@@ -1,7 +1,5 @@
 """Assemble frames of single LEDs into touches: the newest light of every LED."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, Literal
 

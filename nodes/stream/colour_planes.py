@@ -1,7 +1,5 @@
 """The lights of a one-shot sensor's colour frame."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 import cv2

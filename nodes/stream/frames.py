@@ -1,7 +1,5 @@
 """Camera frames with their LED, the touches made of them, and the counters of a stream."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple

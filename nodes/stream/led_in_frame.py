@@ -5,8 +5,6 @@ untouched film in a frame is a sum of the flat frames, of which one has weight 1
 0.  A rolling shutter that saw two LEDs gives different weights in different rows.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple

@@ -1,7 +1,5 @@
 """A touch: all that a graph knows of it, for the nodes that write or show it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 

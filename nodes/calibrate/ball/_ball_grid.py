@@ -6,8 +6,6 @@ are not evenly spaced.  A lattice of known pitch is fitted to them.  A fit of th
 simplest model that real films need (diffuse share and gain) then places the balls.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """The slopes of the calibration ball, from its position and radius."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

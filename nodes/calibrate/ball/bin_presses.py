@@ -1,7 +1,5 @@
 """Bin the pixels of large images to the resolution that a calibration needs."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """Presses in which pixels that show no film look like film at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -3,8 +3,6 @@
 Long because a ball is refined, judged and refused by one model of its light.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np

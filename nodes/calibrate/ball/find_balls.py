@@ -3,8 +3,6 @@
 Long because a sheet of balls is found by its lattice (`_ball_grid`), unlike a press of one ball.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

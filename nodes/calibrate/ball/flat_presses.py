@@ -1,7 +1,5 @@
 """Divide every press on a sheet by the untouched film."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

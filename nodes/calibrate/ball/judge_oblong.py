@@ -1,7 +1,5 @@
 """Tell by the balls' contacts where pixels are not square."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

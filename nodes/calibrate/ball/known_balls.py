@@ -1,7 +1,5 @@
 """The slopes of the balls on a sheet of presses."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exclude markers from the known pixels of a calibration's presses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -1,7 +1,5 @@
 """Convert the light of every press into that of a matt film."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import NodeCall, node

@@ -1,7 +1,5 @@
 """Undistort every press on a sheet, and the known circles of the balls."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

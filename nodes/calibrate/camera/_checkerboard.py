@@ -1,7 +1,5 @@
 """The corners of a checkerboard, where four of its squares meet."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

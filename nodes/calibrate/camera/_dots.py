@@ -1,7 +1,5 @@
 """The centres of dark or bright dots."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """Lattice coordinates of points on a square lattice that a lens may distort."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any, NamedTuple
 

@@ -3,8 +3,6 @@
 Long because edges are found, chosen and fitted.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

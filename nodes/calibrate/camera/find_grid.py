@@ -3,8 +3,6 @@
 Long because dots and checkerboards are found in different ways, and a user may lay down either.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np

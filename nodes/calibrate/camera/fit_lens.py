@@ -1,7 +1,5 @@
 """Fit distortion and tilt of a camera to a square grid."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Annotated, Any, NamedTuple
 

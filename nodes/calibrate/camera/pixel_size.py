@@ -1,7 +1,5 @@
 """The side of a pixel on the film, from the user, the camera's file or the sensor's preset."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

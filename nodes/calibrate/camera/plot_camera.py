@@ -1,7 +1,5 @@
 """Plot the marks found on a grid, and how a lens fits them."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

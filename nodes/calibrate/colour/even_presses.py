@@ -1,7 +1,5 @@
 """Undistort the presses of a one-shot sensor, its film at rest, and known circles."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

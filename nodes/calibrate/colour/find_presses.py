@@ -1,7 +1,5 @@
 """Find the ball in every press."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

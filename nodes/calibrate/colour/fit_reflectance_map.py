@@ -3,8 +3,6 @@
 Long because map, centres and the rim's height depend on one another and are fitted in turn.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Remove the drift of the light from every press."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rate a calibration by many presses, on held-out presses."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Adapt a reflectance map to a new film by a check press."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

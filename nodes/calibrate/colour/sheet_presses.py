@@ -1,7 +1,5 @@
 """Put presses one below another on a sheet, as nodes for flashed sensors take them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

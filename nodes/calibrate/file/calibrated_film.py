@@ -1,7 +1,5 @@
 """The film at rest, from either kind of calibration."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Reader and writer, their ports and pages, and the checks of a file follow from t
 value is a field here, or of `Film`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The calibration of a camera's lens: every value that it has, declared once."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple

@@ -1,7 +1,5 @@
 """Read a calibration, and refuse an incomplete or damaged one."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Read the distortion and tilt of a camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read the calibration of a one-shot sensor, and refuse an incomplete or damaged one."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Write everything that a reconstruction needs into one file."""
 
-from __future__ import annotations
-
 from typing import Unpack
 
 from tactograph.graph import Provenance, node

@@ -1,7 +1,5 @@
 """Write the calibration of a camera's lens into one file."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

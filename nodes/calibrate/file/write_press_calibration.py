@@ -1,7 +1,5 @@
 """Write the calibration of a one-shot sensor into one file."""
 
-from __future__ import annotations
-
 from tactograph.graph import Provenance, node, warn
 from tactograph.nodes import Lens, Light, Mask, Metrics, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, NewPressCalibration

@@ -1,7 +1,5 @@
 """The true normals of balls, and those found from their light by a film's model."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

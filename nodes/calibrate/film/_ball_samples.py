@@ -1,7 +1,5 @@
 """Samples of balls pressed into a film, to which a film's model is fitted."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any, NamedTuple
 

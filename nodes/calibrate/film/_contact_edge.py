@@ -1,7 +1,5 @@
 """The edge of a contact: inside the film is lit like the ball, outside like the film at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The flat frame in the fit of a film: residuals, their derivatives and standard deviation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F8, Film

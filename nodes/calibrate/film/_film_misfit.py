@@ -1,7 +1,5 @@
 """Errors of a film's model on held-out presses, and their correlation length."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, cast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple

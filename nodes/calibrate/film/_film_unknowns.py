@@ -1,7 +1,5 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """What a model leaves of the balls' light once the camera's noise is averaged out."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F8

@@ -1,7 +1,5 @@
 """Assume a matt film where nothing more is known about it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

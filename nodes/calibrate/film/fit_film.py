@@ -6,8 +6,6 @@ The model grows part by part, then by harmonics, each judged on held-out balls
 Long because its search decides in steps: on parts, samples, harmonics and bad balls.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any, NamedTuple
 

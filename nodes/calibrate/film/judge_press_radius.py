@@ -1,7 +1,5 @@
 """Judge the ball's radius of a one-shot sensor by the light of its presses."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

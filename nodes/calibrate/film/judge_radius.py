@@ -11,8 +11,6 @@ bends the light otherwise than any radius.
 Long because every doubt says in words what may be wrong and what would agree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Annotated, NamedTuple

@@ -3,8 +3,6 @@
 Long because each property that may change has its prior, its bounds and its figures.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 

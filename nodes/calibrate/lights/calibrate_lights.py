@@ -1,7 +1,5 @@
 """Find the LEDs' positions from the untouched film and objects of known shape."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

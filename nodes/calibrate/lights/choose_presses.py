@@ -1,7 +1,5 @@
 """Leave out the presses that are inconsistent with the others, and say why."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 

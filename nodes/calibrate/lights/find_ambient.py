@@ -1,7 +1,5 @@
 """Estimate the ambient light where no image with all LEDs off was taken."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Check lamps of known places against the light of the untouched film."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ fraction of a pixel.  Its height depends on the contact radius (for half a ball,
 pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

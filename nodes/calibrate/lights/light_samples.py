@@ -1,7 +1,5 @@
 """Samples of known shapes under the LEDs, and the flat frame in blocks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

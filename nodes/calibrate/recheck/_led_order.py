@@ -1,7 +1,5 @@
 """The order of images, checked by the light of each LED on the untouched film."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

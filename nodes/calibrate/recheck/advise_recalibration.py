@@ -1,7 +1,5 @@
 """Report what a new film changes, the remaining error, and whether to calibrate fully."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

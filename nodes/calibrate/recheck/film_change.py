@@ -3,8 +3,6 @@
 Long because LEDs, ambient light, shift, dirt and dents can only be told apart together.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

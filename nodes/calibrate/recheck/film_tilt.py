@@ -1,7 +1,5 @@
 """Predict how the light of the film at rest responds to a tilt, by the film's model."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Judge from today's untouched film whether a calibration is still valid, cause by cause."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """Predict how the light of the film at rest responds to a tilt, by a reflectance map."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -1,7 +1,5 @@
 """Plot what has changed since a calibration."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from tactograph.graph import Port, node

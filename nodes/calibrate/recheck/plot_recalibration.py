@@ -1,7 +1,5 @@
 """Plot what a new film has changed."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

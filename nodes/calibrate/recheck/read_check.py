@@ -1,7 +1,5 @@
 """Read the presses of a ball that check a film, if there are any."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

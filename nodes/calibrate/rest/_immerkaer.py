@@ -1,7 +1,5 @@
 """Noise, by a mask blind to smooth light (Immerkaer, "Fast noise variance estimation", 1996)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Smooth the flat frame where the presses do not confirm its detail."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

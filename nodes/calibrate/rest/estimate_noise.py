@@ -1,7 +1,5 @@
 """Measure the camera's noise on any capture of a smooth scene."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import nnls
 

@@ -1,7 +1,5 @@
 """Distinguish film in a frame from a housing and from dark parts."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

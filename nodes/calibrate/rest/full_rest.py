@@ -1,7 +1,5 @@
 """Provide the film at rest at the camera's resolution after a calibration on binned images."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

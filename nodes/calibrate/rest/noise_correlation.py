@@ -1,7 +1,5 @@
 """Measure how strongly the camera's noise is correlated between neighbouring pixels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

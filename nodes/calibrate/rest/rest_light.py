@@ -1,7 +1,5 @@
 """Provide the light of the film at rest, by a model if no flat frame was taken."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Build the look-up tables from a capture of a known object."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

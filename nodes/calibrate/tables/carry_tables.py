@@ -1,7 +1,5 @@
 """Transfer the light of a calibration's tables to another film."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

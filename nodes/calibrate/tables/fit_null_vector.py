@@ -1,7 +1,5 @@
 """Fit the vector that is orthogonal to the light of every fully lit pixel."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

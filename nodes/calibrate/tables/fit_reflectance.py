@@ -1,7 +1,5 @@
 """Fit the spherical-harmonic reflectance of every LED."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

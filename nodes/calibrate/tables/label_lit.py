@@ -1,7 +1,5 @@
 """Label the LEDs that reach each pixel, by brightness alone."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

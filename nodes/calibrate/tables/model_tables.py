@@ -1,7 +1,5 @@
 """The pixels of the tables by a film's model, where no object was pressed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

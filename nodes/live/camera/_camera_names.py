@@ -1,7 +1,5 @@
 """Cameras by serial number or link, regardless of the order of connection (Linux)."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

@@ -5,8 +5,6 @@ names the folders of such files.  A process loads each of them only once, so all
 one Harvester.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import re

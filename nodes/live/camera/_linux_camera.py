@@ -4,8 +4,6 @@ Frames have the kernel's time and number, so lost frames are known, not guessed,
 deliver all of their 10 to 16 bits.  linuxpy is GPL-3.0; nothing else here needs it.
 """
 
-from __future__ import annotations
-
 import importlib
 import struct
 from contextlib import suppress

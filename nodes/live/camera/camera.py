@@ -1,7 +1,5 @@
 """A camera in its own thread: timed frames, of which the newest are kept, and fault counters."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import Counter, deque

@@ -1,7 +1,5 @@
 """The parameters by which a live node's camera is chosen and set."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval

@@ -1,7 +1,5 @@
 """List the connected cameras."""
 
-from __future__ import annotations
-
 import os
 import sys
 

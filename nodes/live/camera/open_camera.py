@@ -1,7 +1,5 @@
 """Open a camera, and fix its size, rate, exposure, gain and white balance."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

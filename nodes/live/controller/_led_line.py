@@ -3,8 +3,6 @@
 The protocol is described in docs/hardware.md; ``firmware/protocol.py`` is the other end.
 """
 
-from __future__ import annotations
-
 import binascii
 import re
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Requests and answers over an open serial port, which a separate thread reads."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -1,7 +1,5 @@
 """Find the LED controller's port, and explain why a port cannot be opened."""
 
-from __future__ import annotations
-
 import errno
 import getpass
 import os

@@ -1,7 +1,5 @@
 """Test the LED controller: every LED in turn, then a cycle as with a camera."""
 
-from __future__ import annotations
-
 import time
 from statistics import median
 from typing import Annotated, NamedTuple

@@ -1,7 +1,5 @@
 """The parameters that both guided calibrations share."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, NamedTuple
 

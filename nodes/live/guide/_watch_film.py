@@ -1,7 +1,5 @@
 """Watch a person at the sensor: detect when the film is at rest and when it is pressed."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import deque

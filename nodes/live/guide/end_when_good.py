@@ -1,7 +1,5 @@
 """End a guided calibration once it is good."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Interval

@@ -1,7 +1,5 @@
 """Guide a person through the calibration of a one-shot sensor: the film, then ball after ball."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Guide a person through a calibration: the untouched film, then ball after ball."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing
 from functools import partial

@@ -1,7 +1,5 @@
 """A simulated camera above a simulated sensor, with the interface of ``cv2.VideoCapture``."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """A simulated one-shot sensor: three coloured LEDs beside the film, lit at once, as in a Mini."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

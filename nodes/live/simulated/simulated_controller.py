@@ -3,8 +3,6 @@
 It is found, opened and used like the board, and can simulate its faults.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

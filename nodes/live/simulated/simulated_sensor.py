@@ -1,7 +1,5 @@
 """A simulated sensor: film, LEDs, a ball that is pressed and rolled around, and faults."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

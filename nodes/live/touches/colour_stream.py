@@ -1,7 +1,5 @@
 """A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator

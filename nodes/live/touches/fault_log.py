@@ -1,7 +1,5 @@
 """Count and report the faults of a stream of frames."""
 
-from __future__ import annotations
-
 import logging
 import math
 import time

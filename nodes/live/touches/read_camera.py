@@ -1,7 +1,5 @@
 """Read touches from a camera whose LEDs flash in turn."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read touches from the camera of a one-shot sensor, whose colours are lit at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The stream of touches: match and assemble frames, count and report faults."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import Any

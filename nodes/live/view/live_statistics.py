@@ -3,8 +3,6 @@
 Long because its line tells of all that a graph may know: contacts, forces, slip, pose, trust.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

@@ -1,7 +1,5 @@
 """Show a stream of touches: in a window if there is a screen, else as PNG files."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time as clock

@@ -3,8 +3,6 @@
 Long because all that is shown of a touch goes into one recording.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import socket
