@@ -84,8 +84,10 @@ def _marks(capture: Path, pixel: float, crop: Crop | None) -> list[str]:
     else:
         about = read_capture_file(capture)
         radius = about.ball_radius_mm or 0.0
-        known = radius and about.ball_center_px
-        circles = [Circle(0, 0, *known, radius / pixel)] if known else []
+        circles = []
+        if radius and about.ball_center_px:
+            x, y = about.ball_center_px
+            circles = [Circle(0, 0, x, y, radius / pixel)]
     lines = [f"calibradius: {radius:.12g}"] if radius else []
     if circles:
         lines.append("annotations:")
