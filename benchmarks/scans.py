@@ -1,19 +1,25 @@
 """Print, as Markdown, how true heights of scans are by the light models that come with them.
 
-    python -m benchmarks.scans                      # balls, coin, grooves
-    python -m benchmarks.scans --pictures docs/pictures
+    python -m benchmarks.scans
+    python -m benchmarks.scans --only coin --pictures docs/pictures
+    python -m benchmarks.scans --only speed     # on a machine that does nothing else
 
 Balls: two grids on GelSight's OEM sensor, by the vendor's file alone and by a calibration that
 starts from it and is fitted to the other grid.  Coin: on a handheld sensor; its field is what lies
 flat, found by the height.  Grooves: 500 um deep with walls of 30 degrees, rendered through the
-models of three sensors with 1 % of noise, six times.  The captures belong to GelSight (sdkdemo,
+models of three sensors with 1 % of noise, six times.  Models: what each of three sensors of one
+frame size leaves of the others' light.  The captures belong to GelSight (sdkdemo,
 gssim).
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
+import time
+from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -25,11 +31,17 @@ from numpy.typing import NDArray
 from benchmarks.real_film import PIXEL_MM, ROOT, Grid, measure, row, run
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
-from tactograph.nodes import BAND_DEVIATIONS, Metrics
+from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
+from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.files.image_files import read_image
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.metrology.level_plane import plane_terms, weighted_plane
 from tactograph.nodes.metrology.measure_step import measure_step, step_profiles
 from tactograph.nodes.metrology.plot_step import plot_step
-from tactograph.nodes.scan.read_light_model import read_light_model
+from tactograph.nodes.optics.light_model import LightModel
+from tactograph.nodes.scan.judge_light_model import judge_light_model
+from tactograph.nodes.scan.light_model_slope import light_model_slope
+from tactograph.nodes.scan.read_light_model import ScanLight, read_light_model
 from tests.nodes.scan.scans import seen
 
 DATA = ROOT.parent / "shared/data/real"
@@ -43,15 +55,24 @@ RADIUS_MM = {"balls_1": 0.2465, "balls_2": 0.2475}
 FIELD_MM, FIELD_RADIUS_MM = 0.015, 6.3
 """How far the coin's field lies from its plane at most, and how far it reaches."""
 DEVICES = "series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"
+CELL_PX = 16
+WARM_ROUNDS, ROUNDS = 3, 11
 GROOVE_CROP, GROOVE_MM, WALL_DEG = (32, 900, 2432, 1060), 0.5, 30
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--pictures", type=Path, help="draw the coin into this folder")
+    parser.add_argument("--only", choices=list(PARTS), action="append", help="a part of it")
+    parser.add_argument("--pictures", type=Path, help="draw coin and groove into this folder")
     given = parser.parse_args()
     if not GRIDS.is_dir() or not SCANS.is_dir():
         raise SystemExit(f"there are no captures in {DATA}")
+    for part in given.only or PARTS:
+        PARTS[part](given.pictures)
+        print()
+
+
+def show_balls(_: Path | None) -> None:
     row("grid", "light", "normals / deg", "cap RMS / um", "film between / um")
     row(*["---"] * 5)
     with tempfile.TemporaryDirectory() as folder:
@@ -71,13 +92,18 @@ def main() -> None:
             )
             fitted = run("reconstruct", calibration=file, **size)
             balls(name, f"fitted to {other}", measure(fitted, GRIDS / f"{name}.csv", 1))
-    print()
+
+
+def show_coin(pictures: Path | None) -> None:
     height = run("reconstruct_scan", capture=COIN, model=COIN_MODEL)["height"]
     relief, field = coin(height)
     print(f"the coin's field, {field.mean():.0%} of the frame, departs from a plane by")
-    print(f"{1e3 * relief[field].std():.1f} um, its relief is {1e3 * top(relief):.0f} um high\n")
-    if given.pictures:
-        draw(relief, given.pictures / "scan_coin.png")
+    print(f"{1e3 * relief[field].std():.1f} um, its relief is {1e3 * top(relief):.0f} um high")
+    if pictures:
+        draw(relief, pictures / "scan_coin.png")
+
+
+def show_grooves(pictures: Path | None) -> None:
     row("sensor", "depth / um", "furthest off / um", "stated / um", "rows in the 90 % band")
     row(*["---"] * 5)
     for device in DEVICES:
@@ -93,9 +119,72 @@ def main() -> None:
             *(f"{n:.2f}" for n in (depths.mean(), worst, stated.mean())),
             f"{np.mean(held):.0%}",
         )
-    if given.pictures:
+    if pictures:
         height, pixel = found[0]["height"], found[0]["pixel"]
-        plot_step(height, pixel, figures[0], file=given.pictures / "step_profile.png")
+        plot_step(height, pixel, figures[0], file=pictures / "step_profile.png")
+
+
+def show_models(_: Path | None) -> None:
+    """What models leave of light that is not theirs; above 2 % they are refused."""
+    alike = [SCANS / "devices" / f"{device}.yaml" for device in DEVICES[:2]] + [COIN_MODEL]
+    models = {file.stem: read_light_model(file=file, cell=CELL_PX) for file in alike}
+    oem = read_light_model(file=MODEL, cell=CELL_PX).model
+    lit = {f"dome, {name}": seen(dome(of), of.model, of.pixel_size) for name, of in models.items()}
+    (taken,) = read_capture(folder=COIN)
+    lit["coin, model-test1"] = coarsen(taken.image, factor=CELL_PX)
+    row("light of", "by", "left", "brightness")
+    row(*["---"] * 4)
+    for light, (name, of) in product(lit, models.items()):
+        judged(light, name, lit[light], of.model)
+    (taken,) = read_capture(folder=GRIDS / "balls_1")
+    lights = coarsen(taken.image, factor=CELL_PX)
+    dimmed = np.where(np.arange(6) == 2, 0.7, 1).astype(np.float32)[:, None, None]
+    for how, light in {
+        "balls_1": lights,
+        "balls_1, LEDs 1 and 2 exchanged": lights[[1, 0, 2, 3, 4, 5]],
+        "balls_1, order turned by one": lights[[1, 2, 3, 4, 5, 0]],
+        "balls_1, LED 3 at 0.7": lights * dimmed,
+    }.items():
+        judged(how, MODEL.stem, light, oem)
+
+
+def judged(how: str, by: str, light: Light, model: LightModel) -> None:
+    found = light_model_slope(np.ascontiguousarray(light, np.float32), model)
+    figures = judge_light_model(found.brightness, found.residual, force=True)
+    left, brightness = figures["model_residual"], figures["model_brightness"]
+    row(how, by, f"{left:.1%}", f"{brightness:.2f}")
+
+
+def dome(sensor: ScanLight) -> NDArray[np.float32]:
+    """A cap that fills the frame, with slopes up to 0.4 at its sides."""
+    y, x = np.meshgrid(sensor.model.v, sensor.model.u, indexing="ij")
+    side = sensor.pixel_size * min(len(sensor.model.u), len(sensor.model.v))
+    return np.asarray(-0.4 * side * (x * x + y * y), np.float32)
+
+
+def show_speed(_: Path | None) -> None:
+    """Seconds of one scan, by the clock and of the processor: medians."""
+    images = np.stack([read_image(GRIDS / f"balls_1/led{k}.png") for k in range(1, 7)])
+    given = {"model": MODEL, "pixel_size_mm": PIXEL_MM}
+    warm = load("reconstruct_scan", **given)
+    row("six images of 5 megapixels", "clock / s", "processor / s")
+    row(*["---"] * 3)
+    timed("in memory, to height and error", lambda: warm(frames=images))
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(WARM_ROUNDS + ROUNDS):
+            (Path(folder) / f"scan{number:02}").symlink_to(GRIDS / f"balls_{1 + number % 2}")
+        scans = load("reconstruct_scan", capture=folder, **given).items()
+        timed("a stream of folders, to height and error", lambda: next(scans))
+    print(f"\nload of the machine: {os.getloadavg()[0]:.1f}")
+
+
+def timed(what: str, scan: Callable[[], object]) -> None:
+    spent = []
+    for _ in range(WARM_ROUNDS + ROUNDS):
+        clock, processor = time.perf_counter(), time.process_time()
+        scan()
+        spent.append((time.perf_counter() - clock, time.process_time() - processor))
+    row(what, *(f"{n:.2f}" for n in np.median(spent[WARM_ROUNDS:], axis=0)))
 
 
 def balls(name: str, light: str, grid: Grid) -> None:
@@ -151,6 +240,15 @@ def groove(file: Path, noise_seed: int) -> tuple[Result, Metrics, NDArray[np.boo
     rows = step_profiles(*measured, along="x", edges=2, smooth_px=5)
     off, stated = (np.array([getattr(row, name) for row in rows]) for name in ("depth", "error"))
     return found, measure_step(*measured), abs(off - GROOVE_MM) < BAND_DEVIATIONS * stated
+
+
+PARTS = {
+    "balls": show_balls,
+    "coin": show_coin,
+    "grooves": show_grooves,
+    "models": show_models,
+    "speed": show_speed,
+}
 
 
 if __name__ == "__main__":

@@ -93,7 +93,7 @@ def read_start(
     if leds > PIXEL_UNKNOWNS:
         of_cells = read_light_model(file=file, crop=crop, cell=CELL_PX).model
         found = light_model_slope(coarsen(image, factor=CELL_PX), of_cells)
-        figures = judge_light_model(found.brightness, found.residual)
+        figures = judge_light_model(found.brightness, found.residual, force=True)
         figures |= judge_untouched(of_cells, folder=flat, crop=crop, cell=CELL_PX)
     rest = rest if model.gain is None else rest / model.gain
     return Start(figures, rest, slants, scan_pixel_size(of_model, stated))

@@ -1,7 +1,5 @@
 """Write a touch as a scan of GelSight's software: images, ``scan.yaml``, heights."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +7,10 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Light, PixelSize
-from tactograph.nodes.files.gelsight_scan import SCAN_FILE
+from tactograph.nodes.capture.read_capture import read_capture_file
+from tactograph.nodes.files.gelsight_scan import SCAN_FILE, Circle, is_scan, read_scan
 from tactograph.nodes.files.height_files import write_tmd
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import Crop, write_image
 
 HEIGHT_FILE = "heightmap.tmd"
 
@@ -25,6 +24,8 @@ def write_scan(
     *,
     folder: Path,
     model: str = "",
+    marked: Path | None = None,
+    crop: Crop | None = None,
 ) -> None:
     """Write ``image01.png`` ... and ``scan.yaml`` into `folder`, or its subfolder of the name.
 
@@ -43,6 +44,9 @@ def write_scan(
     model
         File name of the sensor's light model, which the scan then names.  It is looked for in the
         scan's folder or the one above.
+    marked, crop
+        The captures' folder, and how the images were cropped.  Balls that are marked in a scan, or
+        the ball of a ``capture.yaml``, become marks of the new one, with their radius.
 
     Raises
     ------
@@ -60,6 +64,8 @@ def write_scan(
     names = [f"image{k:02}.png" for k in range(1, len(image) + 1)]
     lines = ["images:", *(f"  - {each}" for each in names), f"mmperpixel: {pixel:.12g}"]
     lines += [f"calib: {Path(model).name or chr(34) * 2}", "crop: [0, 0, 0, 0]"]
+    if marked is not None:
+        lines += _marks(marked / (name or ""), pixel, crop)
     with atomic_files(folder / name if name else folder) as target:
         for each, plane in zip(names, levels, strict=True):
             write_image(target / each, plane)
@@ -67,3 +73,25 @@ def write_scan(
             write_tmd(target / HEIGHT_FILE, height, pixel)
             lines.append(f"activeheightmap: {HEIGHT_FILE}")
         (target / SCAN_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _marks(capture: Path, pixel: float, crop: Crop | None) -> list[str]:
+    """Lines that mark the balls of a capture, circles as large as the balls."""
+    x0, y0 = crop[:2] if crop else (0, 0)
+    if is_scan(capture):
+        said = read_scan(capture)
+        circles, radius = said.circles, said.ball_radius
+    else:
+        about = read_capture_file(capture)
+        radius = about.ball_radius_mm or 0.0
+        circles = []
+        if radius and about.ball_center_px:
+            x, y = about.ball_center_px
+            circles = [Circle(0, 0, x, y, radius / pixel)]
+    lines = [f"calibradius: {radius:.12g}"] if radius else []
+    if circles:
+        lines.append("annotations:")
+    for mark in circles:
+        place = f"gx: {mark.column}, gy: {mark.row}, x: {mark.x - x0:.12g}, y: {mark.y - y0:.12g}"
+        lines.append(f"  - {{type: GridCircle, name: Circle, {place}, r: {mark.radius:.12g}}}")
+    return lines

@@ -1,10 +1,12 @@
 """Slopes by a light model: what the model lights up is found again."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.judge_light_model import judge_light_model
@@ -44,19 +46,23 @@ def test_the_leds_that_do_not_light_a_pixel_are_labelled(model: LightModel) -> N
     np.testing.assert_array_equal(light_model_slope(light, model).shadow, expected)
 
 
-def test_light_of_another_kind_is_told(model: LightModel) -> None:
+def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
     light = seen(cap() + 0.4 * RAMP, model)
-    kinds = {
-        "": light,
-        "in the order of its LEDs": light[[1, 0, 2, 3, 4, 5]],
-        "is it this sensor's": light * np.float32([1, 1, 0.5, 1, 1, 1])[:, None, None],
-        "1.5 times as bright": 1.5 * light,
-    }
-    for words, images in kinds.items():
+    faint = np.float32([1, 1, 0.9, 1, 1, 1])[:, None, None] * light
+    kinds = [
+        ("", False, light),
+        ("in the order of its LEDs", True, light[[1, 0, 2, 3, 4, 5]]),
+        ("is it this sensor's", False, faint),
+        ("is it this sensor's", True, 1.5 * faint),
+        ("1.5 times as bright", False, 1.5 * light),
+    ]
+    for words, refused, images in kinds:
         with collect_warnings([]) as told:
             found = light_model_slope(np.float32(images), model)
-            judge_light_model(found.brightness, found.residual)
+            judge_light_model(found.brightness, found.residual, force=True)
         assert words in told[0] if words else not told
+        with pytest.raises(InputError, match=words) if refused else nullcontext():
+            judge_light_model(found.brightness, found.residual)
 
 
 @pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])

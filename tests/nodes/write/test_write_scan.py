@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tactograph.nodes.write.write_scan import write_scan
@@ -32,6 +34,23 @@ def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
         read_height_file(tmp_path / "second" / "heightmap.tmd").height, cap(), atol=1e-6
     )
     assert read_light_model(file=tmp_path / "second").model.gain is not None
+    marks, again = (read_scan(tmp_path / name).circles for name in ("first", "second"))
+    assert marks == again != []
+
+
+def test_balls_are_marked_where_a_crop_moves_them(tmp_path: Path) -> None:
+    made_scan(tmp_path / "touches/marked", np.full((4, 40, 60), 0.5, np.float32))
+    captured = tmp_path / "touches/ours"
+    write_scan(np.full((4, 40, 60), 0.5, np.float32), PIXEL, folder=captured)
+    (captured / "scan.yaml").unlink()
+    about = "ball_radius_mm: 0.1\nball_center_px: [20, 15.5]\n"
+    (captured / "capture.yaml").write_text(about)
+    given = {"capture": captured.parent, "pixel_size_mm": PIXEL, "crop": (10, 5, 60, 40)}
+    list(open_pipeline(read_graph("export_scan"), {**given, "out": tmp_path / "out"}).items())
+    marked, ours = (read_scan(tmp_path / "out" / name) for name in ("marked", "ours"))
+    assert marked.circles == [(1, -2, 20.5, 15, 9)]
+    assert ours.circles == [(0, 0, 10, 10.5, pytest.approx(0.1 / PIXEL))]
+    assert ours.ball_radius == 0.1
 
 
 def test_images_of_8_bits_stay_so(tmp_path: Path) -> None:
