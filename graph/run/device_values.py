@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
-from itertools import combinations
 from typing import Any
 
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode
 from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.repeats import differing, first_alike
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
@@ -40,7 +40,7 @@ class DeviceValues:
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
         self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
-        self._first = _first(plan)
+        self._first = first_alike(plan)
         self._to_repeat: dict[str, dict[str, DeviceArray]] = {}
         runs = [step.name for step in plan.steps if step.kind == "run" and step.on_device]
         device.compile([plan.tasks[name].node for name in runs])
@@ -139,7 +139,7 @@ class DeviceValues:
     def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
         """The outputs of the node that this one repeats; None if it does more."""
         first = self._plan.tasks[self._first[task.id]]
-        if first.settings != task.settings or any(map(self._counts, _differing(first, task))):
+        if first.settings != task.settings or any(map(self._counts, differing(first, task))):
             return None
         made, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
         return made if all(n in made for n in task.node.outputs if n in wanted) else None
@@ -271,37 +271,6 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
     arguments = inspect.signature(task.node.is_idle).parameters.values()
     asked = {a.name: reads.get(a.name) for a in arguments if a.default is a.empty}
     return asked, [reads[a.name] for a in arguments if a.name in reads and a.name not in asked]
-
-
-def _first(plan: Plan) -> dict[str, str]:
-    """By node, the earlier node that it repeats: the same operation on the same inputs.
-
-    Either may read more, if that is optional: it repeats the other where that is absent.
-    """
-    first: dict[str, str] = {}
-    tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]
-    for task, other in combinations(tasks, 2):
-        same = task.node is other.node and task.stream == other.stream
-        if same and task.recalls == other.recalls and _alike(task, other):
-            first.setdefault(other.id, task.id)
-    return first
-
-
-def _alike(task: Task, other: Task) -> bool:
-    """Whether two nodes read the same, but for what is optional and one of them alone reads.
-
-    Arrays that only the first reads may be gone when the other runs.
-    """
-    inputs, ours, theirs = task.node.inputs, task.reads, other.reads
-    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys()) and all(
-        inputs[name].optional and (name in theirs or inputs[name].kind == "number")
-        for name in ours.keys() ^ theirs.keys()
-    )
-
-
-def _differing(task: Task, other: Task) -> list[Value]:
-    """What one of two nodes alone reads."""
-    return [value for _, value in task.reads.items() ^ other.reads.items()]
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

@@ -11,7 +11,6 @@
 #define MIN_SLOPE 0.1f
 #define MIN_SHADOWS 50
 #define MIN_TOUCHED_CHANGE 0.12f
-#define MAX_DIMMING 0.3f
 #define MAX_SQUARED_BEND (0.08f * 0.08f)
 #define MIN_SQUARED_BEND (0.2f * 0.2f)
 #define MIN_SQUARED_FOLD (0.4f * 0.4f)
@@ -151,7 +150,7 @@ static ONCE void look_at_light(
     __global float *out,
     const int K, const int H, const int W,
     const int h, const int w, const int step,
-    const float uneven, SHARED float *parts)
+    const float uneven, const float max_dimming, SHARED float *parts)
 {
     const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
     const ints all_leds = (1 << K) - 1, no_leds = 0;
@@ -174,10 +173,10 @@ static ONCE void look_at_light(
             leds += ((dark >> k) & 1) != 0 ? one : none;
         }
         floats excess = untold;
-        if (matt && used && brighter) {
+        if (brighter) {
             excess = load_thin(brighter + from * W, x, 0, count, W, step);
             const ints known = has_bits(bits, MIN_LEDS) & here;
-            const ints lacks = known & (excess < -MAX_DIMMING), touched = known & changed;
+            const ints lacks = known & (excess < -max_dimming), touched = known & changed;
             dirty += lacks ? one : none;
             excess = touched ? excess : untold;
         }
@@ -299,14 +298,15 @@ LANED __kernel ONE_GROUP void look(
     const int K, const int H, const int W,
     const int h, const int w, const int step,
     const int rows, const int columns,
-    const float uneven)
+    const float uneven,
+    const float max_dimming)
 {
     SHARED float parts[GROUP];
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
     else if (departure && slope && misfit)
         look_at_light(departure, brighter, slope, misfit, used, matt, shadow, values, seen, K, H, W,
-            h, w, step, uneven, parts);
+            h, w, step, uneven, max_dimming, parts);
     else if (PLACE_IN_GROUP == 0)
         seen[0] = -1.0f;
 }

@@ -19,8 +19,6 @@ MIN_SHADOWS = 50
 """Fewer cells in shadow tell nothing of it."""
 MIN_TOUCHED_CHANGE = np.float32(0.12)
 """Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
-MAX_DIMMING = np.float32(0.3)
-"""Share of the light that film may lack under all LEDs."""
 MAX_SQUARED_BEND = np.float32(0.08**2)
 """`squared_bend` beyond which a cell of narrow film may hold an edge, and its brightness is not
 compared."""
@@ -59,7 +57,7 @@ class LightFigures(NamedTuple):
     dim: float
     """Lower quartile of the light in shadow, as of a matt film."""
     dirty: float
-    """Cells that lack more than `MAX_DIMMING` of their light under all LEDs."""
+    """Cells that lack too much of their light under all LEDs."""
     brighter: float
     """Median of what touched film is brighter than its slopes make it (T4)."""
 
@@ -73,6 +71,7 @@ def light_evidence(
     used: Labels | None = None,
     matt: Light | None = None,
     shadow: Labels | None = None,
+    max_dimming: float = 0.3,
 ) -> LightEvidence:
     """Return how far the light departs from what the slopes predict, in figures (T1, T4).
 
@@ -92,11 +91,13 @@ def light_evidence(
     dim = dirty = middle = 0.0
     if matt is not None and shadow is not None:
         dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1, MIN_SHADOWS)
-    if matt is not None and used is not None and brighter is not None:
-        lit, excess = np.bitwise_count(thinned(used)) >= MIN_LEDS, thinned(brighter)
-        dirty = int((lit & (excess < -MAX_DIMMING)).sum())
-        lit &= (np.abs(thinned(matt) - 1) > MIN_TOUCHED_CHANGE).any(axis=0)
-        middle = quarter_of(excess[lit & (bend < MAX_SQUARED_BEND) if narrow else lit], 2)
+    if brighter is not None:
+        excess = thinned(brighter)
+        lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
+        dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
+        if matt is not None:
+            lit = lit & (np.abs(thinned(matt) - 1) > MIN_TOUCHED_CHANGE).any(axis=0)
+            middle = quarter_of(excess[lit & (bend < MAX_SQUARED_BEND) if narrow else lit], 2)
     spread = (at_rest, 2), (of_touch, 2), (of_touch, 3)
     rest, median, upper = (np.sqrt(quarter_of(*each)) for each in spread)
     known = int((steep & tested).sum())

@@ -1,7 +1,5 @@
 """What of a touch hangs on rims that light does not measure."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

@@ -16,10 +16,12 @@ from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust._light_check import check_light
 from tactograph.nodes.trust._light_evidence import LightFigures
+from tactograph.nodes.trust._line_check import check_lines
 from tactograph.nodes.trust._rest_check import check_rest
 from tactograph.nodes.trust._rest_evidence import FilmFigures
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.light_departure import light_error
+from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 TRUST_POWER = 4
@@ -53,6 +55,7 @@ def judge_touch(
     film: FilmErrors | None = None,
     rim_share: RimShare | None = None,
     added: Annotated[float, Port(unit="1")] | None = None,
+    lines: LineChanges | None = None,
     *,
     least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
     rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
@@ -78,6 +81,8 @@ def judge_touch(
         What `film_on_rims` found.
     added
         What `added_light` found.
+    lines
+        What `line_changes` found; a part of the check of the light.
     least
         Trust below which there is a warning.
     rim_height
@@ -113,6 +118,8 @@ def judge_touch(
             tall = tallest / _nearest(lights)
             rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
         checks["light"] = check_light(light, rim_error, brightness_error)
+    if lines is not None:
+        checks["light"] = max(check_lines(lines), checks.get("light", Check(0.0)))
     joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
     trust = 1 / (1 + joint**TRUST_POWER)
     least_refused = REFUSED_FIGURE if len(checks) < 3 else 1

@@ -11,7 +11,7 @@ from tactograph.nodes import F4, Height, Light, Misfit, Slope
 from tactograph.nodes.light.mapped_light import mapped_light
 from tactograph.nodes.optics.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
-from tactograph.nodes.trust.light_departure import Departure
+from tactograph.nodes.trust.light_departure import MIN_SQUARES, LightDeparture
 
 MIN_MAP_ERROR = 0.007
 """Standard deviation of the light: a map of harmonics is coarser than a film's model."""
@@ -27,11 +27,12 @@ def map_departure(
     height: Height,
     reflectance: ReflectanceMap,
     misfit: Misfit,
-) -> Departure:
-    """Return the reduced chi-squared of the light under the slope that was found.
+) -> LightDeparture:
+    """Return the reduced chi-squared of the light under the slope that was found, and its excess.
 
     The sum over the lights of (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 (equation M1), over the
-    square of the model's error and the K - 2 degrees of freedom (equation T1).
+    square of the model's error and the K - 2 degrees of freedom (equation T1).  The excess is
+    that of equation T4.
 
     Parameters
     ----------
@@ -44,11 +45,14 @@ def map_departure(
     misfit
         The calibration's misfit.
     """
-    left = light - mapped_light(slope, height, reflectance)
+    shown = mapped_light(slope, height, reflectance)
+    left = light - shown
     freedom = np.float32(len(light) - 2)
     error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
-    return np.asarray((left * left).sum(axis=0) * scale, np.float32)
+    seen, due = (light * shown).sum(axis=0), (shown * shown).sum(axis=0)
+    departs = np.asarray((left * left).sum(axis=0) * scale, np.float32)
+    return LightDeparture(departs, seen / np.maximum(due, MIN_SQUARES) - 1)
 
 
 map_departure.opencl(grid="H W")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -44,6 +45,8 @@ def touch_evidence(
     used: Labels | None = None,
     matt: Light | None = None,
     shadow: Labels | None = None,
+    *,
+    max_dimming: Annotated[float, Interval(gt=0, le=1)] = 0.3,
 ) -> TouchEvidence:
     """Return the figures of a touch that speak for it or against it (T1 to T4).
 
@@ -67,10 +70,13 @@ def touch_evidence(
         The calibration's misfit, and the standard deviation of the film's brightness.
     matt
         K x H x W, the light as of a matt film.
+    max_dimming
+        Share of the light that film may lack under all LEDs.
     """
     seen = np.array(LightFigures(-1, *[0] * (len(LightFigures._fields) - 1)), np.float32)
     if departure is not None and slope is not None and misfit is not None:
-        seen = light_evidence(departure, slope, misfit, uneven, brighter, used, matt, shadow)
+        maps = departure, slope, misfit, uneven, brighter, used, matt, shadow
+        seen = light_evidence(*maps, max_dimming)
     return TouchEvidence(curl_evidence(curl), *rest_evidence(light, height, drift), seen)
 
 
@@ -86,8 +92,10 @@ def _launch(run: Launch) -> None:
     told, level, film, seen = (run.outputs[name] for name in ("curl", "level", "film", "light"))
     planes = *(given.get(name) for name in names), light, given["height"], given.get("drift")
     scratch = values, run.scratch(cells), gains
-    sizes = count, height, width, *thin, step, *cells, float(given.get("uneven") or 0.0)
-    run.kernel("look", (2 * run.group,), *planes, *scratch, seen, level, film, *sizes, local=group)
+    sizes = count, height, width, *thin, step, *cells
+    limits = float(given.get("uneven") or 0.0), run.settings["max_dimming"]
+    arguments = *planes, *scratch, seen, level, film, *sizes, *limits
+    run.kernel("look", (2 * run.group,), *arguments, local=group)
     weighed = values, curl, seen, told, thin[0] * thin[1], *cells
     run.kernel("weigh", (8 * run.group,), *weighed, local=group)
 

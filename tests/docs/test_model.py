@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.nodes.trust import _curl_check, _light_check, _rest_check
+from tactograph.nodes.trust import _curl_check, _light_check, _line_check, _rest_check
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "model.md").read_text()
@@ -35,6 +35,7 @@ LIMITS = {
         _rest_check.MAX_ADDED,
     ),
     "T4": (_light_check.DIRTY_CELLS,),
+    "T5": (_line_check.MAX_ROW_CHANGE,),
 }
 
 

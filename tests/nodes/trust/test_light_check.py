@@ -174,3 +174,15 @@ def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
 def test_labels_may_be_missing() -> None:
     known = ("departure", "slope", "misfit")
     assert told({name: touch()[name] for name in known}).figure < 0.9
+
+
+@pytest.mark.parametrize(("dimmed", "is_dirt"), [(0.1, False), (0.25, True)])
+def test_dirt_on_a_one_shot_sensor_dims_less_and_needs_no_labels(
+    dimmed: float, is_dirt: bool
+) -> None:
+    """Its colours are smoothed, and its map tells by how much film is darker than its slope."""
+    names = "departure", "slope", "misfit", "brighter"
+    what = {name: plane for name, plane in touch().items() if name in names}
+    what["brighter"][12, 12:20] = -dimmed
+    figures = LightFigures(*map(float, light_evidence(**what, max_dimming=0.2)))
+    assert (check_light(figures).figure > 1) == is_dirt

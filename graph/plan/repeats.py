@@ -1,0 +1,37 @@
+"""Nodes that repeat an earlier one, so that a device need not run them."""
+
+from itertools import combinations
+
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan
+
+
+def first_alike(plan: Plan) -> dict[str, str]:
+    """By node, the earlier node that it repeats: the same operation on the same inputs.
+
+    Either may read more, if that is optional: it repeats the other where that is absent.
+    """
+    first: dict[str, str] = {}
+    tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]
+    for task, other in combinations(tasks, 2):
+        same = task.node is other.node and task.stream == other.stream
+        if same and task.recalls == other.recalls and _alike(task, other):
+            first.setdefault(other.id, task.id)
+    return first
+
+
+def _alike(task: Task, other: Task) -> bool:
+    """Whether two nodes read the same, but for what is optional and one of them alone reads.
+
+    Arrays that only the first reads may be gone when the other runs.
+    """
+    inputs, ours, theirs = task.node.inputs, task.reads, other.reads
+    return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys()) and all(
+        inputs[name].optional and (name in theirs or inputs[name].kind == "number")
+        for name in ours.keys() ^ theirs.keys()
+    )
+
+
+def differing(task: Task, other: Task) -> list[Value]:
+    """What one of two nodes alone reads."""
+    return [value for _, value in task.reads.items() ^ other.reads.items()]

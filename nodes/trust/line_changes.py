@@ -1,0 +1,77 @@
+"""Rows that differ from those beside them as no surface does."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import Close, Port, node
+from tactograph.graph.backends.launch import Launch
+from tactograph.nodes import F4, Light, Mask
+
+REACH_PX = 2
+"""Pixels on either side that a fourth difference reads."""
+
+
+class LineChanges(NamedTuple):
+    """Mean fourth differences of the light: of each row, across it and along it; and of each
+    column, across it."""
+
+    across_row: Annotated[F4, Port("H", "1")]
+    along_row: Annotated[F4, Port("H", "1")]
+    across_column: Annotated[F4, Port("W", "1")]
+
+
+@node(tolerance=Close(1e-4, 1e-3, why="sums in another order"))
+def line_changes(light: Light, area: Mask) -> LineChanges:
+    """Return how much light changes across and along the rows of pixels, and across columns.
+
+    Film and lens blur a surface in all directions.  Only what is put together of rows changes from
+    row to row far more than along one: an interlaced image, a torn one, one with dead rows (T5).
+
+    Parameters
+    ----------
+    light
+        K x H x W, relative to the film at rest.
+    area
+        H x W, 1 where the frame shows film; pixels near others are left out.
+    """
+    counts = np.minimum.reduce([*_taps(area, 0), *_taps(area, 1)])
+    down, right = ((_fourth(light, axis) * counts).sum(axis=0) for axis in (1, 2))
+    rows, columns = (np.maximum(len(light) * counts.sum(axis=axis), 1) for axis in (1, 0))
+    sums = down.sum(axis=1) / rows, right.sum(axis=1) / rows, right.sum(axis=0) / columns
+    return LineChanges(*(np.asarray(mean, np.float32) for mean in sums))
+
+
+def _taps(planes: Any, axis: int) -> list[Any]:
+    """The planes moved by up to `REACH_PX` along an axis; borders repeat."""
+    size = planes.shape[axis]
+    wide = np.pad(planes, [(REACH_PX * (a == axis),) * 2 for a in range(planes.ndim)], "edge")
+    starts = range(2 * REACH_PX + 1)
+    return [wide.take(range(start, start + size), axis=axis) for start in starts]
+
+
+def _fourth(light: Light, axis: int) -> F4:
+    a, b, c, d, e = _taps(light, axis)
+    return np.abs(a + e - 4 * (b + d) + 6 * c)
+
+
+@line_changes.opencl()
+def _launch(run: Launch) -> None:
+    given = run.inputs["light"], run.inputs["area"]
+    across, along, columns = run.outputs.values()
+    count, height, width = (run.sizes[name] for name in "KHW")
+    run.kernel("rows", (height,), *given, across, along, count, height, width)
+    run.kernel("columns", run.in_lanes(width), *given, columns, count, height, width)
+
+
+@line_changes.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Noise on ripples, every third row of it moved, and some pixels that show no film."""
+    light = 1 + 0.2 * np.sin(np.arange(W) / 5) + rng.normal(0, 0.01, (K, H, W))
+    light[:, ::3] += 0.1
+    return {
+        "light": light.astype(np.float32),
+        "area": (rng.random((H, W)) < 0.98).astype(np.uint8),
+    }
