@@ -87,15 +87,20 @@ def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
     assert apart > 3 * off
 
 
-def test_a_near_camera_sees_shadows_where_they_fall(
-    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+@pytest.mark.parametrize(
+    "kind",
+    [{"camera": 1 / 65}, {"albedo": 0.7}, {"albedo": 0.7, "refraction": 1.5}],
+    ids=["the pupil 65 mm above the film", "a film that lights itself", "under a coat"],
+)
+def test_the_height_comes_back(
+    kind: dict[str, float], raytraced: Raytraced, calibration: Calibration, tmp_path: Path
 ) -> None:
-    """The pupil 65 mm above the film: the height comes back as under a distant one."""
+    """By `precise`, as under a distant camera from a matt film that throws no light on itself."""
     with np.load(calibration("near33"), allow_pickle=False) as read:
-        np.savez(tmp_path / "near.npz", **{**read, "camera": np.float32(1 / 65)})
+        np.savez(tmp_path / "kind.npz", **{**read, **{k: np.float32(v) for k, v in kind.items()}})
     truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
-    images = load("see_touch", calibration=tmp_path / "near.npz", seed=None)(height=truth)["image"]
-    back = load("precise", calibration=tmp_path / "near.npz", outputs=["height"])(frames=images)
+    images = load("see_touch", calibration=tmp_path / "kind.npz", seed=None)(height=truth)["image"]
+    back = load("precise", calibration=tmp_path / "kind.npz", outputs=["height"])(frames=images)
     assert np.sqrt(np.mean((back["height"] - truth) ** 2)) < 0.02 * RIG_PIXEL_MM["near33"]
 
 

@@ -40,6 +40,15 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulated_sensor(tmp_path_factory.mktemp("sensor"), **SIZE, **RIG) / "cal.npz"
 
 
+LONG_MS = 600_000
+"""Longer than any machine takes to begin: tests wait for pictures, not for times."""
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tactograph.lerobot.camera.START_S", LONG_MS / 1000)
+
+
 @pytest.fixture
 def sensor(calibration: Path) -> Callable[..., Camera]:
     """Make a camera by LeRobot's own means."""
@@ -51,18 +60,21 @@ def sensor(calibration: Path) -> Callable[..., Camera]:
     return make
 
 
-def heights(pictures: list[np.ndarray]) -> list[np.ndarray]:
-    return [level_height(picture_levels(each), STEP_MM, OFFSET_MM) for each in pictures]
+def rose_and_fell(tops: list[float], low: float = 0.1, high: float = 0.7) -> bool:
+    """Whether heights in mm, or shares of 1 mm, show a press of 0.8 mm and the film at rest."""
+    return bool(tops) and min(tops) < low < high < max(tops) < 0.9
 
 
 def test_every_picture_is_read_once_and_shows_the_press_in_micrometres(
     sensor: Callable[..., Camera],
 ) -> None:
+    tops: list[float] = []
     with sensor(picture="levels") as camera:
         assert (camera.width, camera.height, camera.fps) == (80, 60, 30)
-        seen = heights([camera.async_read(timeout_ms=1000) for _ in range(45)])
-    tops = [float(height.max()) for height in seen]
-    assert min(tops) < 0.1 < 0.7 < max(tops) < 0.9
+        while not rose_and_fell(tops) and len(tops) < 1000:
+            levels = picture_levels(camera.async_read(timeout_ms=LONG_MS))
+            tops.append(float(level_height(levels, STEP_MM, OFFSET_MM).max()))
+    assert rose_and_fell(tops)
     assert not camera.is_connected
     with pytest.raises(ConnectionError, match="the stream has ended"):
         camera.read()
@@ -73,7 +85,7 @@ def test_a_picture_for_people_and_policies_has_three_channels_of_bytes(
     sensor: Callable[..., Camera], picture: str
 ) -> None:
     with sensor(picture=picture) as camera:
-        shown, latest = camera.read(), camera.read_latest()
+        shown, latest = camera.read(), camera.read_latest(max_age_ms=LONG_MS)
     assert [(each.shape, each.dtype) for each in (shown, latest)] == [((60, 80, 3), np.uint8)] * 2
 
 
@@ -89,6 +101,10 @@ def test_a_sensor_that_is_not_there_is_told_when_it_is_connected(
 def test_a_size_that_the_calibration_does_not_have_is_refused(calibration: Path) -> None:
     with pytest.raises(ValueError, match=r"640 x 480: .* is for 80 x 60 pixels"):
         TactographCameraConfig(calibration=str(calibration), width=640, height=480)
+
+
+KEYS = dict.fromkeys(["exit_early", "rerecord_episode", "stop_recording"], False)
+"""The keys that someone beside the robot could press."""
 
 
 class Still:
@@ -136,6 +152,7 @@ class StillRobot(Still, Robot):
     def __init__(self, config: StillRobotConfig) -> None:
         super().__init__(config)
         self.cameras = make_cameras_from_configs(config.cameras)
+        self.tops: dict[str, list[float]] = {name: [] for name in self.cameras}
 
     @property
     def observation_features(self) -> dict[str, Any]:
@@ -147,7 +164,12 @@ class StillRobot(Still, Robot):
             camera.connect()
 
     def get_observation(self) -> dict[str, Any]:
-        pictures = {name: each.async_read(1000) for name, each in self.cameras.items()}
+        """Ask for the end of the episode once every sensor has shown a press."""
+        pictures = {name: each.async_read(LONG_MS) for name, each in self.cameras.items()}
+        for name, picture in pictures.items():
+            self.tops[name].append(float(picture.max()) / 255)
+        # A video changes what it shows by some hundredths.
+        KEYS["exit_early"] = all(rose_and_fell(tops, 0.05, 0.75) for tops in self.tops.values())
         return {**dict.fromkeys(self.action_features, 0.0), **pictures}
 
     def disconnect(self) -> None:
@@ -173,7 +195,7 @@ def test_lerobot_record_takes_the_heights_of_two_sensors_into_one_dataset(
         "dataset.root": tmp_path / "data",
         "dataset.single_task": "hold still",
         "dataset.num_episodes": 1,
-        "dataset.episode_time_s": 3,
+        "dataset.episode_time_s": LONG_MS / 1000,
         "dataset.reset_time_s": 0,
         "dataset.vcodec": "h264",
         "dataset.push_to_hub": "false",
@@ -181,13 +203,12 @@ def test_lerobot_record_takes_the_heights_of_two_sensors_into_one_dataset(
     }
     given = [f"--{name}={value}" for name, value in options.items()]
     monkeypatch.setattr(sys, "argv", ["lerobot-record", *given])
+    monkeypatch.setattr(lerobot_record, "init_keyboard_listener", lambda: (None, KEYS))
     lerobot_record.main()
     rows = LeRobotDataset("local/data", root=tmp_path / "data")
-    assert len(rows) > 5
     for side in ("left", "right"):
         (video,) = (tmp_path / "data" / "videos" / f"observation.images.{side}").rglob("*.mp4")
         with av.open(video) as opened:
             shown = [frame.to_ndarray(format="rgb24") for frame in opened.decode(video=0)]
-        tops = [float(picture.max()) / 255 for picture in shown]
-        assert min(tops) < 0.1 < 0.7 < max(tops) < 0.9
+        assert rose_and_fell([float(picture.max()) / 255 for picture in shown])
         assert len(shown) == len(rows)
