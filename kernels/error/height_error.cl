@@ -129,14 +129,12 @@ static floats sharpness(
     const Vector eye = to_pupil(film, here.x, here.y, z), n = unit(-p, -q, one);
     const Vector way_s = {n.z, none, -n.x}, way_t = {none, n.z, -n.y};
     const Facing as_is = facing_of(film, n, eye);
-    const Facing facing_s = facing_of(film, tilted(n, way_s), eye);
-    const Facing facing_t = facing_of(film, tilted(n, way_t), eye);
     floats coated = 0.0f, matt = 0.0f;
     const int K = film->K;
     EACH_LED(k) {
         AtPlace there;
-        set_place(&there, film, k, eye, &here, one, 0);
-        const Turning by = turning_of(film, &there, &as_is, &facing_s, &facing_t);
+        set_place(&there, film, k, eye, &here, one, emitted(film, k, &here), 0);
+        const Turning by = turning_of(film, &there, &as_is);
         const Vector way = matt_way(film->lights + 3 * k, &here);
         const floats by_s = dot_of(way, way_s), by_t = dot_of(way, way_t);
         const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);

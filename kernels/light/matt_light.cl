@@ -4,8 +4,6 @@
 #include "near_light.clh"
 #include "film.clh"
 
-#define MAX_LEDS 8
-
 // Light before `unwrapped`, and its standard deviation.
 static void put(
     const floats light, floats sigma, const float wrap, __global float *light_,
@@ -50,13 +48,19 @@ LANED __kernel void matt_light(
         const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
         const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
-        const floats lifted = touch_gain(&film, seen), per_touch = 1.0f / lifted;
-        floats shown[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
+        const floats lifted = touch_gain(&film, seen);
+        floats shown[MAX_LEDS], shine[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
+            FETCH_AHEAD(light + i, 0);
+            FETCH_AHEAD(sigma + i, 0);
+            if (bounced) FETCH_AHEAD(bounced + i, 0);
+            FETCH_AHEAD(light_ + i, 1);
+            FETCH_AHEAD(sigma_ + i, 1);
             shown[k] = load_floats(light + i, count);
             if (bounced) shown[k] -= load_floats(bounced + i, count);
-            scale[k] = per_touch * (1.0f / (direct_share(&film, k) * emitted(&film, k, &here)));
+            shine[k] = emitted(&film, k, &here);
+            scale[k] = 1.0f / (lifted * direct_share(&film, k) * shine[k]);
             const floats noise = load_floats(sigma + i, count), grain = film_grain * shown[k];
             spread[k] = sqrt(noise * noise + grain * grain) * scale[k];
             if (affine) {
@@ -75,11 +79,14 @@ LANED __kernel void matt_light(
         floats weight[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
-            set_place(known + k, &film, k, eye, &here, touched, shades + k);
+            set_place(known + k, &film, k, eye, &here, touched, shine[k], shades + k);
             weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
             shown[k] -= touched * diffuse;
         }
-        for (int step = 0; step < turns; ++step) n = turned(&film, shown, weight, known, n, eye);
+        floats expected[MAX_LEDS];
+        int far = 1;
+        for (int step = 0; far && step < turns; ++step)
+            far = turned(&film, shown, weight, known, &n, eye, expected);
         const Facing facing = facing_of(&film, n, eye);
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
@@ -92,8 +99,8 @@ LANED __kernel void matt_light(
             }
             const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
             const floats matt = wrapped(dot_of(to, n), film_wrap);
-            const floats left = (shown[k] - predicted(&film, known + k, &facing)) * scale[k];
-            put(left + matt, spread[k], film_wrap, light_, sigma_, i, count);
+            const floats there = far ? predicted(&film, known + k, &facing) : expected[k];
+            put((shown[k] - there) * scale[k] + matt, spread[k], film_wrap, light_, sigma_, i, count);
         }
     }
 }

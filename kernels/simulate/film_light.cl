@@ -4,8 +4,6 @@
 #include "near_light.clh"
 #include "film.clh"
 
-#define MAX_LEDS 8
-
 // The light of a film of known shape.  A work-item does STRETCH_PX pixels of a row.
 LANED __kernel void film_light(
     __global const float *restrict slope,
@@ -42,7 +40,8 @@ LANED __kernel void film_light(
         const ints dark = shadow ? load_bytes(shadow + at, count) : (ints)(0);
         for (int k = 0; k < K; ++k) {
             AtPlace known;
-            set_place(&known, &film, k, eye, &here, touched, shades + k);
+            const floats shine = emitted(&film, k, &here);
+            set_place(&known, &film, k, eye, &here, touched, shine, shades + k);
             const floats diffused = touched * film_diffuse[k], left = diffused - known.wrap;
             const floats lit = diffused + predicted(&film, &known, &facing);
             const floats light = (dark >> k & 1) == 0 ? lit : left;

@@ -103,6 +103,11 @@ def let_in_by(curve: Array, cosine: Array) -> Array:
     return total
 
 
+def let_in_change(curve: Array, cosine: Array) -> Array:
+    """Return the derivative of `let_in_by` by the cosine."""
+    return let_in_by(2 * np.arange(1, len(curve)) * curve[1:], cosine)
+
+
 def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
     """Return a coat's `let_in_curve` on the device."""
 

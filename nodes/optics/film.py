@@ -27,7 +27,7 @@ remains.  P_0 is the film at rest that the same pixel sees.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -39,6 +39,7 @@ from tactograph.nodes.optics.coat import (
     beckmann,
     fresnel,
     let_in_by,
+    let_in_change,
     let_in_curve,
     masking,
 )
@@ -57,8 +58,6 @@ HARMONIC_COUNT, PLACE_TERMS = 8, 6
 FADE_WIDTH = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 
-TRIAL_TURN_RAD = 0.02
-"""Radians by which a normal is turned for the derivative of a coat's light."""
 MAX_TURN_RAD = 0.3
 """Longest step of a normal, in radians."""
 FLATTEST_TRIED = 0.1
@@ -109,17 +108,11 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | No
     """
     if rest is None:
         rest = rest_below(film, x, y, z)
-    return _light(film, n, (x, y, z), rest, _reflected(film, n, x, y, z))
-
-
-def _light(film: Film, n: Array, place: Place, rest: Array, reflected: Iterable[Array]) -> Array:
-    """Return equation F1, with F2 given as `reflected`, LED by LED."""
-    x, y, z = place
     touched = touch_gain(film, z)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
-    for k, direct in enumerate(reflected):
+    for k, direct in enumerate(_reflected(film, n, x, y, z)):
         b = film.diffuse[k]
-        shine = emitted(film, k, place)
+        shine = emitted(film, k, (x, y, z))
         made[k] = touched * (b + (1 - b) * shine * wrapped(direct / rest[k], film.wrap))
     if film.harmonics.any():
         shade = shades(n) * _fade(film, n)
@@ -205,10 +198,9 @@ def turned(
     none = np.zeros_like(nx)
     if rest is None:
         rest = rest_below(film, *place)
-    reflected = np.stack(list(_reflected(film, n, *place)))
-    before = _light(film, n, place, rest, reflected)
+    before = predict(film, n, *place, rest)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
-    by_s, by_t = _changes(film, n, tangents, place, rest, reflected)
+    by_s, by_t = _changes(film, n, tangents, place, rest)
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     shown = (light / touch_gain(film, place[2]) - diffuse) / direct
     weight = (
@@ -241,20 +233,13 @@ def _changes(
     tangents: tuple[Array, Array],
     place: Place,
     rest: Array,
-    reflected: Array,
 ) -> tuple[Array, Array]:
     """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
 
     Direct light of an LED behind the film is differentiated as if it continued below zero.
     """
-    if film.refraction == 1:
-        ways = [_way(light, *place) for light in film.lights]
-        towards = [np.stack(to) / (square * away) for *to, square, away in ways]
-        differences = [np.stack([(along * to).sum(0) for to in towards]) for along in tangents]
-    else:
-        turns = (_unit(n + TRIAL_TURN_RAD * along) for along in tangents)
-        after = (np.stack(list(_reflected(film, turn, *place))) for turn in turns)
-        differences = [(light - reflected) / TRIAL_TURN_RAD for light in after]
+    by_normal = list(_reflected(film, n, *place, turning=True))
+    differences = [np.stack([(along * by).sum(0) for by in by_normal]) for along in tangents]
     shine = np.stack([emitted(film, k, place) + 0 * plane for k, plane in enumerate(rest)])
     scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) * shine / rest
     s, t = (scale * change for change in differences)
@@ -289,9 +274,7 @@ def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
     coat = film._replace(gain=1.0, emission=0.0, diffuse=dark, harmonics=plain)
     squares = []
     for kind in (coat, coat._replace(refraction=1.0)):
-        rest = rest_below(kind, *place)
-        reflected = np.stack(list(_reflected(kind, n, *place)))
-        by_s, by_t = _changes(kind, n, tangents, place, rest, reflected)
+        by_s, by_t = _changes(kind, n, tangents, place, rest_below(kind, *place))
         squares.append((weight * (by_s * by_s + by_t * by_t)).sum(0))
     coated, matt = squares
     sharper = np.sqrt(np.where(matt > 0, coated / np.where(matt > 0, matt, 1), 1))
@@ -342,29 +325,40 @@ def place_terms(u: Array, v: Array) -> Array:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
-def _reflected(film: Film, n: Array, x: Array, y: Array, z: Array) -> Iterator[Array]:
-    """Yield equation F2, up to a factor, LED by LED."""
+def _reflected(
+    film: Film, n: Array, x: Array, y: Array, z: Array, turning: bool = False
+) -> Iterator[Array]:
+    """Yield equation F2, up to a factor, LED by LED; or its derivative by the normal, 3 x N.
 
+    Masking hardly changes as the normal turns.
+    """
     coated = film.refraction != 1
     if coated:
         curve = let_in_curve(film.roughness, film.refraction)
-        vx, vy, vz = to_pupil(film.camera, x, y, z)
-        c_o = np.maximum(n[0] * vx + n[1] * vy + n[2] * vz, MIN_COSINE)
-        let_out = let_in_by(curve, c_o)
+        v = np.stack(to_pupil(film.camera, x, y, z))
+        c_o = np.maximum((n * v).sum(0), MIN_COSINE)
+        let_out, by_base = let_in_by(curve, c_o), film.base / np.pi
     for light in film.lights:
-        dx, dy, dz, square, away = _way(light, x, y, z)
-        lit = (n[0] * dx + n[1] * dy + n[2] * dz) / (square * away)
+        *to, square, away = _way(light, x, y, z)
+        way = np.stack(to) / away
+        facing = (n * way).sum(0)
         if not coated:
-            yield np.asarray(lit)
+            yield np.asarray((way if turning else facing) / square)
             continue
-        lx, ly, lz = dx / away, dy / away, dz / away
-        hx, hy, hz = lx + vx, ly + vy, lz + vz
-        half = 1 / np.sqrt(hx * hx + hy * hy + hz * hz)
-        c_i = np.maximum(n[0] * lx + n[1] * ly + n[2] * lz, MIN_COSINE)
-        c_h = np.maximum((n[0] * hx + n[1] * hy + n[2] * hz) * half, MIN_COSINE)
-        v_h = (vx * hx + vy * hy + vz * hz) * half
-        base = film.base * (let_in_by(curve, c_i) * let_out) / np.pi
-        yield np.asarray(lit * (base + glint(film, c_i, c_o, c_h, v_h)))
+        h = way + v
+        h /= np.sqrt((h * h).sum(0))
+        c_i, c_h = (np.maximum(c, MIN_COSINE) for c in (facing, (n * h).sum(0)))
+        let_in, mirrored = let_in_by(curve, c_i), glint(film, c_i, c_o, c_h, (v * h).sum(0))
+        base = by_base * let_in * let_out
+        if not turning:
+            yield np.asarray(facing / square * (base + mirrored))
+            continue
+        more = by_base * let_out * c_i * let_in_change(curve, c_i)
+        by_light = base + np.where(c_i > MIN_COSINE, more, mirrored)
+        by_half = facing * mirrored * (2 / (film.roughness * c_h) ** 2 - 4) / c_h
+        by_eye = facing * (by_base * let_in * let_in_change(curve, c_o) - mirrored / c_o)
+        by_eye = np.where(c_o > MIN_COSINE, by_eye, 0)
+        yield np.asarray((by_light * way + by_half * h + by_eye * v) / square)
 
 
 def _way(light: Array, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
