@@ -28,6 +28,19 @@ class Lattice(NamedTuple):
         distances, _ = neighbours(self.place, 1)
         return float(np.median(distances))
 
+    @property
+    def gaps(self) -> int:
+        """The number of places without a point, between points in their row and their column."""
+        first = self.cell.min(axis=0)
+        taken = np.zeros(np.ptp(self.cell, axis=0) + 1, bool)
+        taken[tuple((self.cell - first).T)] = True
+        sides = (
+            np.flip(np.logical_or.accumulate(np.flip(taken, end), axis=axis), end)
+            for axis in (0, 1)
+            for end in ((), axis)
+        )
+        return int((np.logical_and.reduce([*sides]) & ~taken).sum())
+
 
 def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
     """Distances and numbers of the nearest other points, N x `count` each."""

@@ -22,7 +22,7 @@ MAX_NAMED_DOTS = 5
 class GridMarks(NamedTuple):
     """N dots or corners: x, y in px in the image, and column, row on the lattice.
 
-    `astray` counts whole dots that are on no place of it.
+    `astray` counts whole dots that are on no place of it, and places inside it without a mark.
     """
 
     place: Annotated[F4, Port("N 2", "px")]
@@ -53,7 +53,7 @@ def find_grid(
     -------
     GridMarks
         N x 2 positions in px, N x 2 columns and rows of the lattice, the pattern found, and the
-        number of whole dots that are not on it.
+        number of whole dots that are not on it and of places inside it that show no whole mark.
 
     Raises
     ------
@@ -77,6 +77,7 @@ def find_grid(
 
 
 def _marks(lattice: Lattice, pattern: str, astray: int) -> GridMarks:
+    astray += lattice.gaps
     return GridMarks(np.asarray(lattice.place, np.float32), lattice.cell, pattern, astray)
 
 

@@ -102,6 +102,7 @@ def test_part_of_a_grid_with_holes_and_dirt_is_enough() -> None:
         found = camera_of(image)
     assert found.pixel == pytest.approx(PITCH_MM / 20, rel=1e-3)
     assert any("of the way to the corners" in note for note in notes)
+    assert found.quality["left_out"] == 1, "the lost one; dirt is no dot"
 
 
 def test_a_large_image_is_measured_in_full() -> None:
