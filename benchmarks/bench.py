@@ -29,7 +29,6 @@ from typing import Any, NamedTuple
 
 import click
 import cv2
-import matplotlib as mpl
 import numpy as np
 from literal import Literal
 
@@ -135,8 +134,6 @@ def main(
                 rows[film, size, table, name, place] = row
                 print(as_line(row), flush=True)
                 (out / "bench.json").write_text(json.dumps(list(rows.values()), indent=1))
-    if drawn := [row for row in rows.values() if row["film"] == "noisy" and row["table"]]:
-        plot(drawn, out / "bench.png")
 
 
 def places(devices: str | None) -> list[str]:
@@ -324,47 +321,6 @@ def as_line(row: dict[str, Any]) -> str:
         f"{row.get('shadow_percent', 0):.0f} % in shadow, "
         f"first {row['first_ms']:.0f} ms, {row['peak_mib']:.0f} MiB"
     )
-
-
-def plot(rows: list[dict[str, Any]], file: Path) -> None:
-    """Processor time against pixels and against the table's entries, a line a graph and device."""
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    done = [row for row in rows if "cpu_ms" in row]
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 5), layout="constrained", sharey=True)
-    largest = max((row["table"] for row in done), default=0)
-    by_pixels = lines([row for row in done if row["table"] == largest], pixels)
-    by_table = lines([row for row in done if row["size"] == "640x480"], lambda row: row["table"])
-    for axes, found in ((left, by_pixels), (right, by_table)):
-        for label, points in found.items():
-            axes.loglog(*zip(*points, strict=True), "o-", label=label)
-        axes.grid(alpha=0.3)
-    for points in by_pixels.values():
-        (first, ms), many = points[0], np.array([n for n, _ in points])
-        scale = ms / (first * np.log(first))
-        left.loglog(many, scale * many * np.log(many), "--", color="0.6", zorder=0)
-    left.set_xlabel(f"pixels, {largest} entries in the table (dashed: n log n)")
-    right.set_xlabel("entries in the table, 640 x 480 pixels")
-    left.set_ylabel("processor time by the cores / ms")
-    left.legend(fontsize="small")
-    figure.savefig(file, dpi=120)
-
-
-def pixels(row: dict[str, Any]) -> int:
-    width, height = map(int, row["size"].split("x"))
-    return width * height
-
-
-def lines(
-    rows: list[dict[str, Any]], by: Callable[[dict[str, Any]], int]
-) -> dict[str, list[tuple[int, float]]]:
-    """Points (what `by` says, ms), in order, by graph and device."""
-    found: dict[str, list[tuple[int, float]]] = {}
-    for row in sorted(rows, key=by):
-        label = f"{row['graph']}, {row['device'].partition(' /')[0]}"
-        found.setdefault(label, []).append((by(row), row["cpu_ms"]))
-    return found
 
 
 if __name__ == "__main__":

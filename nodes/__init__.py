@@ -4,6 +4,9 @@ Axes: x right, y down, z towards the camera.  Height is in mm above the film at 
 is dimensionless (mm per mm).  Light is the irradiance that one LED causes: 0 to 1 of full
 scale as captured, 1 on the film at rest once divided by the flat field.  LEDs are numbered
 from 1; K is their number.
+
+The text beside a quantity's port is its meaning on the page of every node that takes or gives
+it: a node's docstring adds only what it means there.
 """
 
 from typing import Annotated, NamedTuple
@@ -19,14 +22,14 @@ F8 = NDArray[np.float64]
 I4 = NDArray[np.int32]
 U1 = NDArray[np.uint8]
 
-Light = Annotated[F4, Port("K H W", "1")]
-"""Irradiance per LED (the paper's I_k)."""
-Dark = Annotated[F4, Port("H W", "1", high=0.05)]
-"""Image with all LEDs off."""
-Slope = Annotated[F4, Port("2 H W", "mm/mm", low=-2, high=2)]
-"""Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2."""
-Height = Annotated[F4, Port("H W", "mm", low=-1, high=5)]
-"""Height z above the film at rest."""
+Light = Annotated[F4, Port("K H W", "1"), "Irradiance per LED (the paper's I_k)"]
+Dark = Annotated[F4, Port("H W", "1", high=0.05), "Image with all LEDs off"]
+Slope = Annotated[
+    F4,
+    Port("2 H W", "mm/mm", low=-2, high=2),
+    "Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2",
+]
+Height = Annotated[F4, Port("H W", "mm", low=-1, high=5), "Height z above the film at rest"]
 CoarseLight = Annotated[F4, Port("K h w", "1")]
 """Light of cells of several pixels, see `coarsen`."""
 ResizedLight = Annotated[F4, Port("K h w", "1")]
@@ -35,21 +38,21 @@ CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 """Image with all LEDs off, on such cells."""
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
-HeightError = Annotated[F4, Port("H W", "mm", high=0.1)]
-"""Standard deviation of the height."""
+HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of the height"]
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
 UM_PER_MM = 1e3
-Labels = Annotated[U1, Port("H W", "LED bits", high=255)]
-"""One bit per LED: bit k-1 stands for LED k."""
+Labels = Annotated[
+    U1,
+    Port("H W", "LED bits", high=255),
+    "One bit per LED: bit k-1 stands for LED k",
+]
 Confidence = Annotated[F4, Port("H W", "1", high=1)]
 """Probability that a pixel's labels are right."""
 Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 """The number of the contact that a pixel belongs to, from 1; 0: none."""
-Mask = Annotated[U1, Port("H W", "flag", high=1)]
-"""1 where a pixel counts, else 0."""
-PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2)]
-"""Side of a pixel on the film."""
+Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
+PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2), "Side of a pixel on the film"]
 Albedo = Annotated[float, Port(unit="1", high=0.95)]
 """Share of the light that the film reflects."""
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
@@ -57,9 +60,12 @@ Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight sets of LED positions sampled from the calibration's uncertainty.  The mean square of
 their effect is the variance it causes."""
-Lens = Annotated[F4, Port("8", "1", low=-0.05, high=0.05)]
-"""(k1, k2, cx, cy, a, b, gx, gy): the lens's departure from an even grid, see `optics.lens`;
-all zero for an ideal lens."""
+Lens = Annotated[
+    F4,
+    Port("8", "1", low=-0.05, high=0.05),
+    "(k1, k2, cx, cy, a, b, gx, gy): the lens's departure from an even grid, see `optics.lens`; "
+    "all zero for an ideal lens",
+]
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
 Wrap = Annotated[float, Port(unit="1", high=0.3)]
@@ -86,10 +92,16 @@ Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
 """Named figures, as in result.json; a bool where one says whether."""
-LightPositions = Annotated[F4, Port("K 3", "mm", low=-200, high=200)]
-"""One LED per row: (x, y, z) in mm from the centre of the image on the film at rest."""
-Noise = Annotated[F4, Port("2", "1", low=1e-6, high=1e-4)]
-"""(shot, read): the variance of a captured light I is shot * I + read."""
+LightPositions = Annotated[
+    F4,
+    Port("K 3", "mm", low=-200, high=200),
+    "One LED per row: (x, y, z) in mm from the centre of the image on the film at rest",
+]
+Noise = Annotated[
+    F4,
+    Port("2", "1", low=1e-6, high=1e-4),
+    "(shot, read): the variance of a captured light I is shot * I + read",
+]
 NoiseCorrelation = Annotated[float, Port(unit="1", low=1, high=4)]
 """Variance of a mean over pixels, relative to that with independent noise."""
 Blur = Annotated[float, Port(unit="px", high=1.5)]

@@ -15,7 +15,6 @@ from tactograph.graph.errors import printable
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
 
@@ -154,27 +153,12 @@ class RunOptions:
 
         return changed(read_graph(graph), self.overlays, self.settings)
 
-    def open(
-        self,
-        graph: Graph,
-        given: Mapping[str, Any],
-        *,
-        sinks: bool = True,
-        cache: Cache | None = None,
-        outputs: Mapping[str, str] | None = None,
-    ) -> Pipeline:
-        """Plan and compile a graph as the options say."""
+    def open(self, graph: Graph, given: Mapping[str, Any], **more: Any) -> Pipeline:
+        """Plan and compile a graph as the options, and further words to `open_pipeline`, say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
-            graph,
-            given,
-            backend=self.backend,
-            device=self.device,
-            strict=self.strict,
-            sinks=sinks,
-            cache=cache,
-            outputs=outputs,
+            graph, given, backend=self.backend, device=self.device, strict=self.strict, **more
         )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -55,22 +55,12 @@ FORGOTTEN_S = 10.0
 @click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
 @click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
-def command(
-    graph: str,
-    values: tuple[str, ...],
-    options: RunOptions,
-    repeats: int,
-    trace_file: Path | None,
-    keep: str | None,
-    until: str | None,
-    watch: bool,
-    quiet: bool,
-) -> None:
+def command(*, watch: bool, **words: Any) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
-    wanted = _Wanted(graph, values, options, repeats, trace_file, keep, until, quiet)
+    wanted = _Wanted(**words)
     if not watch:
         _run(wanted)
         return

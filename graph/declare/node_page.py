@@ -30,7 +30,7 @@ class Description:
 def describe(node: Node) -> Description:
     """Read a node's docstring; an argument that is not described has an empty string."""
     parsed = _parsed(node.doc)
-    said: dict[str, str] = {}
+    said = {name: port.meaning for name, port in node.inputs.items()}
     records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
     for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
@@ -90,8 +90,7 @@ def _input(name: str, node: Node, about: Description) -> str:
     record = node.input_records.get(name)
     kind = f"all outputs of a node that gives a {record.__name__}" if record else ""
     optional = ", may be left out" if name in node.optional_inputs else ""
-    meaning = "" if record else node.inputs[name].meaning
-    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name] or meaning)
+    return _item(name, f"{kind or node.inputs[name]}{optional}", about.arguments[name])
 
 
 def _setting(parameter: Parameter, about: Description) -> str:

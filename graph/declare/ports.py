@@ -179,7 +179,8 @@ def read_port(name: str, annotation: Any) -> PortType:
     if typing.get_origin(annotation) is Annotated:
         annotation, *extras = typing.get_args(annotation)
         port = next((e for e in extras if isinstance(e, Port)), None)
-        meaning = next((e for e in extras if isinstance(e, str)), "")
+        # A record's field says more than the quantity that it is.
+        meaning = next((e for e in reversed(extras) if isinstance(e, str)), "")
     annotation = _written_out(annotation)
     if typing.get_origin(annotation) is np.ndarray:
         if port is None:

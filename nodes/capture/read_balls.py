@@ -8,9 +8,14 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.capture.read_capture import CaptureFile, read_capture, read_capture_file
+from tactograph.nodes.capture.read_capture import (
+    CaptureFile,
+    Layout,
+    read_capture,
+    read_capture_file,
+)
 from tactograph.nodes.files.gelsight_scan import Scan, is_scan, read_scan
-from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights, lights_of
+from tactograph.nodes.files.image_files import lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
 MAX_MARK_DIFFERENCE = 0.1
@@ -45,11 +50,7 @@ def read_balls(
     radius_mm: Millimetres | tuple[Millimetres, ...] | None = None,
     center_px: tuple[float, float] | None = None,
     contact_px: Millimetres | None = None,
-    lights: Lights | None = None,
-    leds: Leds | None = None,
-    files: str = "led{}",
-    crop: Crop | None = None,
-    channel: Channel | None = None,
+    layout: Layout,
 ) -> BallPresses:
     """Read one press of a ball, or of a grid of balls, or a folder of them.
 
@@ -65,8 +66,6 @@ def read_balls(
         The ball's radius: one for all presses, or one per press in their order.
     center_px, contact_px
         x, y of the ball's centre and radius of its contact; only for a single press.
-    lights, leds, files, crop, channel
-        As for `read_capture`.
 
     Returns
     -------
@@ -81,11 +80,7 @@ def read_balls(
         As `read_capture`; if presses differ in size; if a ball's radius is not given, or
         the number of radii does not match the number of presses.
     """
-    captures = [
-        *read_capture(
-            folder=folder, lights=lights, leds=leds, files=files, crop=crop, channel=channel
-        )
-    ]
+    captures = [*read_capture(folder=folder, **layout._asdict())]
     first = captures[0].image
     for capture in captures:
         if capture.image.shape != first.shape:
@@ -110,7 +105,7 @@ def read_balls(
     for name, scan in zip(names, scans, strict=True):
         if scan is not None:
             _compare_marks(folder / name, scan)
-    x0, y0 = crop[:2] if crop else (0, 0)
+    x0, y0 = layout.crop[:2] if layout.crop else (0, 0)
     marks = [
         (mark.x - x0, mark.y - y0, number)
         for number, scan in enumerate(scans)

@@ -4,7 +4,6 @@ Long because images come in many layouts, and every one that does not fit has it
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -86,14 +85,29 @@ class CaptureFile(BaseModel):
     ball_contact_px: Length | None = None
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Layout of the images in a capture folder."""
+class Layout(NamedTuple):
+    """Layout of the images in a capture folder.
 
-    lights: Lights = "leds"
-    leds: tuple[int, ...] | None = None
+    Parameters
+    ----------
+    lights
+        "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
+        lights in that order.  None: the entry in ``capture.yaml``; else "rgb" for a scan of one
+        image, and "leds" for others.
+    leds
+        Which LEDs to read and in what order, counted from 1.  None: all that exist.
+    files
+        The images' name without suffix; ``{}`` stands for the LED's number, as in
+        ``image{:02}``.  Of the usual name, any one name with numbers may be in its place.
+    crop
+        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
+    channel
+        Of colour images, one per LED, the channel to read.  None: the mean of all three.
+    """
+
+    lights: Lights | None = None
+    leds: Leds | None = None
     files: str = USUAL_PATTERN
-    bits: int | None = None
     crop: Crop | None = None
     channel: Channel | None = None
 
@@ -102,11 +116,7 @@ class Layout:
 def read_capture(
     *,
     folder: Path,
-    lights: Lights | None = None,
-    leds: Leds | None = None,
-    files: str = USUAL_PATTERN,
-    crop: Crop | None = None,
-    channel: Channel | None = None,
+    layout: Layout,
     single: bool = False,
     calibration: Path | None = None,
     another_sensor: bool = False,
@@ -121,19 +131,6 @@ def read_capture(
         warning), or images of another name with numbers, or one colour image; or holds such
         folders, which are then read in order of name, or several colour images whose channels are
         the lights.  Hidden folders and files are ignored.
-    lights
-        "leds": one image per LED.  "bgr" or "rgb": one colour image, whose channels are the
-        lights in that order.  None: the entry in ``capture.yaml``; else "rgb" for a scan of one
-        image, and "leds" for others.
-    leds
-        Which LEDs to read and in what order, counted from 1.  None: all that exist.
-    files
-        The images' name without suffix; ``{}`` stands for the LED's number, as in
-        ``image{:02}``.  Of the usual name, any one name with numbers may be in its place.
-    crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
-    channel
-        Of colour images, one per LED, the channel to read.  None: the mean of all three.
     single
         Refuse a folder of captures.
     calibration, another_sensor
@@ -155,15 +152,14 @@ def read_capture(
         to measure, of a different size or depth than its neighbours, or not grey; for an image
         whose pixels are not plain, see `read_image`; for a capture of another sensor.
     """
-    layout = Layout(lights or "leds", leds, files, None, crop, channel)
     _check_folder(folder)
-    frames = colour_frames(folder) if _lights(folder, lights) != "leds" else []
-    if not frames and _is_capture(folder, layout, lights):
+    frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
+    if not frames and _is_capture(folder, layout):
         _check_sensor(folder, calibration, another_sensor)
-        yield _read(folder, layout, lights, "", whole)
+        yield _read(folder, layout, "", whole)
         return
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
-    inside = frames or [d for d in folders if _is_capture(d, layout, lights)]
+    inside = frames or [d for d in folders if _is_capture(d, layout)]
     if not inside:
         raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
     if single:
@@ -173,7 +169,7 @@ def read_capture(
         )
     for one in inside:
         _check_sensor(one, calibration, another_sensor)
-        yield _read(one, layout, lights, one.stem if one.is_file() else one.name, whole)
+        yield _read(one, layout, one.stem if one.is_file() else one.name, whole)
 
 
 read_capture.handed_in(check_handed_in)
@@ -190,22 +186,24 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     InputError
         As `read_capture`.
     """
-    is_frame = folder.is_file() and layout.lights != "leds"
+    lights = layout.lights or "leds"
+    is_frame = folder.is_file() and lights != "leds"
     if not is_frame:
         _check_folder(folder)
-    layout = _with_capture_file(folder.parent if is_frame else folder, layout)
-    if layout.lights == "leds":
-        files = [*find_led_files(folder, layout.files, layout.leds).values()]
+    stated = read_capture_file(folder.parent if is_frame else folder)
+    leds = layout.leds or (tuple(stated.leds) if stated.leds else None)
+    if lights == "leds":
+        files = [*find_led_files(folder, layout.files, leds).values()]
         planes = [grey(read_image(file), layout.channel) for file in files]
     else:
         file = folder if is_frame else _only_image(folder)
-        planes = channels(read_image(file), file, layout.lights, layout.leds)
+        planes = channels(read_image(file), file, lights, leds)
         files = [file] * len(planes)
     check_alike(planes, files)
     stack = np.stack(
         [cropped(plane, layout.crop, file) for plane, file in zip(planes, files, strict=True)]
     )
-    bits = layout.bits or bits_of(files[0])
+    bits = stated.bits or bits_of(files[0])
     if stack.ndim > 3:
         warn(f"colour images: {MEAN_OF_CHANNELS}")
         return np.asarray(normalised(stack, files, bits).mean(axis=-1), np.float32)
@@ -232,8 +230,8 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
             return
 
 
-def _read(folder: Path, layout: Layout, lights: Lights | None, name: str, whole: Whole) -> Capture:
-    image = read_images(folder, replace(layout, lights=_lights(folder, lights)), whole)
+def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
+    image = read_images(folder, layout._replace(lights=_lights(folder, layout)), whole)
     return Capture(
         image,
         name,
@@ -276,15 +274,15 @@ def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -
     return np.ascontiguousarray(part)
 
 
-def _is_capture(folder: Path, layout: Layout, lights: Lights | None) -> bool:
-    if _lights(folder, lights) == "leds":
+def _is_capture(folder: Path, layout: Layout) -> bool:
+    if _lights(folder, layout) == "leds":
         return has_led_files(folder, layout.files, layout.leds)
     return bool(images_of(folder))
 
 
-def _lights(folder: Path, lights: Lights | None) -> Lights:
+def _lights(folder: Path, layout: Layout) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
-    said = lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
+    said = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
     if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
         return "rgb"
     return said or "leds"
@@ -303,12 +301,6 @@ def read_capture_file(folder: Path) -> CaptureFile:
         raise InputError(f"{place}: {first['msg'].lower()}") from None
 
 
-def _with_capture_file(folder: Path, layout: Layout) -> Layout:
-    stated = read_capture_file(folder)
-    leds = layout.leds or (tuple(stated.leds) if stated.leds else None)
-    return replace(layout, leds=leds, bits=layout.bits or stated.bits)
-
-
 def _only_image(folder: Path) -> Path:
     images = read_scan(folder).images if is_scan(folder) else images_of(folder)
     if len(images) != 1:
@@ -318,7 +310,7 @@ def _only_image(folder: Path) -> Path:
 
 
 def _what_is_missing(folder: Path, layout: Layout) -> str:
-    if layout.lights != "leds":
+    if layout.lights in ("bgr", "rgb"):
         return "holds no colour image"
     if len(images := images_of(folder)) == 1:
         return (

@@ -1,7 +1,7 @@
 """Read the untouched film, by which every image is divided."""
 
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -9,16 +9,9 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
+from tactograph.nodes.capture.read_capture import Layout, read_capture, read_capture_file
 from tactograph.nodes.files.calibration_file import dark_led
-from tactograph.nodes.files.image_files import (
-    Channel,
-    Crop,
-    Leds,
-    Lights,
-    lights_of,
-    read_plane,
-)
+from tactograph.nodes.files.image_files import lights_of, read_plane
 
 
 class Flat(NamedTuple):
@@ -36,11 +29,7 @@ def read_flat(
     *,
     folder: Path | None = None,
     dark: Path | None = None,
-    lights: Lights | None = None,
-    leds: Leds | None = None,
-    files: str = "led{}",
-    crop: Crop | None = None,
-    channel: Channel | None = None,
+    layout: Layout,
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Flat:
     """Read the capture of the untouched film, or substitute an estimate or uniform light.
@@ -58,8 +47,6 @@ def read_flat(
         None: the estimate; without one, uniform light is assumed, with a warning.
     dark
         One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``.
-    lights, leds, files, crop, channel
-        As for `read_capture`.
     smooth_px
         Standard deviation of the Gaussian that smooths the flat image.
 
@@ -73,7 +60,7 @@ def read_flat(
     if black is None:
         black = np.zeros((height, width), np.float32)
     if dark is not None:
-        black = read_plane(dark, crop, channel, read_capture_file(dark.parent).bits)
+        black = read_plane(dark, layout.crop, layout.channel, read_capture_file(dark.parent).bits)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
@@ -83,14 +70,7 @@ def read_flat(
     if folder is None:
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)
-    given: dict[str, Any] = {
-        "lights": lights,
-        "leds": leds,
-        "files": files,
-        "crop": crop,
-        "channel": channel,
-    }
-    stack = _mean(image, folder=folder, **given)
+    stack = _mean(image, folder, layout)
     flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
@@ -100,10 +80,10 @@ def read_flat(
     return Flat(flat, black)
 
 
-def _mean(image: Light, folder: Path, **given: Any) -> F4:
+def _mean(image: Light, folder: Path, layout: Layout) -> F4:
     """The mean of the captures in a folder, or the only capture."""
     total, count = np.zeros(image.shape, np.float64), 0
-    for capture in read_capture(folder=folder, **given):
+    for capture in read_capture(folder=folder, **layout._asdict()):
         if capture.image.shape != image.shape:
             raise InputError(
                 f"{folder / capture.name}: the untouched film is {lights_of(capture.image)}, but "

@@ -43,8 +43,6 @@ def find_contact(
 
     Parameters
     ----------
-    height
-        H x W in mm.
     error
         H x W, the height's standard deviation in mm; without it, it is estimated.
     enter, leave

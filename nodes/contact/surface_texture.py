@@ -34,10 +34,6 @@ def surface_texture(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    pixel
-        mm per px.
     contact
         H x W, the number of the contact at each pixel, as `find_contact` gives it; without it
         the whole map is one surface.

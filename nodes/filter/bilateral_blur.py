@@ -31,8 +31,6 @@ def bilateral_blur(
 
     Parameters
     ----------
-    light
-        K x H x W.
     radius
         Radius of the disk of pixels that count, in pixels.
     sigma_light

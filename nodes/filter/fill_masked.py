@@ -33,8 +33,6 @@ def fill_masked(
 
     Parameters
     ----------
-    light
-        K x H x W.
     mask
         H x W; pixels of any value but 0 stay.
     radius_px

@@ -28,8 +28,6 @@ def gaussian_blur(
 
     Parameters
     ----------
-    light
-        K x H x W.
     sigma
         Standard deviation in pixels.
     border

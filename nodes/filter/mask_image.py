@@ -15,8 +15,6 @@ def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
 
     Parameters
     ----------
-    light
-        K x H x W.
     mask
         H x W; any value but 0 keeps the pixel.
     outside

@@ -47,8 +47,6 @@ def morphology(
 
     Parameters
     ----------
-    mask
-        H x W.
     operation
         ``erode`` removes the rim; ``dilate`` adds one; ``open`` (erode, then dilate) removes
         what is smaller than the element; ``close`` (dilate, then erode) fills such holes.

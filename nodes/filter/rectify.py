@@ -53,8 +53,6 @@ def rectify(
 
     Parameters
     ----------
-    light
-        K x H x W.
     pixel
         mm per px of the result.
     width_mm, height_mm

@@ -19,8 +19,6 @@ def threshold(light: Light, *, level: float = 0.5, lights: Literal["all", "any"]
 
     Parameters
     ----------
-    light
-        K x H x W.
     level
         A pixel as bright as the level does not count.
     lights

@@ -47,10 +47,6 @@ def cliff_variance(
         K x H x W, 1 on the film at rest.
     shadow
         H x W, the shadowed LEDs.
-    lights
-        K x 3 in mm.
-    pixel
-        mm per px.
     jump
         Standard deviation of the slope across an edge, per light above `grazing`.
     grazing

@@ -37,8 +37,6 @@ def refine_taylor(
 
     Parameters
     ----------
-    light
-        K x H x W.
     slope
         2 x H x W, the coarse G_0.
     shadow

@@ -17,6 +17,7 @@ from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.backends.devices import how_to_get_one
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
@@ -58,6 +59,26 @@ def captures(tmp_path: Path) -> Path:
             image = random.integers(50, 200, (24, 32)).astype(np.uint8)
             cv2.imwrite(str(folder / name / f"led{led}.png"), image)
     return folder
+
+
+@pytest.fixture
+def about(tactograph: Command, write: Write, toys: list[str]) -> Command:
+    """Give a command the text of a graph, which may have toys, and further words."""
+    return lambda name, text, *words: tactograph(name, write(text), *words)
+
+
+@pytest.fixture
+def run_writing(
+    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
+) -> Command:
+    """Run the graph that writes; options, and places other than the usual ones, may be said."""
+
+    def run(*options: str, **places: object) -> Outcome:
+        given = {"capture": captures, "file": height_file, "out": tmp_path / "out"} | places
+        words = [f"{name}={place}" for name, place in given.items()]
+        return tactograph("run", write(WRITING), *words, *options)
+
+    return run
 
 
 def test_help_lists_every_command(tactograph: Command) -> None:
@@ -160,18 +181,16 @@ def test_a_slip_in_a_graph_file_is_one_line_with_its_place(
         assert f"{file}:9:12: nodes.slope.op: no node" in one_line(tactograph(name, file))
 
 
-def test_a_graph_is_run(tactograph: Command, write: Write, height_file: str) -> None:
-    done = tactograph("run", write(SLOPES), f"file={height_file}")
+def test_a_graph_is_run(about: Command, height_file: str) -> None:
+    done = about("run", SLOPES, f"file={height_file}")
     assert done.code == 0, done.err
     assert done.err == ""
     assert "1: " in done.out
     assert "ms on opencl" in done.out
 
 
-def test_each_item_of_a_stream_is_told_with_its_figures(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
-    done = tactograph("run", write(STREAM), "count=4", "--backend", "numpy")
+def test_each_item_of_a_stream_is_told_with_its_figures(about: Command) -> None:
+    done = about("run", STREAM, "count=4", "--backend", "numpy")
     heads = [line.partition(":")[0] for line in done.out.splitlines() if line[0] != " "]
     assert heads == ["1 touch1", "2 touch2", "3 touch3", "4 touch4"], "number and name"
     assert re.search(r"^  mean +4$", done.out, re.MULTILINE)
@@ -219,62 +238,46 @@ def test_after_success_it_says_what_range_the_height_has_and_where_it_is(
     assert lines[1:] == ["  height  -0.25 to 1.5 mm", f"written to {tmp_path / 'out.ply'}"]
 
 
-def test_a_warning_is_counted_at_the_end(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
+def test_a_warning_is_counted_at_the_end(about: Command) -> None:
     text = STREAM.replace("  save:   {op: noted,", "  warned: {op: warns_once,")
-    graph = write(text.replace("outputs: {light: light,", "outputs: {light: warned,"))
-    done = tactograph("run", graph, "--backend", "numpy")
+    done = about("run", text.replace("{light: light,", "{light: warned,"), "--backend", "numpy")
     assert "warning: two" in done.err
     assert done.out.endswith("\n1 warning, see above\n")
 
 
-def test_quiet_is_quiet(toys: list[str], tactograph: Command, write: Write) -> None:
-    assert tactograph("run", write(STREAM), "--quiet") == Outcome(0, "", "")
+def test_quiet_is_quiet(about: Command) -> None:
+    assert about("run", STREAM, "--quiet") == Outcome(0, "", "")
 
 
-def test_a_warning_is_printed_once(toys: list[str], tactograph: Command, write: Write) -> None:
-    assert tactograph("run", write(lit_by("noticed"))).err == "warning: a warning\n"
+def test_a_warning_is_printed_once(about: Command) -> None:
+    assert about("run", lit_by("noticed")).err == "warning: a warning\n"
 
 
-def test_a_fallback_is_one_line_on_the_terminal(
-    toys: list[str], tactograph: Command, write: Write, no_device: None
-) -> None:
-    done = tactograph("run", write(STREAM))
+def test_a_fallback_is_one_line_on_the_terminal(about: Command, no_device: None) -> None:
+    done = about("run", STREAM)
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert (done.code, done.err) == (0, f"fallback: {line}\n")
-    assert f"fallback: {line}" in tactograph("explain", write(STREAM)).out
-    assert f"--strict: {line}" in one_line(tactograph("run", write(STREAM), "--strict"))
-    assert "--backend opencl: no" in one_line(
-        tactograph("run", write(STREAM), "--backend", "opencl")
-    )
+    assert f"fallback: {line}" in about("explain", STREAM).out
+    assert f"--strict: {line}" in one_line(about("run", STREAM, "--strict"))
+    assert "--backend opencl: no" in one_line(about("run", STREAM, "--backend", "opencl"))
 
 
-def test_strict_names_what_has_no_kernel_and_runs_it(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
-    done = tactograph("run", write(STREAM), "--strict")
+def test_strict_names_what_has_no_kernel_and_runs_it(about: Command) -> None:
+    done = about("run", STREAM, "--strict")
     assert done.code == 0
     assert done.err == "written for the host alone, so no fallback: score\n"
-    assert tactograph("run", write(STREAM), "--strict", "--quiet").err == ""
-    assert tactograph("run", write(STREAM), "--strict", "--backend", "numpy").err == ""
+    assert about("run", STREAM, "--strict", "--quiet").err == ""
+    assert about("run", STREAM, "--strict", "--backend", "numpy").err == ""
 
 
 def test_a_result_holds_where_everything_ran_and_every_fallback(
-    tactograph: Command,
-    write: Write,
-    captures: Path,
-    height_file: str,
-    tmp_path: Path,
-    no_device: None,
+    run_writing: Command, write: Write, tmp_path: Path, no_device: None
 ) -> None:
-    file = write(WRITING)
-    out = tmp_path / "out"
-    done = tactograph("run", file, f"capture={captures}", f"file={height_file}", f"out={out}")
+    done, out = run_writing(), tmp_path / "out"
     assert done.code == 0, done.err
     assert sorted(f.name for f in out.iterdir()) == ["a", "b", "c"]
     result = json.loads((out / "b" / "result.json").read_text())
-    assert result["graph"]["hash"] == read_graph(file).hash
+    assert result["graph"]["hash"] == read_graph(write(WRITING)).hash
     assert result["capture"] == "b"
     assert result["device"] is None
     line = "lit runs on numpy: opencl is preferred, but no OpenCL device works"
@@ -287,15 +290,11 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
 
 
 def test_what_a_stream_wrote_before_a_damaged_capture_is_whole(
-    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
+    run_writing: Command, captures: Path, tmp_path: Path
 ) -> None:
-    damaged = captures / "b" / "led3.png"
+    damaged, out = captures / "b" / "led3.png", tmp_path / "out"
     damaged.write_bytes(damaged.read_bytes()[:200])
-    out = tmp_path / "out"
-    done = tactograph(
-        "run", write(WRITING), f"capture={captures}", f"file={height_file}", f"out={out}", "--quiet"
-    )
-    assert str(damaged) in one_line(done)
+    assert str(damaged) in one_line(run_writing("--quiet"))
     assert [f.name for f in out.iterdir()] == ["a"]
     assert sorted(f.name for f in (out / "a").iterdir()) == sorted(
         ["height.npy", "height.tiff", "result.json", "shadow.png"]
@@ -303,35 +302,24 @@ def test_what_a_stream_wrote_before_a_damaged_capture_is_whole(
 
 
 def test_a_capture_of_another_size_is_refused_before_anything_is_written(
-    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
+    run_writing: Command, height_file: str, tmp_path: Path
 ) -> None:
     np.save(height_file, np.zeros((24, 31), np.float32))
-    out = tmp_path / "out"
-    said = one_line(
-        tactograph(
-            "run", write(WRITING), f"capture={captures}", f"file={height_file}", f"out={out}"
-        )
-    )
+    said = one_line(run_writing())
     assert "the size W is 3" in said
     assert "frames.image" in said
     assert "height.read_height" in said
-    assert not out.exists()
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_the_users_error(
-    tactograph: Command, write: Write, captures: Path, height_file: str
+    run_writing: Command, height_file: str
 ) -> None:
-    done = tactograph(
-        "run", write(WRITING), f"capture={captures}", f"file={height_file}",
-        f"out={height_file}/out", "--quiet",
-    )  # fmt: skip
-    assert "cannot be written" in one_line(done)
+    assert "cannot be written" in one_line(run_writing("--quiet", out=f"{height_file}/out"))
 
 
-def test_a_node_that_fails_is_exit_code_1_and_one_line(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
-    said = one_line(tactograph("run", write(lit_by("failing"))), code=1)
+def test_a_node_that_fails_is_exit_code_1_and_one_line(about: Command) -> None:
+    said = one_line(about("run", lit_by("failing")), code=1)
     assert "node 'light' (failing) failed: RuntimeError: a careless node" in said
 
 
@@ -376,9 +364,9 @@ def test_ctrl_c_says_how_to_go_on(tactograph: Command, monkeypatch: pytest.Monke
 
 
 def test_a_full_disk_is_told_as_such(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch, toys: list[str], write: Write
+    tactograph: Command, about: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = one_line(tactograph("run", write(lit_by("crowded"))))
+    said = one_line(about("run", lit_by("crowded")))
     assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
     failing(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
     said = one_line(tactograph("check", "paper"))
@@ -422,15 +410,13 @@ def test_resolving_keeps_every_value_as_it_was(
     assert read_graph(again).hash == read_graph(file).hash
 
 
-def test_check_lists_what_is_needed_and_what_is_not_used(tactograph: Command, write: Write) -> None:
-    done = tactograph("check", write(SLOPES.replace("height: again", "height: height")))
+def test_check_lists_what_is_needed_and_what_is_not_used(about: Command) -> None:
+    done = about("check", SLOPES.replace("height: again", "height: height"))
     assert "not used by any output: again" in done.out
     assert "needed; a height map" in done.out
 
 
-def test_check_names_groups_that_nothing_uses_and_nodes_that_no_use_needs(
-    tactograph: Command, write: Write
-) -> None:
+def test_check_names_groups_that_nothing_uses_and_nodes_that_no_use_needs(about: Command) -> None:
     text = """
 format: 1
 groups:
@@ -451,7 +437,7 @@ nodes:
   two:   {group: back, in: {height: one.flat}}
 outputs: {height: two.height}
 """
-    done = tactograph("check", write(text))
+    done = about("check", text)
     unused = [line for line in done.out.splitlines() if line.startswith("not used")]
     assert unused == [
         "not used by any output: one.idle",
@@ -460,55 +446,46 @@ outputs: {height: two.height}
     ]
 
 
-def test_check_takes_a_value_that_is_not_given_to_be_right(
-    tactograph: Command, write: Write
-) -> None:
+def test_check_takes_a_value_that_is_not_given_to_be_right(about: Command) -> None:
     text = SLOPES.replace("params:", "params:\n  way: {kind: text}\n  crop: {kind: numbers}")
     text = text.replace("{file: $file}", "{file: $file, crop: $crop}")
     text = text.replace("outputs:", "  more: {op: read_capture, with: {folder: x, lights: $way}}\n"
                         "outputs: {more: more.image}\n#")  # fmt: skip
     for name in ("check", "explain", "draw"):
-        done = tactograph(name, write(text))
+        done = about(name, text)
         assert done.code == 0, done.err
 
 
-def test_check_verifies_a_graph_that_is_bound_to_a_device(
-    tactograph: Command, write: Write
-) -> None:
+def test_check_verifies_a_graph_that_is_bound_to_a_device(about: Command) -> None:
     text = SLOPES.replace("{op: height_slopes", "{backend: opencl, op: height_slopes")
-    done = tactograph("check", write(text))
+    done = about("check", text)
     assert done.code == 0, done.err
 
 
-def test_explain_says_why_each_step_runs_where_it_does(
-    tactograph: Command, write: Write, height_file: str
-) -> None:
-    graph = write(SLOPES)
-    done = tactograph("explain", graph)
+def test_explain_says_why_each_step_runs_where_it_does(about: Command) -> None:
+    done = about("explain", SLOPES)
     assert done.code == 0, done.err
     for words in ("preferred", "has no opencl kernel", "once", "transfers between host and device"):
         assert words in done.out
     assert "shared by all readers" not in done.out
-    every = tactograph("explain", graph, "--transfers").out
+    every = about("explain", SLOPES, "--transfers").out
     assert "upload" in every
     assert "shared by all readers" in every
 
 
 def test_explain_prints_brackets_as_they_are(
-    tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch
+    about: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
     monkeypatch.setattr(
         "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, why)
     )
-    assert "tactograph[vkfft]" in " ".join(tactograph("explain", write(SLOPES)).out.split())
+    assert "tactograph[vkfft]" in " ".join(about("explain", SLOPES).out.split())
 
 
-def test_explain_says_what_was_taken_out(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
+def test_explain_says_what_was_taken_out(about: Command) -> None:
     text = STREAM.replace("dark: cal.dark}}", "dark: cal.dark}, neutral: true}")
-    out = tactograph("explain", write(text)).out
+    out = about("explain", text).out
     assert "light: taken out; its readers read frames.image" in out
     assert "cal: not run; nothing reads it" in out
 
@@ -601,9 +578,8 @@ def test_a_resolved_graph_is_plain_yaml(tactograph: Command) -> None:
     assert "extends" not in data
 
 
-def test_device_takes_part_of_a_name(write: Write, tactograph: Command, height_file: str) -> None:
-    name = open_pipeline(read_graph(write(SLOPES)), {"file": height_file}).plan.device
-    done = tactograph("explain", write(SLOPES), "--device", name[:8].upper())
+def test_device_takes_part_of_a_name(about: Command, device: OpenCL) -> None:
+    done = about("explain", SLOPES, "--device", device.name[:8].upper())
     assert done.code == 0, done.err
 
 
@@ -651,9 +627,9 @@ def test_help_loads_neither_numpy_nor_the_planner() -> None:
     assert after_help(f"print(sorted({slow} & set(sys.modules)))") == "[]"
 
 
-def test_an_escape_in_a_graph_file_is_no_text(tactograph: Command, write: Write) -> None:
-    graph = write(SLOPES.replace("Height to slopes and back", '"\\e]0;owned\\a"'))
-    assert "control characters are not allowed" in one_line(tactograph("check", graph))
+def test_an_escape_in_a_graph_file_is_no_text(about: Command) -> None:
+    text = SLOPES.replace("Height to slopes and back", '"\\e]0;owned\\a"')
+    assert "control characters are not allowed" in one_line(about("check", text))
 
 
 def test_an_escape_in_a_file_s_name_does_not_reach_the_terminal(tactograph: Command) -> None:
@@ -662,29 +638,24 @@ def test_an_escape_in_a_file_s_name_does_not_reach_the_terminal(tactograph: Comm
     assert r"\x1b]0;owned\x07.yaml" in said
 
 
-def test_check_lists_where_a_graph_writes(tactograph: Command, write: Write) -> None:
-    done = tactograph("check", write(WRITING))
+def test_check_lists_where_a_graph_writes(about: Command) -> None:
+    done = about("check", WRITING)
     assert done.code == 0
     assert "writes: save.folder to $out" in done.out
 
 
-def test_results_do_not_go_into_what_is_read(
-    tactograph: Command, write: Write, captures: Path, height_file: str
-) -> None:
+def test_results_do_not_go_into_what_is_read(run_writing: Command, captures: Path) -> None:
     before = sorted(captures.rglob("*"))
-    words = [f"capture={captures}", f"file={height_file}", f"out={captures}/a/.."]
-    assert "is what capture=" in one_line(tactograph("run", write(WRITING), *words))
+    assert "is what capture=" in one_line(run_writing(out=f"{captures}/a/.."))
     assert sorted(captures.rglob("*")) == before
 
 
 def test_a_tilde_is_the_user_s_home(
-    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    run_writing: Command, captures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    words = [f"capture=~/{captures.relative_to(tmp_path)}", f"file={height_file}", "out=~/results"]
-    done = tactograph("run", write(WRITING), *words)
+    done = run_writing(capture=f"~/{captures.relative_to(tmp_path)}", out="~/results")
     assert done.code == 0, done.err
     assert f"written to {tmp_path / 'results'}" in done.out
     assert (tmp_path / "results").is_dir()
@@ -701,34 +672,25 @@ def test_what_matplotlib_is_told_to_draw_with_does_not_matter() -> None:
     [("capture", "no such folder"), ("file", "no such"), ("out", "cannot be written")],
 )
 def test_links_that_run_in_a_circle_are_no_place(
-    tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path,
-    name: str, message: str,
-) -> None:  # fmt: skip
+    run_writing: Command, tmp_path: Path, name: str, message: str
+) -> None:
     there, back = tmp_path / "there", tmp_path / "back"
     there.symlink_to(back)
     back.symlink_to(there)
-    given = {"capture": captures, "file": height_file, "out": tmp_path / "out", name: there}
-    words = [f"{param}={place}" for param, place in given.items()]
-    said = one_line(tactograph("run", write(WRITING), *words, "--quiet"))
+    said = one_line(run_writing("--quiet", **{name: there}))
     assert str(there) in said
     assert message in said
 
 
-def test_a_stream_without_an_item_is_no_success(
-    tactograph: Command, toys: list[str], write: Write
-) -> None:
-    said = one_line(tactograph("run", write(STREAM), "count=0", "--backend", "numpy"))
+def test_a_stream_without_an_item_is_no_success(about: Command) -> None:
+    said = one_line(about("run", STREAM, "count=0", "--backend", "numpy"))
     assert "ended before a first item" in said
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
-    tactograph: Command,
-    toys: list[str],
-    write: Write,
-    monkeypatch: pytest.MonkeyPatch,
-    number: signal.Signals,
+    about: Command, toys: list[str], monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
     class Freed:
         def __del__(self) -> None:
@@ -740,7 +702,7 @@ def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
 
     monkeypatch.setattr("tactograph.graph.commands.run._summary", summary)
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
-    done = tactograph("run", write(text), "--backend", "numpy")
+    done = about("run", text, "--backend", "numpy")
     assert (done.code, done.err.strip()) == (0, "stopped")
     assert [call for call in toys if "noted" in call] == ["noted 1"]
 
@@ -750,15 +712,10 @@ WAVERS = "  seen:   {op: wavers, in: {image: frames.image}}"
 
 @pytest.mark.parametrize(("forgotten_s", "lines"), [(10.0, 1), (-1.0, 3)])
 def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
-    tactograph: Command,
-    toys: list[str],
-    write: Write,
-    monkeypatch: pytest.MonkeyPatch,
-    forgotten_s: float,
-    lines: int,
+    about: Command, monkeypatch: pytest.MonkeyPatch, forgotten_s: float, lines: int
 ) -> None:
     monkeypatch.setattr("tactograph.graph.commands.run.FORGOTTEN_S", forgotten_s)
     text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
     text = text.replace("  save:   {op: noted, in: {image: light}}", WAVERS)
-    done = tactograph("run", write(text.replace("light: light,", "seen: seen,")), "--quiet")
+    done = about("run", text.replace("light: light,", "seen: seen,"), "--quiet")
     assert done.err.count("parts are dark") == lines

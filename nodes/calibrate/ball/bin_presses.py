@@ -54,8 +54,6 @@ def bin_presses(
         K x S x W, the presses as captured, on a sheet (`sheet`).
     flat, dark
         K x H x W and H x W.
-    pixel
-        mm per px.
     radius, known
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     marks

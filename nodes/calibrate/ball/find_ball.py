@@ -86,8 +86,6 @@ def find_ball(
     ----------
     light
         K x H x W, K from 3; relative to the film at rest, or as captured.
-    pixel
-        mm per px.
     radius_mm
         The ball's radius.
     center_px

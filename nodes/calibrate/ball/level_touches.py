@@ -36,8 +36,6 @@ def level_touches(
         K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
-    noise
-        (shot, read), as `estimate_noise` returns it.
     degree, rough
         As for `film_drift`.
     """

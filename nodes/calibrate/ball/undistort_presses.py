@@ -35,8 +35,6 @@ def undistort_presses(
         K x H x W, the first of them.
     known
         P x 3 in px of the captured images; the radius does not change.
-    lens
-        Length 8, as `read_lens` returns it.
     marks
         M x 3, marked balls: x, y in px, press.
     """

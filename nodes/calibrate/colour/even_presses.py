@@ -31,8 +31,6 @@ def even_presses(image: PressImages, flat: Light, circle: KnownCircles, lens: Le
         P x K x H x W presses and the K x H x W film at rest, as captured.
     circle
         P x 3 in px of the captured images; the radius does not change.
-    lens
-        Length 8, as `read_lens` returns it.
     """
     if is_straight(lens):
         return EvenPresses(image, flat, circle)

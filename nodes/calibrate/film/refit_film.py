@@ -150,8 +150,6 @@ def refit_film(
         that there is no ball.
     film, old_misfit
         Of the old calibration.
-    noise
-        (shot, read).
     pixel
         mm per px on the old film.
     even_pixel

@@ -24,10 +24,6 @@ def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
     ----------
     flat
         K x H x W; only its size is used.
-    film
-        The LEDs' and the film's properties.
-    pixel
-        mm per px.
 
     Returns
     -------

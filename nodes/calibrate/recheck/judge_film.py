@@ -54,8 +54,6 @@ def judge_film(
     ----------
     strength, ambient, shift, albedo, dent
         As `film_change` returns them, between the calibration's flat frame and today's.
-    pixel
-        mm per px.
 
     Returns
     -------

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light
 from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
-from tactograph.nodes.files.image_files import Channel, Crop, Leds, Lights
+from tactograph.nodes.capture.read_capture import Layout
 
 NO_BALL_MM = 1e3
 """Radius in mm that stands for no ball; so large that it limits nothing."""
@@ -21,11 +21,7 @@ def read_check(
     radius_mm: Millimetres | None = None,
     center_px: tuple[float, float] | None = None,
     contact_px: Millimetres | None = None,
-    lights: Lights | None = None,
-    leds: Leds | None = None,
-    files: str = "led{}",
-    crop: Crop | None = None,
-    channel: Channel | None = None,
+    layout: Layout,
 ) -> BallPresses:
     """Read check presses as `read_balls` does; without a folder, return the film at rest.
 
@@ -35,7 +31,7 @@ def read_check(
         K x H x W, the film at rest, whose size every press must have.
     folder
         A capture, or a folder of captures; None: there is no check press.
-    radius_mm, center_px, contact_px, lights, leds, files, crop, channel
+    radius_mm, center_px, contact_px
         As for `read_balls`.
 
     Raises
@@ -51,11 +47,7 @@ def read_check(
         radius_mm=radius_mm,
         center_px=center_px,
         contact_px=contact_px,
-        lights=lights,
-        leds=leds,
-        files=files,
-        crop=crop,
-        channel=channel,
+        **layout._asdict(),
     )
     if taken.first.shape != flat.shape:
         k, rows, columns = taken.first.shape

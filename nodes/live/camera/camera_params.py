@@ -8,6 +8,8 @@ from tactograph.nodes.files.sensor_identity import SensorIdentity, UsedCalibrati
 from tactograph.nodes.live.camera._camera_names import serial_of
 from tactograph.nodes.live.camera.open_camera import CameraSettings, Library
 
+SIMULATED_NAME = "simulated"
+
 
 class CameraParams(NamedTuple):
     """A camera, and the settings requested of its driver.
@@ -48,6 +50,11 @@ class CameraParams(NamedTuple):
         return CameraSettings(
             width, height, self.rate, self.exposure, self.gain, self.white_balance, colour=colour
         )
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the sensor is a simulated one."""
+        return str(self.camera).partition("?")[0] == SIMULATED_NAME
 
     @property
     def full_scale(self) -> float:

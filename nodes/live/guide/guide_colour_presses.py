@@ -103,10 +103,7 @@ def guide_colour_presses(
     folder = new_folder(guide.file)
     preset = None if sensor is None else read_preset(sensor)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
-    wanted = driver.wanted(guide.width_px, guide.height_px, colour=True)
-    source = open_colour_sensor(
-        driver.camera, wanted, preset=preset, library=driver.library, timeout=driver.timeout_s
-    )
+    source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
     with closing(source):
         if warm_up_s is None:
             warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0

@@ -27,6 +27,7 @@ from tactograph.nodes.live.touches.sensor import open_rig
 from tactograph.nodes.live.touches.touch_stream import Stream
 from tactograph.nodes.optics.sheet import SheetLight
 from tactograph.nodes.stream.frames import LiveFrames
+from tactograph.nodes.stream.led_in_frame import make_film
 
 SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""
@@ -91,19 +92,16 @@ def guide_presses(
     """
     folder = new_folder(guide.file)
     pressed = folder / "pressed"
-    wanted = driver.wanted(guide.width_px, guide.height_px)
-    rig = open_rig(
-        driver.camera, port, wanted, leds=leds, library=driver.library, timeout=driver.timeout_s
-    )
+    rig = open_rig(driver, port, (guide.width_px, guide.height_px), leds=leds)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
         image, black = film_at_rest(rig, driver.bits, guide.patience_s)
         _save_film(folder, image, black)
         film = read_flat(image, black=black, folder=folder / "untouched")
         rig.lamps.resume()
-        sensor = rig.with_film(*film)
-        stream = Stream(sensor, "cycle", driver.full_scale)
-        watch = Watch(sensor.film, stream, guide.still_s, guide.patience_s)
+        rest = make_film(*film)
+        stream = Stream(rig, rest, film.dark, "cycle", driver.full_scale)
+        watch = Watch(rest, stream, guide.still_s, guide.patience_s)
         radius_mm = guide.ball_radius_mm
         count = 0
         ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=radius_mm)

@@ -1,8 +1,7 @@
 """A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
 
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -12,10 +11,10 @@ from tactograph.graph import InputError
 from tactograph.nodes import Height
 from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.live.camera.camera import Camera, Shot
+from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.camera.open_camera import (
     CameraSettings,
     Capture,
-    Library,
     Plane,
     View,
     check_camera,
@@ -28,8 +27,8 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tactograph.nodes.live.touches.fault_log import FaultLog
-from tactograph.nodes.live.touches.sensor import SIMULATED_NAME, START_S
-from tactograph.nodes.live.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, REOPEN_S, each_touch
+from tactograph.nodes.live.touches.sensor import START_S
+from tactograph.nodes.live.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
 from tactograph.nodes.stream.colour_planes import Order, planes_of
 from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
 from tactograph.nodes.stream.led_in_frame import (
@@ -72,18 +71,16 @@ class ColourSensor:
 
 
 def open_colour_sensor(
-    camera: int | str,
-    wanted: CameraSettings,
+    driver: CameraParams,
+    size: tuple[int | None, int | None],
     *,
     preset: SensorPreset | None = None,
-    library: Library = "opencv",
     queue: int = 8,
-    timeout: float = 0.5,
 ) -> ColourSensor:
     """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
 
-    The preset completes `wanted`.  Its view is applied to a real camera's pictures; a simulated
-    camera delivers frames to which the view is already applied.
+    The preset completes the settings, and the size where that is None.  Its view is applied to a
+    real camera's pictures; a simulated camera delivers frames to which it is already applied.
 
     Raises
     ------
@@ -93,17 +90,17 @@ def open_colour_sensor(
     """
     table: SimulatedColourSensor | None = None
     once = False
-    if str(camera).partition("?")[0] == SIMULATED_NAME:
-        table = SimulatedColourSensor(read_scene(str(camera), ColourScene, _film_of(preset)))
-        wanted = replace(wanted, format=None, view=None)
+    wanted = driver.wanted(*size, colour=True)
+    if driver.is_simulated:
+        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, _film_of(preset)))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
-        once = check_camera(camera, library)
+        once = check_camera(driver.camera, driver.library)
         wanted = wanted if preset is None else _with_preset(wanted, preset)
-        connect = partial(open_capture, camera, library, colour=True)
-    source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+        connect = partial(open_capture, driver.camera, driver.library, colour=True)
+    source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
     try:
-        source.check(START_S, camera)
+        source.check(START_S, driver.camera)
     except BaseException:
         source.close()
         raise
@@ -147,7 +144,7 @@ def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings
 
 
 @dataclass
-class ColourStream:
+class ColourStream(TouchStream):
     """Turns a camera's colour frames into touches.
 
     Parameters
@@ -171,17 +168,10 @@ class ColourStream:
     state: LiveState = field(default_factory=LiveState)
 
     def __post_init__(self) -> None:
+        self._camera = self.sensor.camera
         self._log = FaultLog(self.state, None, COLOUR_FAULTS)
-        self._connected = self.sensor.camera.connections
+        self._connected = self._camera.connections
         self._before: Plane | None = None
-        self._reopened = 0.0
-
-    def touches(
-        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
-    ) -> Iterator[LiveFrames]:
-        """Yield touches until the time, their number or a video file ends."""
-        camera = self.sensor.camera
-        return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
     def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
         self._supervise(len(shots) - 1)
@@ -190,13 +180,11 @@ class ColourStream:
 
     def _supervise(self, passed_over: int) -> None:
         """Count the camera's faults, and the frames that newer ones replace."""
-        camera = self.sensor.camera
+        camera = self._camera
         camera.faults["dropped"] += max(passed_over, 0)
         self._log.take(Counter(camera.faults))
         self.state.dropped = camera.faults["dropped"]
-        for line in camera.refused:
-            self._log.add(line)
-        camera.refused = []
+        self._tell_of_camera()
         if camera.connections != self._connected:
             self._connected = camera.connections
             self._log.restart()
@@ -207,9 +195,8 @@ class ColourStream:
         fault = self._fault(shot.data)
         if fault:
             self._log.note(fault)
-        if fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
-            self._reopened = time.monotonic()
-            self.sensor.camera.reopen()
+        if fault == "wrong size":
+            self._reopen()
         return not fault
 
     def _fault(self, data: Plane) -> str:

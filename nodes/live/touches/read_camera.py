@@ -12,10 +12,11 @@ from tactograph.graph import FRACTIONS, InputError, Whole, node
 from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
 from tactograph.nodes.files.sensor_identity import UsedCalibration
 from tactograph.nodes.live.camera.camera_params import CameraParams
-from tactograph.nodes.live.touches.sensor import open_sensor
+from tactograph.nodes.live.touches.sensor import open_rig
 from tactograph.nodes.live.touches.touch_stream import Stream
 from tactograph.nodes.stream.assemble import Refresh
 from tactograph.nodes.stream.frames import LiveFrames, LiveState
+from tactograph.nodes.stream.led_in_frame import make_film
 
 _ONE_SHOT = "a one-shot sensor, whose colours are lit at once, is read by 'op: read_colour_camera'"
 
@@ -82,21 +83,13 @@ def read_camera(
         raise InputError(f"{used.calibration}: {_ONE_SHOT}, not by read_camera")
     driver.check_calibration(used)
     height, width = dark.shape
-    sensor = open_sensor(
-        driver.camera,
-        port,
-        flat,
-        dark,
-        driver.wanted(width, height),
-        ambient=ambient,
-        library=driver.library,
-        queue=queue,
-        timeout=driver.timeout_s,
-    )
+    sensor = open_rig(driver, port, (width, height), leds=len(flat), ambient=ambient, queue=queue)
     with closing(sensor):
         cycle = {"lights": "leds", "refresh": refresh, "cycle": list(sensor.cycle)}
         stream = Stream(
             sensor,
+            make_film(flat, dark),
+            dark,
             refresh,
             driver.full_scale,
             whole,

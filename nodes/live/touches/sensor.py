@@ -1,6 +1,4 @@
-"""A live sensor, real or simulated: its camera, its LEDs, and its film at rest."""
-
-from __future__ import annotations
+"""A live sensor, real or simulated: its camera and its LEDs."""
 
 import math
 import shutil
@@ -13,18 +11,12 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Protocol
 
 from tactograph.graph import InputError
-from tactograph.nodes import Dark, Height, Light
+from tactograph.nodes import Height
 from tactograph.nodes.live.camera.camera import Camera
-from tactograph.nodes.live.camera.open_camera import (
-    CameraSettings,
-    Capture,
-    Library,
-    check_camera,
-    open_capture,
-)
+from tactograph.nodes.live.camera.camera_params import SIMULATED_NAME, CameraParams
+from tactograph.nodes.live.camera.open_camera import Capture, check_camera, open_capture
 from tactograph.nodes.live.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -35,46 +27,13 @@ from tactograph.nodes.live.simulated.simulated_camera import LitBetween, Simulat
 from tactograph.nodes.live.simulated.simulated_controller import SimulatedController
 from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor, read_scene
 from tactograph.nodes.live.touches._match_frames import Clock
-from tactograph.nodes.stream.led_in_frame import RestFilm, make_film
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
-SIMULATED_NAME = "simulated"
 START_S = 3.0
 """Longest time until a camera's first frame."""
 CLOCK_SAMPLES = 64
 """Times per step at which the clock is searched for the next change."""
-
-
-class Lamps(Protocol):
-    """The LEDs: their clock, and the faults of their controller."""
-
-    @property
-    def faults(self) -> Counter[str]:
-        """Count of each fault."""
-
-    @property
-    def clock(self) -> Clock | None:
-        """A function that gives the LED lit at a time; None if it is unknown."""
-
-    @property
-    def starts(self) -> int:
-        """Count of the cycle's starts."""
-
-    def shift(self, steps: float) -> None:
-        """Restart the cycle so that it changes LEDs `steps` of a step later."""
-
-    def hold(self, led: int) -> None:
-        """Light one LED, 0 for none, until the cycle is resumed."""
-
-    def resume(self) -> None:
-        """Start the cycle again."""
-
-    def news(self) -> list[str]:
-        """Events since the last call, one line each."""
-
-    def close(self) -> None:
-        """Switch all LEDs off and release the controller."""
 
 
 @dataclass
@@ -177,15 +136,12 @@ class ControlledLamps:
         return next((moment for (_, one), (moment, two) in pairs if one != two), None)
 
 
+Lamps = FreeLamps | ControlledLamps
+
+
 @dataclass
 class Rig:
-    """A running camera and its LEDs, whose film at rest is not known yet.
-
-    Attributes
-    ----------
-    table, board, link
-        The simulated sensor and controller, and the path of its port.
-    """
+    """A running camera and its LEDs; if they are simulated, also their film and controller."""
 
     camera: Camera
     lamps: Lamps
@@ -193,43 +149,15 @@ class Rig:
     rate: float
     table: SimulatedSensor | None
     board: SimulatedController | None
-    link: Path | None
-
-    def with_film(self, flat: Light, dark: Dark) -> Sensor:
-        """The sensor, once its film at rest is known: K x H x W and H x W."""
-        return Sensor(
-            self.camera,
-            self.lamps,
-            self.cycle,
-            self.rate,
-            self.table,
-            self.board,
-            self.link,
-            make_film(flat, dark),
-            dark,
-        )
+    closing: ExitStack
 
     def truth(self, end: float) -> Height | None:
         """The true height for a frame whose exposure ended at `end`, if known."""
         return None if self.table is None else self.table.truth(end)
 
     def close(self) -> None:
-        """Switch the LEDs off and close the camera."""
-        with ExitStack() as stack:
-            if self.board is not None:
-                stack.callback(self.board.close)
-            if self.link is not None:
-                stack.callback(shutil.rmtree, self.link.parent, ignore_errors=True)
-            stack.callback(self.camera.close)
-            stack.callback(self.lamps.close)
-
-
-@dataclass
-class Sensor(Rig):
-    """A rig with the film at rest from its calibration, as `read_camera` uses it."""
-
-    film: RestFilm
-    dark: Dark
+        """Close the camera and switch the LEDs off."""
+        self.closing.close()
 
 
 def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
@@ -242,68 +170,28 @@ def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
     return lit_between
 
 
-def open_sensor(
-    camera: int | str,
-    port: str | None,
-    flat: Light,
-    dark: Dark,
-    wanted: CameraSettings,
-    *,
-    ambient: bool = False,
-    library: Library = "opencv",
-    queue: int = 8,
-    timeout: float = 0.5,
-) -> Sensor:
-    """Open the sensor for `read_camera`, like `open_rig`.
-
-    Parameters
-    ----------
-    flat, dark
-        From the calibration, K x H x W and H x W.
-    """
-    rig = open_rig(
-        camera,
-        port,
-        wanted,
-        leds=len(flat),
-        ambient=ambient,
-        library=library,
-        queue=queue,
-        timeout=timeout,
-    )
-    try:
-        return rig.with_film(flat, dark)
-    except BaseException:
-        rig.close()
-        raise
-
-
 def open_rig(
-    camera: int | str,
+    driver: CameraParams,
     port: str | None,
-    wanted: CameraSettings,
+    size: tuple[int | None, int | None],
     *,
     leds: int,
     ambient: bool = False,
-    library: Library = "opencv",
     queue: int = 8,
-    timeout: float = 0.5,
 ) -> Rig:
     """Open a camera and start the cycle of its LEDs.
 
     Parameters
     ----------
-    camera, port
+    driver, port
         As for `read_camera`.
-    wanted
-        The settings to request from the camera.
+    size
+        Width and height to request from the camera; None keeps the driver's.
     leds
         Number of LEDs.
     ambient
         Whether the cycle has a step with all LEDs off.
-    library
-        As for `read_camera`.
-    queue, timeout
+    queue
         As for `Camera`.
 
     Raises
@@ -314,13 +202,12 @@ def open_rig(
     cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
     table: SimulatedSensor | None = None
     board: SimulatedController | None = None
-    link: Path | None = None
     once = False
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
-        if str(camera).partition("?")[0] == SIMULATED_NAME:
-            table = SimulatedSensor(read_scene(str(camera), Scene))
-            lit_between = steady(cycle, wanted.rate, table.start)
+        if driver.is_simulated:
+            table = SimulatedSensor(read_scene(str(driver.camera), Scene))
+            lit_between = steady(cycle, driver.rate, table.start)
             if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.
                 link = Path(mkdtemp()) / "controller"
@@ -332,15 +219,15 @@ def open_rig(
         elif port == SIMULATED_NAME:
             raise InputError("port=simulated goes with camera=simulated")
         else:
-            once = check_camera(camera, library)
-            connect = partial(open_capture, camera, library)
-        lamps = open_lamps(port, cycle, wanted.rate)
+            once = check_camera(driver.camera, driver.library)
+            connect = partial(open_capture, driver.camera, driver.library)
+        lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        source = Camera(connect, wanted, queue=queue, timeout=timeout, once=once)
+        wanted = driver.wanted(*size)
+        source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
         undo.callback(source.close)
-        source.check(START_S, camera)
-        undo.pop_all()
-    return Rig(source, lamps, cycle, wanted.rate, table, board, link)
+        source.check(START_S, driver.camera)
+        return Rig(source, lamps, cycle, driver.rate, table, board, undo.pop_all())
 
 
 def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:

@@ -2,16 +2,17 @@
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
+from tactograph.nodes import Dark
 from tactograph.nodes.live.camera.camera import Camera, Shot
 from tactograph.nodes.live.touches._match_frames import Matcher, Verdict
 from tactograph.nodes.live.touches.fault_log import FaultLog
-from tactograph.nodes.live.touches.sensor import Sensor
+from tactograph.nodes.live.touches.sensor import Rig
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.frames import LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.led_in_frame import light_of
+from tactograph.nodes.stream.led_in_frame import RestFilm, light_of
 
 MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""
@@ -39,14 +40,56 @@ SEARCH_MESSAGE = (
 )
 
 
+class TouchStream:
+    """A stream of touches, which `_touch_with` makes of new frames, perhaps none."""
+
+    _camera: Camera
+    _log: FaultLog
+    _touch_with: Callable[[list[Shot]], LiveFrames | None]
+    _reopened = 0.0
+
+    def touches(
+        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
+    ) -> Iterator[LiveFrames]:
+        """Yield touches until the time, their number or a video file ends.
+
+        Faults are reported after `timeout` seconds without a frame.
+        """
+        end = None if seconds is None else time.monotonic() + seconds
+        while end is None or time.monotonic() < end:
+            shots = self._camera.shots(timeout)
+            touch = self._touch_with(shots)
+            self._log.tell(with_item=touch is not None)
+            if touch is not None:
+                yield touch
+            if items is not None and self._log.state.touches >= items:
+                return
+            if self._camera.ended and not shots:
+                return
+
+    def _tell_of_camera(self, news: Iterable[str] = ()) -> None:
+        """Report what the driver refused, and other news."""
+        for line in (*self._camera.refused, *news):
+            self._log.add(line)
+        self._camera.refused = []
+
+    def _reopen(self) -> None:
+        """Open the camera again, unless that was just done."""
+        if time.monotonic() - self._reopened > REOPEN_S:
+            self._reopened = time.monotonic()
+            self._camera.reopen()
+
+
 @dataclass
-class Stream:
+class Stream(TouchStream):
     """Turns a sensor's frames into touches.
 
     Parameters
     ----------
     sensor
-        Camera, LEDs and film; not closed here.
+        Camera and LEDs; not closed here.
+    film, dark
+        The film at rest, and H x W with all LEDs off.
     refresh, full, whole
         As for `Assembler`.
     motion_limit, skip_moving
@@ -56,7 +99,9 @@ class Stream:
         The counters.
     """
 
-    sensor: Sensor
+    sensor: Rig
+    film: RestFilm
+    dark: Dark
     refresh: Refresh = "rolling"
     full: float = 0.0
     whole: bool = False
@@ -65,18 +110,11 @@ class Stream:
     state: LiveState = field(default_factory=LiveState)
 
     def __post_init__(self) -> None:
-        sensor = self.sensor
-        self._matcher = Matcher(
-            sensor.film, sensor.cycle, sensor.rate, sensor.lamps.clock, self.full
-        )
+        sensor, film = self.sensor, self.film
+        self._camera = sensor.camera
+        self._matcher = Matcher(film, sensor.cycle, sensor.rate, sensor.lamps.clock, self.full)
         self._assembler = Assembler(
-            sensor.film,
-            sensor.dark,
-            sensor.cycle,
-            sensor.rate,
-            self.refresh,
-            self.full,
-            self.whole,
+            film, self.dark, sensor.cycle, sensor.rate, self.refresh, self.full, self.whole
         )
         self._log = FaultLog(self.state, sensor.rate)
         self._connected = sensor.camera.connections, sensor.lamps.starts
@@ -84,17 +122,9 @@ class Stream:
         self._tried: deque[float] = deque(maxlen=MAX_SHIFTS)
         self._later: bool | None = None
         self._margin = START_MARGIN_STEPS
-        self._reopened = 0.0
         self._search()
         # While no touch is due, as when all frames of an LED fail, the oldest are dropped.
         self._new: deque[RawFrame] = deque(maxlen=max(MAX_WAITING_FRAMES, 4 * len(sensor.cycle)))
-
-    def touches(
-        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
-    ) -> Iterator[LiveFrames]:
-        """Yield touches until the time, their number or a video file ends."""
-        camera = self.sensor.camera
-        return each_touch(camera, self._log, self._touch_with, timeout, seconds, items)
 
     def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
         self._supervise()
@@ -104,14 +134,12 @@ class Stream:
 
     def _supervise(self) -> None:
         """Count faults of camera and controller; after a reconnection, forget older frames."""
-        camera, lamps = self.sensor.camera, self.sensor.lamps
+        camera, lamps = self._camera, self.sensor.lamps
         counted = camera.faults + lamps.faults
         del counted["lost"]  # counted here by the frames' times
         self._log.take(counted)
         self.state.dropped = camera.faults["dropped"]
-        for line in (*camera.refused, *lamps.news()):
-            self._log.add(line)
-        camera.refused = []
+        self._tell_of_camera(lamps.news())
         connected = camera.connections, lamps.starts
         if connected != self._connected:
             self._connected = connected
@@ -169,9 +197,8 @@ class Stream:
             self._separate(sum(self._overlaps) / len(self._overlaps))
         if verdict.fault == "slipped":
             self._assembler.restart()
-        if verdict.fault == "wrong size" and time.monotonic() - self._reopened > REOPEN_S:
-            self._reopened = time.monotonic()
-            self.sensor.camera.reopen()
+        if verdict.fault == "wrong size":
+            self._reopen()
 
     def _reach(self, verdict: Verdict) -> float:
         """The share of the exposure in the next LED's step; negative: in the previous one's."""
@@ -223,33 +250,3 @@ class Stream:
         state = replace(self.state, faults=Counter(self.state.faults))
         truth = self.sensor.truth(newest.time)
         return LiveFrames(image, f"{self.state.touches:06}", newest.time, new, state, truth)
-
-
-def each_touch(
-    camera: Camera,
-    log: FaultLog,
-    touch_with: Callable[[list[Shot]], LiveFrames | None],
-    timeout: float,
-    seconds: float | None,
-    items: int | None,
-) -> Iterator[LiveFrames]:
-    """Yield touches until the time, their number or a video file ends.
-
-    Parameters
-    ----------
-    touch_with
-        Takes new frames (perhaps none) and returns the touch that is due.
-    timeout
-        Seconds to wait for a frame before faults are reported.
-    """
-    end = None if seconds is None else time.monotonic() + seconds
-    while end is None or time.monotonic() < end:
-        shots = camera.shots(timeout)
-        touch = touch_with(shots)
-        log.tell(with_item=touch is not None)
-        if touch is not None:
-            yield touch
-        if items is not None and log.state.touches >= items:
-            return
-        if camera.ended and not shots:
-            return

@@ -46,8 +46,6 @@ def live_statistics(
 
     Parameters
     ----------
-    height
-        H x W in mm.
     time
         The end of its newest exposure, in s of ``time.monotonic()``.
     state

@@ -8,7 +8,8 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.files.sensor_preset import PRESET_FOLDER, read_preset
-from tactograph.nodes.live.camera.open_camera import CameraSettings, View
+from tactograph.nodes.live.camera.camera_params import CameraParams
+from tactograph.nodes.live.camera.open_camera import View
 from tactograph.nodes.live.touches.colour_stream import open_colour_sensor
 
 
@@ -79,13 +80,13 @@ def test_a_picture_that_is_right_already_stays_as_it_is() -> None:
 def test_a_calibration_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"gives 320 x 240 pixels, but the calibration is for 64"):
         open_colour_sensor(
-            "/dev/video99", CameraSettings(64, 48, 30.0), preset=read_preset("gelsight_mini")
+            CameraParams("/dev/video99"), (64, 48), preset=read_preset("gelsight_mini")
         )
 
 
 def test_a_simulated_sensor_has_the_presets_size() -> None:
     sensor = open_colour_sensor(
-        "simulated", CameraSettings(None, None, 30.0, colour=True), preset=read_preset("digit")
+        CameraParams("simulated"), (None, None), preset=read_preset("digit")
     )
     try:
         (shot, *_) = sensor.camera.shots(2.0)

@@ -10,7 +10,7 @@ import pytest
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.live.camera.open_camera import CameraSettings
+from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.simulated.simulated_camera import SimulatedCamera
 from tactograph.nodes.live.simulated.simulated_colour_sensor import (
     ColourScene,
@@ -28,14 +28,14 @@ from tests.nodes.live.oneshot import MOVING, calibrated
 
 pytestmark = pytest.mark.realtime
 
-WANTED = CameraSettings(96, 72, 30.0, colour=True)
+DRIVER, SIZE = CameraParams(MOVING, timeout_s=0.3), (96, 72)
 FILM = SimulatedColourSensor(read_scene(MOVING, ColourScene), start=0.0)
 FLAT = planes_of(np.mean([FILM.picture(0.0, n) for n in range(8)], axis=0), "bgr", 255)
 
 
 @pytest.fixture
 def stream() -> Iterator[ColourStream]:
-    sensor = open_colour_sensor(MOVING, WANTED, timeout=0.3)
+    sensor = open_colour_sensor(DRIVER, SIZE)
     yield ColourStream(sensor, make_film(FLAT))
     sensor.close()
 
@@ -145,12 +145,12 @@ def test_a_grey_camera_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(colour_stream, "SimulatedCamera", Grey)
     with pytest.raises(InputError, match="delivers grey pictures"):
-        open_colour_sensor(MOVING, WANTED)
+        open_colour_sensor(DRIVER, SIZE)
 
 
 def test_a_picture_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match="delivers 96 x 72 pixels, but the calibration is for 64"):
-        open_colour_sensor(MOVING, CameraSettings(64, 48, 30.0, colour=True))
+        open_colour_sensor(DRIVER, (64, 48))
 
 
 def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:

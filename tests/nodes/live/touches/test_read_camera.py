@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,11 +18,13 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.live.camera.camera_params import CameraParams
 from tactograph.nodes.live.camera.open_camera import CameraSettings, settle
 from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor, read_scene
-from tactograph.nodes.live.touches.sensor import Sensor, open_sensor
+from tactograph.nodes.live.touches.sensor import Rig, open_rig
 from tactograph.nodes.live.touches.touch_stream import Stream
 from tactograph.nodes.stream.frames import LiveFrames
+from tactograph.nodes.stream.led_in_frame import make_film
 
 pytestmark = pytest.mark.realtime
 
@@ -30,21 +33,32 @@ SCENE = (
     f"simulated?width_px={WIDTH}&height_px={HEIGHT}&pixel_size_mm=0.15&slant_deg=33"
     "&distance_mm=60&depth_mm=0.8&path_mm=1"
 )
-WANTED = CameraSettings(WIDTH, HEIGHT, RATE)
 LATEST = 2.5
 """Seconds within which a stream has to be back, on a machine that does much else besides."""
 FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._flat[k] for k in range(4)])
 DARK = np.zeros((HEIGHT, WIDTH), np.float32)
 
 
+def opened(
+    port: str = "none", camera: str = SCENE, size: tuple[int, int] = (WIDTH, HEIGHT),
+    timeout_s: float = 0.5, **options: Any,
+) -> Rig:  # fmt: skip
+    driver = CameraParams(camera, rate=RATE, timeout_s=timeout_s)
+    return open_rig(driver, port, size, leds=4, **options)
+
+
+def stream_of(sensor: Rig) -> Stream:
+    return Stream(sensor, make_film(FLAT, DARK), DARK)
+
+
 class Running:
     """A stream in a thread of its own, as it runs in a pipeline."""
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Rig) -> None:
         assert sensor.table is not None
         assert sensor.board is not None
         self.sensor, self.table, self.board = sensor, sensor.table, sensor.board
-        self.stream = Stream(sensor)
+        self.stream = stream_of(sensor)
         self.touches: list[tuple[float, LiveFrames]] = []
         self.lines: list[str] = []
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -92,7 +106,7 @@ class Running:
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[Running]:
-    sensor = open_sensor(SCENE, "simulated", FLAT, DARK, WANTED, timeout=0.3)
+    sensor = opened("simulated", timeout_s=0.3)
     running = Running(sensor)
     running.back_after(time.monotonic())
     yield running
@@ -240,8 +254,8 @@ def test_every_fault_was_told_in_one_line(running: Running) -> None:
 
 
 def test_at_the_end_the_leds_are_dark_and_the_camera_closed() -> None:
-    sensor = open_sensor(SCENE, "simulated", FLAT, DARK, WANTED)
-    touches = Stream(sensor).touches()
+    sensor = opened("simulated")
+    touches = stream_of(sensor).touches()
     next(touches)
     touches.close()
     assert sensor.board is not None
@@ -253,8 +267,8 @@ def test_at_the_end_the_leds_are_dark_and_the_camera_closed() -> None:
 
 
 def test_a_slow_reader_gets_the_newest_frames_and_drops_are_counted() -> None:
-    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED, queue=4)
-    stream = Stream(sensor)
+    sensor = opened(queue=4)
+    stream = stream_of(sensor)
     touches = stream.touches()
     next(touches)
     time.sleep(0.5)
@@ -266,8 +280,8 @@ def test_a_slow_reader_gets_the_newest_frames_and_drops_are_counted() -> None:
 
 
 def test_without_a_controller_the_images_decide() -> None:
-    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
-    touches = list(Stream(sensor).touches(items=8))
+    sensor = opened()
+    touches = list(stream_of(sensor).touches(items=8))
     sensor.close()
     frames = [frame for touch in touches for frame in touch.new]
     for one, next_ in pairwise(frames):
@@ -276,17 +290,17 @@ def test_without_a_controller_the_images_decide() -> None:
 
 
 def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
-    sensor = open_sensor(f"{SCENE}&ambient=0.08", "none", FLAT, DARK, WANTED, ambient=True)
-    *_, touch = Stream(sensor).touches(items=12)
+    sensor = opened(camera=f"{SCENE}&ambient=0.08", ambient=True)
+    *_, touch = stream_of(sensor).touches(items=12)
     sensor.close()
     assert np.median(touch.image / FLAT, axis=(1, 2)) == pytest.approx(1, abs=0.003)
 
 
 def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
     """Half of the frames are missing; each of the others shows its LED all the same."""
-    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
+    sensor = opened()
     sensor.rate = 2 * RATE
-    stream = Stream(sensor)
+    stream = stream_of(sensor)
     for _ in stream.touches(seconds=2.6):
         pass
     sensor.close()
@@ -294,10 +308,10 @@ def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
 
 
 def test_an_led_that_is_not_as_bright_as_calibrated_is_named() -> None:
-    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
+    sensor = opened()
     assert sensor.table is not None
     with collect_warnings([]) as lines:
-        touches = Stream(sensor).touches()
+        touches = stream_of(sensor).touches()
         next(touches)
         assert not lines
         sensor.table.strength[2] = 0.8
@@ -308,8 +322,8 @@ def test_an_led_that_is_not_as_bright_as_calibrated_is_named() -> None:
 
 
 def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
-    sensor = open_sensor(SCENE, "none", FLAT, DARK, WANTED)
-    (touch,) = Stream(sensor).touches(items=1)
+    sensor = opened()
+    (touch,) = stream_of(sensor).touches(items=1)
     sensor.close()
     assert touch.truth.shape == (HEIGHT, WIDTH)
     assert 0 < touch.truth.max() < 0.8
@@ -326,8 +340,8 @@ def test_the_real_videocapture_reads_a_file_of_the_same_frames(tmp_path: Path) -
         image = table.image(shares, 2 + n / RATE, n)
         writer.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
     writer.release()
-    sensor = open_sensor(str(file), "none", FLAT, DARK, WANTED, queue=32)
-    touches = list(Stream(sensor).touches())
+    sensor = opened(camera=str(file), queue=32)
+    touches = list(stream_of(sensor).touches())
     sensor.close()
     frames = [frame for touch in touches for frame in touch.new]
     assert [frame.led for frame in frames] == [1, 2, 3, 4] * 5
@@ -372,14 +386,13 @@ def test_what_the_driver_refuses_is_told() -> None:
 )
 def test_what_cannot_be_opened_is_said_in_one_line(camera: str, port: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as error:
-        open_sensor(camera, port, FLAT, DARK, WANTED).close()
+        opened(port, camera).close()
     assert "\n" not in str(error.value)
 
 
 def test_a_camera_of_another_size_is_refused_at_the_start() -> None:
-    other = np.ones((4, 60, 80), np.float32)
     with pytest.raises(InputError, match="160 x 120 pixels"):
-        open_sensor(SCENE, "none", other, other[0] * 0, CameraSettings(80, 60, RATE)).close()
+        opened(size=(80, 60)).close()
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, InputError])
@@ -389,7 +402,6 @@ def test_a_camera_of_another_size_is_refused_at_the_start() -> None:
         "camera.camera.Camera.check",
         "controller.led_controller.LedController._restore",
         "touches.sensor.ControlledLamps._start",
-        "touches.sensor.make_film",
     ],
 )
 def test_nothing_stays_open_when_opening_is_broken_off(
@@ -405,7 +417,7 @@ def test_nothing_stays_open_when_opening_is_broken_off(
     monkeypatch.setattr(f"tactograph.nodes.live.{where}", broken_off)
     before = set(threading.enumerate())
     with pytest.raises(stop):
-        open_sensor(SCENE, "simulated", FLAT, DARK, WANTED)
+        opened("simulated")
     assert not folder.exists()
     left = [thread for thread in threading.enumerate() if thread not in before]
     for thread in left:

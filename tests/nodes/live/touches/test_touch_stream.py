@@ -33,10 +33,8 @@ def stream() -> Stream:
     lamps = SimpleNamespace(clock=None, faults=Counter(), starts=0, news=list)
     camera = SimpleNamespace(faults=Counter(), refused=[], connections=1)
     film = make_film(np.ones((4, *SHAPE), np.float32))
-    sensor: Any = SimpleNamespace(
-        film=film, dark=dark, cycle=CYCLE, rate=30.0, lamps=lamps, camera=camera
-    )
-    return Stream(sensor)
+    sensor: Any = SimpleNamespace(cycle=CYCLE, rate=30.0, lamps=lamps, camera=camera)
+    return Stream(sensor, film, dark)
 
 
 @pytest.fixture
