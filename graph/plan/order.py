@@ -35,7 +35,8 @@ def order(dag: StepGraph, draft: Draft) -> list[Step]:
         waits = task is not None and task.node.finds_sizes
         return step.stream, group, not step.on_device or waits, -transfers, -steps, place, name
 
-    sorter, ready, steps = TopologicalSorter(dag.waits), [], []
+    sorter, steps = TopologicalSorter(dag.waits), []
+    ready: list[tuple[bool, int, bool, int, int, int, str]] = []
     sorter.prepare()
     while sorter.is_active():
         for name in sorter.get_ready():
