@@ -1,7 +1,5 @@
 """Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Pictures of calibrations, which replace earlier ones of their kind and nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
