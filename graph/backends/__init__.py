@@ -4,8 +4,6 @@ NumPy is a plain call and needs no code here.  A device's back end NAME is the m
 this folder with ``open_device(text) -> (DeviceBackend | None, reason)``, and an entry below.
 """
 
-from __future__ import annotations
-
 from typing import Literal, get_args
 
 Backend = Literal["numpy", "opencl"]

@@ -1,7 +1,5 @@
 """Arrays on a device, and the work-items that go over them."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

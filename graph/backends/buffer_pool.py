@@ -5,8 +5,6 @@ same buffers as the item before, so each launch gets the buffers that it had bef
 enqueued again as it was (see `Prepared`).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import defaultdict
 from collections.abc import Callable

@@ -5,8 +5,6 @@ still plans, goes through a plan's programs, passes over those that another proc
 them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import subprocess

@@ -1,7 +1,5 @@
 """A node's kernels, compiled for one device."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any

@@ -1,7 +1,5 @@
 """Nodes that a node on the host calls, and that run on a device."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any

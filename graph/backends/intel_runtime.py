@@ -6,8 +6,6 @@ system's, so `listed` names a folder that holds both the system's drivers and th
 the loader of Khronos loads the drivers that OCL_ICD_FILENAMES names before those of the registry.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

@@ -1,7 +1,5 @@
 """Kernel sources: headers expanded, and the signature compared with the declaration."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """The argument of a node's launch function: its arrays on the device, and its kernels."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, TypeVar

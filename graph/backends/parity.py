@@ -5,8 +5,6 @@ For every node with a kernel, the NumPy function is compared with the kernel ove
 launch; inputs must be unchanged after it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from types import FunctionType
 from typing import Any

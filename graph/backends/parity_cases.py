@@ -1,7 +1,5 @@
 """The cases in which implementations of a node are compared: shapes, fills, parameter extremes."""
 
-from __future__ import annotations
-
 import typing
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ into which Python writes how the process died.  The next process reads the note 
 programs to another folder.
 """
 
-from __future__ import annotations
-
 import atexit
 import faulthandler
 import os

@@ -4,8 +4,6 @@ An item with the same buffers and numbers enqueues the same kernels again, argum
 That takes a fifth of the time and skips the node's launch function.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NamedTuple
 

@@ -7,8 +7,6 @@ them.  PoCL compiles every kernel of a program to hand out a binary: set PYOPENC
 few of them are launched.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import warnings

@@ -1,7 +1,5 @@
 """Garbage collection in a process of our own: seldom, and not at its end."""
 
-from __future__ import annotations
-
 import atexit
 import gc
 

@@ -1,7 +1,5 @@
 """Values on the device: transfers, launches and their times."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Executors: which steps of a plan run for an item, and how often."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -32,6 +30,8 @@ def part_of(plan: Plan, *, stream: bool) -> Part:
 class Executor:
     """Computes the parts of a plan: first, once, that outside the stream; then item by item.
 
+    This one runs every step of every item.
+
     Attributes
     ----------
     kept
@@ -40,6 +40,7 @@ class Executor:
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
+        self._behind_once: Known = {}
         self.kept: frozenset[str] = frozenset()
 
     def begin(self, *, same_item: bool) -> None:
@@ -63,29 +64,6 @@ class Executor:
         -------
         The sizes that are known behind the part, and the milliseconds of a run.
         """
-        raise NotImplementedError
-
-    def end(self) -> None:
-        """End an item that was computed and written."""
-
-    def changed(self, node: str) -> None:
-        """Take note that the settings of a node changed."""
-
-    def forget(self) -> None:
-        """Let the next item be a first one."""
-        self._runner.forget()
-
-
-class EveryStep(Executor):
-    """Runs every step of every item."""
-
-    def __init__(self, runner: StepRunner) -> None:
-        super().__init__(runner)
-        self._behind_once: Known = {}
-
-    def compute(
-        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
-    ) -> tuple[Known, float]:
         runner, before = self._runner, self._behind_once if part.stream else {}
         known = before
         runs: list[dict[str, float]] = []
@@ -103,8 +81,16 @@ class EveryStep(Executor):
         return known, median(totals[1:] or totals)
 
     def end(self) -> None:
+        """End an item that was computed and written."""
         # Not at the start of the next item: by then a caller may have refilled its arrays.
         self._runner.remember()
+
+    def changed(self, node: str) -> None:
+        """Take note that the settings of a node changed."""
+
+    def forget(self) -> None:
+        """Let the next item be a first one."""
+        self._runner.forget()
 
     def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
         known = self._runner.execute(step, known, given)

@@ -1,7 +1,5 @@
 """Values on the host, and the nodes that make them there."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack

@@ -5,8 +5,6 @@ Equal keys are computed once.  A node that looks outside (a source, or one that 
 names a file) runs for every item; its key is the content that it made.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

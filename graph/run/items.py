@@ -1,7 +1,5 @@
 """Items of a plan: nodes that depend on no stream run once, the others item by item."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -13,7 +11,7 @@ from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.executor import EveryStep, Executor, Part, part_of
+from tactograph.graph.run.executor import Executor, Part, part_of
 from tactograph.graph.run.incremental import OnlyChanged
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.step_runner import StepRunner
@@ -34,7 +32,7 @@ class Items:
         self._plan = plan
         self.runner = StepRunner(plan, device)
         self.ended = False
-        self._every = EveryStep(self.runner)
+        self._every = Executor(self.runner)
         self._only_changed: OnlyChanged | None = None
         self._once, self._stream = part_of(plan, stream=False), part_of(plan, stream=True)
         self._is_prepared = False

@@ -1,7 +1,5 @@
 """Freed memory stays with the process, for the arrays of the next node."""
 
-from __future__ import annotations
-
 import numpy as np
 
 MAX_KEPT_BYTES = 2**24

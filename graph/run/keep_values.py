@@ -1,7 +1,5 @@
 """Values from inside a graph, written beside its results: as .npy, and as pictures."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Earlier times of a plan's steps: from a result, or from what ``bench`` wrote."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The provenance for a sink: the run so far."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Errors of nodes, in one line that names the node."""
 
-from __future__ import annotations
-
 from tactograph.graph.errors import (
     DeviceError,
     EndOfStream,

@@ -1,7 +1,5 @@
 """A pipeline's turn: one thread at a time may use it."""
 
-from __future__ import annotations
-
 import threading
 
 from tactograph.graph.errors import InputError

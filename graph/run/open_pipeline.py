@@ -1,7 +1,5 @@
 """Open a graph: read, verify, plan and compile it, for Python or for a command."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Collection, Iterable, Mapping

@@ -1,7 +1,5 @@
 """Ownership of memory: values that others are handed, and those that the engine keeps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Values of the item before: those that a plan recalls, if they still fit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

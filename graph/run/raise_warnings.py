@@ -1,7 +1,5 @@
 """Warnings of nodes as Python warnings, which a script or a notebook shows."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Arrays that a caller hands in for source nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

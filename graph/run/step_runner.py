@@ -1,7 +1,5 @@
 """Run the steps of a plan one by one, on host and device, with their sizes and times."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Records of when each step ran, as Chrome trace events for Perfetto (ui.perfetto.dev)."""
 
-from __future__ import annotations
-
 import json
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Images that stay the camera's unsigned integers where a device can read those."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

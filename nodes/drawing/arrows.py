@@ -1,7 +1,5 @@
 """Markers' shifts as arrows."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
