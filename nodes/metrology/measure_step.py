@@ -3,8 +3,6 @@
 Long because edges, levels and walls of a profile all follow from one definition of its zones.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -12,8 +10,9 @@ from annotated_types import Ge, Interval, Len
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import Height, HeightError, Metrics, PixelSize
+from tactograph.graph import InputError, Port, node, warn
+from tactograph.nodes import F4, Height, HeightError, Metrics, PixelSize
+from tactograph.nodes.light.coarsen import coarsen
 
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
@@ -29,6 +28,10 @@ MAX_UNEVEN = 0.2
 MAX_WALL_SHARE = 0.6
 """Widest wall, as a share of a groove's width, that leaves both levels free."""
 Line = NDArray[np.float64]
+ErrorParts = Annotated[F4, Port("D h w", "mm", low=-0.01, high=0.01)]
+"""Errors of heights of cells, each alike wherever it is; their squares add up to the variance."""
+KnownDepth = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
+"""Depth that is certified, and its standard uncertainty, in um."""
 
 
 class Profile(NamedTuple):
@@ -53,11 +56,12 @@ def measure_step(
     height: Height,
     pixel: PixelSize,
     error: HeightError | None = None,
+    parts: ErrorParts | None = None,
     *,
     along: Literal["x", "y"] = "x",
     edges: Annotated[int, Interval(ge=1, le=2)] = 2,
     smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
-    known_um: Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)] | None = None,
+    known_um: KnownDepth | None = None,
 ) -> Metrics:
     """Measure a groove (two edges) or a step (one) on every profile across it.
 
@@ -75,6 +79,8 @@ def measure_step(
     error
         Standard deviation of the height in mm; then the uncertainty holds that of both levels.
         Without it a warning says so.
+    parts
+        The parts of the error, on cells: then the uncertainty holds what the depth has of them.
     along
         Axis of the profiles: they cross the groove.
     edges
@@ -108,6 +114,11 @@ def measure_step(
     depths = 1e3 * np.array([profile.depth for profile in profiles])
     spread = float(np.std(depths, ddof=1))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
+    if parts is not None:
+        cell = -(-height.shape[0] // parts.shape[1])
+        small = coarsen(height[None], factor=cell)[0]
+        depth, *others = mean_depths(small, parts, cell * pixel, along, edges)
+        stated = 1e3 * float(np.linalg.norm(np.array(others) - depth))
     figures = {
         "step_depth_um": float(np.median(depths)),
         "step_spread_um": spread,
@@ -152,6 +163,15 @@ def step_profiles(
             "and edges=1 or 2"
         )
     return profiles
+
+
+def mean_depths(
+    height: Height, parts: ErrorParts, pixel: float, along: str, edges: int
+) -> list[float]:
+    """The depth by a height, and by the height with each of such errors; all of cells."""
+    heights = height, *(height + each for each in parts)
+    profiles = (step_profiles(z, pixel, None, along, edges, 1) for z in heights)
+    return [float(np.mean([profile.depth for profile in each])) for each in profiles]
 
 
 def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:

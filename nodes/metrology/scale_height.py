@@ -1,28 +1,31 @@
 """Scale a height by what a step of known height says."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval, Len
 
-from tactograph.graph import node
-from tactograph.nodes import Height
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, Height
 
 Scale = Annotated[tuple[Annotated[float, Interval(ge=0, le=10)], ...], Len(2, 2)]
 """``step_scale`` and ``step_scale_error`` of `measure_step`: a factor, its standard uncertainty."""
+StepScale = Annotated[F4, Port("2", "1", low=0.1, high=1)]
+"""The same as a value of a graph."""
 
 
 @node(neutral="height")
-def scale_height(height: Height, *, scale: Scale | None = None) -> Height:
-    """Return the height times the factor of a known step; None: as it is.
+def scale_height(
+    height: Height, step: StepScale | None = None, *, scale: Scale | None = None
+) -> Height:
+    """Return the height times the factor of a known step; without one as it is.
 
     Parameters
     ----------
     height
         H x W in mm.
-    scale
+    step, scale
         Factor and its standard uncertainty.
     """
-    return height if scale is None else np.asarray(height * np.float32(scale[0]), np.float32)
+    said = scale if step is None else step
+    return height if said is None else np.asarray(height * np.float32(said[0]), np.float32)

@@ -26,10 +26,12 @@ NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 
 
-def scan_error(
+def scan_errors(
     slope: F4, residual: F4, single: F4, levelling: ScanLevelling, cell: int, seed: int
-) -> F4:
-    """Send random errors of the light the height's own way; their mean square is the variance.
+) -> tuple[F4, F4]:
+    """Send random errors of the light the height's own way; and the variance inside a cell.
+
+    The squares of the 1 + `DRAW_COUNT` heights add up to the variance; the first is certain.
 
     What slope and brightness leave of a single pixel's light is noise and the model's error, what
     they leave of a cell's mean light hardly any noise: the two tell both apart.
@@ -37,7 +39,8 @@ def scan_error(
     - Noise is independent from pixel to pixel.  What it does inside a cell of n x n pixels is
       ln(n) / (2 pi) times the variance of a pixel's slope, in px^2.
     - The model's error is a wave of normal and position, another one for every LED: film of one
-      slope errs alike wherever it lies, so that the depth of a groove errs with its walls.
+      slope errs alike wherever it lies, so that the depth of a groove errs with its walls.  The
+      waves are the same ones for every scan, so that a known step tells what another errs by.
 
     Noise also makes slopes steeper, to second order.  As brightness is free, light that is wrong
     under all LEDs alike turns no normal.
@@ -55,12 +58,11 @@ def scan_error(
         of_model = np.einsum("aknm,knm->anm", by_light, waves)
         drawn = np.random.default_rng([seed, number]).standard_normal(slope.shape, np.float32)
         wrong.append(of_model + np.einsum("abnm,bnm->anm", root, drawn))
-    total = np.zeros(levelling.shape)
-    for number, each in enumerate(wrong):
-        height = levelling.heights(np.clip(each, -MAX_SLOPE_ERROR, MAX_SLOPE_ERROR))
-        total += np.square(height) / (DRAW_COUNT if number else 1)
+    limits = -MAX_SLOPE_ERROR, MAX_SLOPE_ERROR
+    errors = np.stack([levelling.heights(np.clip(each, *limits)) for each in wrong])
+    errors[1:] /= np.sqrt(DRAW_COUNT)
     inside = np.log(cell) / (4 * np.pi) * np.square(root).sum(axis=(0, 1)) * levelling.pixel**2
-    return np.sqrt(total + inside).astype(np.float32)
+    return errors.astype(np.float32), inside
 
 
 def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:

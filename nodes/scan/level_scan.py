@@ -3,8 +3,6 @@
 Long because both go through one factor of the same equations.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -13,10 +11,20 @@ from annotated_types import Ge, Interval
 from tactograph.graph import Port, SizeLimit, node, warn
 from tactograph.nodes import F4, UM_PER_MM, Height, HeightError, Metrics, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.metrology.measure_step import ErrorParts
+from tactograph.nodes.metrology.scale_height import StepScale
 from tactograph.nodes.optics.light_model import LightModel
-from tactograph.nodes.scan._scan_error import scan_error
+from tactograph.nodes.scan._scan_error import scan_errors
 from tactograph.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.nodes.scan.judge_untouched import MAX_LEAN
+
+
+class KnownStep(NamedTuple):
+    """What a step of known depth says of other scans; nothing without one."""
+
+    scale: StepScale | None = None
+    errors: Annotated[F4, Port("E", "1", low=-0.01, high=0.01)] | None = None
+    """What its depth errs by in each part of the error, as a share of it."""
 
 
 class ScanLevel(NamedTuple):
@@ -25,6 +33,7 @@ class ScanLevel(NamedTuple):
     bend: Height
     error: HeightError
     metrics: Metrics
+    parts: ErrorParts | None = None
 
 
 @node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
@@ -35,6 +44,7 @@ def level_scan(
     single: Annotated[F4, Port("H W", "1", high=0.1)],
     model: LightModel,
     pixel: PixelSize,
+    known: KnownStep | None = None,
     *,
     level: str = "flat",
     cell: Annotated[int, Interval(ge=1, le=64)] = 16,
@@ -57,6 +67,9 @@ def level_scan(
         The light model on cells.
     pixel
         Side of a cell in mm.
+    known
+        What a known step settles: heights will be scaled, so each part of the error is less what
+        the step's depth has of it, and the factor's uncertainty is one more.
     level
         ``flat``: most of the surface is a plane, which tells drift and plane.  ``plane``: most of
         it is level, but may bend; nothing but a plane is taken off.  ``rest``: the frame's border
@@ -71,7 +84,8 @@ def level_scan(
     -------
     ScanLevel
         H x W in mm; the standard deviation of the height, H x W in mm; ``level_bow_um``, from the
-        lowest to the highest place of the bow that the drift would be.
+        lowest to the highest place of the bow that the drift would be; where a
+        step is known, the parts of the error.
 
     Raises
     ------
@@ -79,7 +93,8 @@ def level_scan(
         As `level_plane`.
     """
     levelling = ScanLevelling(slope, brightness, residual, model, pixel, level, cell)
-    bend = levelling.heights(slope) - integrate_dct(slope, pixel)
+    height = levelling.heights(slope)
+    bend = height - integrate_dct(slope, pixel)
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
     bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
     steepest = float(np.abs(drifting).max())
@@ -89,5 +104,12 @@ def level_scan(
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
             "(level=plane leaves it)"
         )
-    error = scan_error(slope, residual, single, levelling, cell, seed)
-    return ScanLevel(np.asarray(bend, np.float32), error, {"level_bow_um": bow})
+    errors, inside = scan_errors(slope, residual, single, levelling, cell, seed)
+    parts, factor = None, 1.0
+    if known is not None and known.scale is not None:
+        factor, uncertain = known.scale
+        of_step = 0 if known.errors is None else known.errors[:, None, None] * height
+        parts = np.concatenate([factor * (errors - of_step), [uncertain * height]])
+        errors = parts = parts.astype(np.float32)
+    error = np.sqrt(np.square(errors).sum(axis=0) + factor**2 * inside).astype(np.float32)
+    return ScanLevel(np.asarray(bend, np.float32), error, {"level_bow_um": bow}, parts)

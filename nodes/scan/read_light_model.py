@@ -1,7 +1,5 @@
 """Read the light model that GelSight's software stores with a calibrated sensor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -64,7 +62,7 @@ def read_light_model(
     if x1 > said.width or y1 > said.height:
         raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} is of {said.width} x {said.height} px")
     u, v = (
-        np.arange(first, last, cell, dtype=np.float32) + (cell - size) / 2
+        np.arange(first, last, dtype=np.float32) + (1 - size) / 2
         for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))
     )
     short = np.float32(min(said.width, said.height))
@@ -77,9 +75,18 @@ def read_light_model(
         v / short,
         float(degree),
         np.array(said.black, np.float32),
-        gain if gain is None or cell == 1 else coarsen(gain, factor=cell),
+        gain,
     )
-    return ScanLight(model, cell * said.pixel_size)
+    return ScanLight(model if cell == 1 else on_cells(model, cell), cell * said.pixel_size)
+
+
+def on_cells(model: LightModel, factor: int) -> LightModel:
+    """The model for the means of cells of ``factor`` by ``factor`` pixels, as `coarsen` makes."""
+    u, v = (
+        each[::factor] + (factor - 1) / 2 * np.diff(each[:2]).sum() for each in (model.u, model.v)
+    )
+    gain = None if model.gain is None else coarsen(model.gain, factor=factor)
+    return model._replace(u=u, v=v, gain=gain)
 
 
 def _by_term(matrix: F4, leds: int, terms: int) -> F4:

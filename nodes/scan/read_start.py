@@ -20,7 +20,7 @@ from tactograph.nodes.optics.light_model import (
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.judge_untouched import judge_untouched
 from tactograph.nodes.scan.light_model_slope import light_model_slope
-from tactograph.nodes.scan.read_light_model import read_light_model
+from tactograph.nodes.scan.read_light_model import on_cells, read_light_model
 from tactograph.nodes.scan.scan_pixel_size import scan_pixel_size
 
 CELL_PX = 16
@@ -91,7 +91,7 @@ def read_start(
     slants = towards[:, :2] / np.maximum(towards[:, 2:], MIN_LIGHT_TOWARDS)
     figures: Metrics = {}
     if leds > PIXEL_UNKNOWNS:
-        of_cells = read_light_model(file=file, crop=crop, cell=CELL_PX).model
+        of_cells = on_cells(model, CELL_PX)
         found = light_model_slope(coarsen(image, factor=CELL_PX), of_cells)
         figures = judge_light_model(found.brightness, found.residual, force=True)
         figures |= judge_untouched(of_cells, folder=flat, crop=crop, cell=CELL_PX)

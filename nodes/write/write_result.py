@@ -14,14 +14,17 @@ from tactograph.nodes import Mask, Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
+from tactograph.nodes.metrology.measure_step import ErrorParts
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
+from tactograph.nodes.write.read_error_parts import PARTS_FILE
 
 OPTIONAL_FILES = (
     *("height.ply", "height.png", "shadow.png", "shadow_view.png", "error.npy", "error.png"),
     *("confidence.npy", "confidence.png", "highlight.png", "highlight_view.png"),
     *("contact.png", "contact_view.png", "unresolved.png"),
+    PARTS_FILE,
 )
 """Files that one result has and another lacks."""
 
@@ -36,6 +39,7 @@ def write_result(
     touch: Touch,
     metrics: Metrics | None = None,
     unresolved: Mask | None = None,
+    parts: ErrorParts | None = None,
     *,
     folder: Path,
     grid: Literal["pixel", "metric"] = "pixel",
@@ -66,6 +70,8 @@ def write_result(
         Further figures for ``result.json``, such as errors against a truth.
     unresolved
         H x W, as `unresolved_edges` gives it.
+    parts
+        Of the error where a known step settled the scale, ``error_parts.npy``.
     folder
         Created if needed.
     grid
@@ -90,6 +96,8 @@ def write_result(
         _write_arrays(touch, target)
         if unresolved is not None:
             write_image(target / "unresolved.png", unresolved * np.uint8(255))
+        if parts is not None:
+            np.save(target / PARTS_FILE, parts)
         if mesh:
             file, camera = target / "height.ply", touch.camera or 0.0
             write_mesh(file, touch.height, touch.pixel, touch.lens, camera)

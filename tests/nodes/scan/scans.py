@@ -66,13 +66,13 @@ def write_model(file: Path, flat: bool = False) -> None:
     file.write_text("\n".join(lines) + "\n")
 
 
-def write_scan(folder: Path, light: Light, calib: str = "") -> None:
+def write_scan(folder: Path, light: Light, calib: str = "", pixel: float = PIXEL) -> None:
     """A scan whose images are numbered from 7 on and listed last to first."""
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     names = [f"image{7 + k:02}.png" for k in range(len(light))][::-1]
     for name, plane in zip(names, light, strict=True):
         cv2.imwrite(str(folder / name), np.uint16(65535 * plane))
-    lines = ["images: ", *(f"  - {name}" for name in names), f"mmperpixel: {PIXEL}"]
+    lines = ["images: ", *(f"  - {name}" for name in names), f"mmperpixel: {pixel}"]
     lines += [f"calib: {calib or chr(34) * 2}", "crop: [0, 0, 0, 0]", "annotations: "]
     lines += [
         "  - type: GridCircle",
