@@ -133,7 +133,8 @@ static floats sharpness(
     const int K = film->K;
     EACH_LED(k) {
         AtPlace there;
-        set_place(&there, film, k, eye, &here, one, emitted(film, k, &here), 0);
+        const floats rest = 1.0f / light_at_rest(film, k, u, v);
+        set_place(&there, film, k, eye, &here, one, emitted(film, k, &here), rest, 0);
         const Turning by = turning_of(film, &there, &as_is);
         const Vector way = matt_way(film->lights + 3 * k, &here);
         const floats by_s = dot_of(way, way_s), by_t = dot_of(way, way_t);

@@ -38,9 +38,9 @@ LANED __kernel void matt_light(
     const int turns = film_refraction == 1.0f ? uncoated_steps : steps;
     const int affine = film_refraction == 1.0f && film_camera == 0.0f && !harmonic;
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
-    RowShades shades[MAX_LEDS];
-    if (harmonic)
-        for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
+    Stretch rows[MAX_LEDS];
+    const float x0 = ((float)first - 0.5f * (float)(W - 1)) * pixel;
+    for (int k = 0; k < K; ++k) set_stretch(rows + k, &film, k, x0, y0, pixel);
 
     for (int x = first; x < past; x += LANES) {
         const int at = row * W + x, count = min(LANES, past - x);
@@ -79,7 +79,8 @@ LANED __kernel void matt_light(
         floats weight[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
-            set_place(known + k, &film, k, eye, &here, touched, shine[k], shades + k);
+            const floats rest = per_rest(rows + k, (x - first) / LANES);
+            set_place(known + k, &film, k, eye, &here, touched, shine[k], rest, rows + k);
             weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
             shown[k] -= touched * diffuse;
         }

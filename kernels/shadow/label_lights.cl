@@ -438,6 +438,8 @@ static void load_run(
     floats x, y;
     places(at, frame->H, frame->W, frame->pixel, &x, &y);
     for (int k = 0; k < frame->K; ++k) {
+        FETCH_AHEAD(frame->light + k * size + at, 0);
+        FETCH_AHEAD(frame->sigma + k * size + at, 0);
         here->light[k] = load_floats(frame->light + k * size + at, count);
         here->sigma[k] = load_floats(frame->sigma + k * size + at, count);
     }

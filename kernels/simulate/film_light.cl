@@ -22,9 +22,9 @@ LANED __kernel void film_light(
     const Film film = FILM_OF(K, harmonic);
     const float y0 = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats one = 1.0f;
-    RowShades shades[MAX_LEDS];
-    if (harmonic)
-        for (int k = 0; k < K; ++k) set_row(shades + k, &film, k, y0);
+    Stretch rows[MAX_LEDS];
+    const float x0 = ((float)first - 0.5f * (float)(W - 1)) * pixel;
+    for (int k = 0; k < K; ++k) set_stretch(rows + k, &film, k, x0, y0, pixel);
 
     for (int x = first; x < past; x += LANES) {
         const int at = row * W + x, count = min(LANES, past - x);
@@ -41,7 +41,8 @@ LANED __kernel void film_light(
         for (int k = 0; k < K; ++k) {
             AtPlace known;
             const floats shine = emitted(&film, k, &here);
-            set_place(&known, &film, k, eye, &here, touched, shine, shades + k);
+            const floats rest = per_rest(rows + k, (x - first) / LANES);
+            set_place(&known, &film, k, eye, &here, touched, shine, rest, rows + k);
             const floats diffused = touched * film_diffuse[k], left = diffused - known.wrap;
             const floats lit = diffused + predicted(&film, &known, &facing);
             const floats light = (dark >> k & 1) == 0 ? lit : left;
