@@ -1,8 +1,9 @@
 """Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
 
 from collections.abc import Iterable, Mapping
-from graphlib import CycleError, TopologicalSorter
 from typing import Any, NamedTuple
+
+import networkx as nx
 
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
@@ -47,12 +48,13 @@ def bind(
     names.passed.update(_passed_through(names))
     edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
     whens = {name: _condition(names, name) for name in edges}
-    order = _in_order(graph, edges, whens)
+    dag, needs = _dags(edges, whens)
+    _refuse_cycles(graph, dag)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     wanted = {value.node for value in values.values()}
     wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
-    live = _needed(graph, wanted, edges, whens)
+    live = _needed(graph, wanted, needs)
     # A stream yields items of its own, for which no array can be handed in.
     has_stream = any(names.nodes[name].stream for name in live - stand_ins)
     tasks: dict[str, Task] = {}
@@ -63,12 +65,9 @@ def bind(
         tasks[name] = Task(
             name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
         )
-    _refuse_second_stream(tasks)
-    for task in (tasks[name] for name in order if name in tasks):
-        # It yields items or is handed in, or reads what does.
-        made_by = (tasks[source] for source in _sources(task.reads, task.when))
-        task.stream = task.node.stream or task.stand_in or any(each.stream for each in made_by)
-        task.conditions = _conditions(tasks, task)
+    _mark_streams(tasks, dag)
+    for name in filter(tasks.__contains__, nx.topological_sort(dag)):
+        tasks[name].conditions = _conditions(tasks, tasks[name])
     _check_recalls(tasks)
     return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
 
@@ -134,41 +133,11 @@ def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
             )
 
 
-Edges = Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]]
-"""By node: the values that it reads, and those that it recalls."""
-
-
-def _sources(reads: Mapping[str, Value], when: Value | None) -> set[str]:
-    """The nodes whose values of the same item a node waits for."""
-    return {value.node for value in (*reads.values(), when) if value}
-
-
-def _in_order(graph: Graph, edges: Edges, whens: Mapping[str, Value | None]) -> list[str]:
-    """The nodes, each behind all whose values it waits for."""
-    waits = {name: _sources(reads, whens[name]) for name, (reads, _) in edges.items()}
-    try:
-        return list(TopologicalSorter(waits).static_order())
-    except CycleError as error:
-        cycle = error.args[1]
-    walk = " -> ".join(cycle)
-    raise GraphError(f"{graph.nodes[cycle[0]].where('in')}: the graph has a cycle: {walk}")
-
-
-def _needed(
-    graph: Graph, wanted: Iterable[str], edges: Edges, whens: Mapping[str, Value | None]
-) -> set[str]:
+def _needed(graph: Graph, wanted: set[str], needs: nx.DiGraph[str]) -> set[str]:
     """The nodes that are wanted, and all that they need."""
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    found: set[str] = set()
-    left = [*wanted]
-    while left:
-        name = left.pop()
-        if name not in found:
-            found.add(name)
-            reads, recalls = edges[name]
-            left += _sources({**recalls, **reads}, whens[name])
-    return found
+    return wanted.union(*(nx.ancestors(needs, n) for n in wanted))
 
 
 def _passed_through(names: _Names) -> dict[str, Value]:
@@ -311,6 +280,29 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
+def _dags(
+    edges: Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]],
+    whens: Mapping[str, Value | None],
+) -> tuple[nx.DiGraph[str], nx.DiGraph[str]]:
+    """The graph of all reads, and that of all reads and recalls."""
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_nodes_from(edges)
+    dag.add_edges_from((v.node, n) for n, (reads, _) in edges.items() for v in reads.values())
+    dag.add_edges_from((value.node, n) for n, value in whens.items() if value)
+    needs = dag.copy()
+    needs.add_edges_from((v.node, n) for n, (_, recalls) in edges.items() for v in recalls.values())
+    return dag, needs
+
+
+def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
+    try:
+        cycle = nx.find_cycle(dag)
+    except nx.NetworkXNoCycle:
+        return
+    walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
+    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph has a cycle: {walk}")
+
+
 def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
     """A node's parameters, each `$name` replaced by what the user gave or its default.
 
@@ -350,8 +342,12 @@ def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any
     return param.default
 
 
-def _refuse_second_stream(tasks: Mapping[str, Task]) -> None:
+def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
+    """A task is part of the stream if it, or anything it reads, yields items or is handed in."""
     streams = [task for task in tasks.values() if task.node.stream]
+    for source in [task for task in tasks.values() if task.node.stream or task.stand_in]:
+        for node_id in {source.id, *nx.descendants(dag, source.id)} & tasks.keys():
+            tasks[node_id].stream = True
     if len(streams) > 1:
         first, second = streams[:2]
         raise GraphError(

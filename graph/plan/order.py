@@ -1,15 +1,16 @@
 """Pass 6: put the steps in order, and mark the last reader of each value on the device."""
 
+from __future__ import annotations
+
 from dataclasses import replace
-from graphlib import TopologicalSorter
-from heapq import heappop, heappush
+
+import networkx as nx
 
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.plan import Step
-from tactograph.graph.plan.transfers import StepGraph
 
 
-def order(dag: StepGraph, draft: Draft) -> list[Step]:
+def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
     The device's steps come before the host's own, and before steps whose sizes depend on the data,
@@ -21,7 +22,7 @@ def order(dag: StepGraph, draft: Draft) -> list[Step]:
     ahead = _ways_ahead(dag)
 
     def rank(name: str) -> tuple[bool, int, bool, int, int, int, str]:
-        step = dag.steps[name]
+        step: Step = dag.nodes[name]["step"]
         task = draft.tasks.get(name)
         group = 1
         if task is not None and task.node.source:
@@ -33,26 +34,17 @@ def order(dag: StepGraph, draft: Draft) -> list[Step]:
         waits = task is not None and task.node.finds_sizes
         return step.stream, group, not step.on_device or waits, -transfers, -steps, place, name
 
-    sorter, steps = TopologicalSorter(dag.waits), []
-    ready: list[tuple[bool, int, bool, int, int, int, str]] = []
-    sorter.prepare()
-    while sorter.is_active():
-        for name in sorter.get_ready():
-            heappush(ready, rank(name))
-        *_, name = heappop(ready)
-        sorter.done(name)
-        steps.append(dag.steps[name])
-    return _with_releases(steps, draft)
+    names = list(nx.lexicographical_topological_sort(dag, key=rank))
+    return _with_releases([dag.nodes[name]["step"] for name in names], draft)
 
 
-def _ways_ahead(dag: StepGraph) -> dict[str, tuple[int, int]]:
+def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int]]:
     """The most transfers, and then steps, on any way from each step to the end."""
-    ahead = dict.fromkeys(dag.steps, (0, 0))
-    for name in reversed([*TopologicalSorter(dag.waits).static_order()]):
-        transfers, steps = ahead[name]
-        ahead[name] = transfers + dag.steps[name].is_transfer, steps + 1
-        for before in dag.waits[name]:
-            ahead[before] = max(ahead[before], ahead[name])
+    ahead: dict[str, tuple[int, int]] = {}
+    for name in reversed(list(nx.topological_sort(dag))):
+        transfers, steps = max((ahead[after] for after in dag.successors(name)), default=(0, 0))
+        own = dag.nodes[name]["step"].is_transfer
+        ahead[name] = transfers + own, steps + 1
     return ahead
 
 

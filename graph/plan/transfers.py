@@ -1,32 +1,25 @@
 """Pass 5: bring every array to its readers, with one transfer per value."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal
+
+import networkx as nx
 
 from tactograph.graph.plan.draft import Draft, Task, Value
 from tactograph.graph.plan.plan import Placement, Step
 
 
-@dataclass
-class StepGraph:
-    """Steps by name, and the names of those that each waits for."""
+def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:
+    """Return the graph of steps: the tasks, and the transfers between them.
 
-    steps: dict[str, Step] = field(default_factory=dict)
-    waits: dict[str, set[str]] = field(default_factory=dict)
-
-    def add(self, step: Step, *waits: str) -> None:
-        """Add a step."""
-        self.steps[step.name], self.waits[step.name] = step, {*waits}
-
-
-def insert(draft: Draft, placements: Mapping[str, Placement]) -> StepGraph:
-    """Return the graph of steps: the tasks, and the transfers between them."""
-    dag = StepGraph()
+    Each node of the result carries its `Step` as the attribute ``step``.
+    """
+    dag: nx.DiGraph[str] = nx.DiGraph()
     for task in draft.tasks.values():
         placement = placements[task.id]
-        dag.add(
-            Step(
+        dag.add_node(
+            task.id,
+            step=Step(
                 kind="fill" if task.filled else "run",
                 name=task.id,
                 backend=placement.backend,
@@ -35,7 +28,7 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> StepGraph:
                 writes=tuple(Value(task.id, port) for port in task.node.outputs),
                 stream=task.stream,
                 why=placement.why,
-            )
+            ),
         )
     for task in draft.tasks.values():
         for name, value in task.reads.items():
@@ -60,7 +53,7 @@ def _reads(task: Task) -> tuple[Value, ...]:
 
 
 def _connect(
-    dag: StepGraph,
+    dag: nx.DiGraph[str],
     draft: Draft,
     placements: Mapping[str, Placement],
     value: Value,
@@ -76,13 +69,13 @@ def _connect(
         device = next(each.backend for each in placements.values() if each.on_device)
         origin = _transfer(dag, draft.tasks[value.node], value, on_device, device)
     if reader is not None:
-        dag.waits[reader].add(origin)
+        dag.add_edge(origin, reader)
 
 
-def _transfer(dag: StepGraph, maker: Task, value: Value, up: bool, device: str) -> str:
+def _transfer(dag: nx.DiGraph[str], maker: Task, value: Value, up: bool, device: str) -> str:
     kind: Literal["upload", "download"] = "upload" if up else "download"
     name = f"{kind} {value}"
-    if name not in dag.steps:
+    if name not in dag:
         step = Step(
             kind=kind,
             name=name,
@@ -92,5 +85,6 @@ def _transfer(dag: StepGraph, maker: Task, value: Value, up: bool, device: str) 
             stream=maker.stream,
             why="shared by all readers",
         )
-        dag.add(step, value.node)
+        dag.add_node(name, step=step)
+        dag.add_edge(value.node, name)
     return name
