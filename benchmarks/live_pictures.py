@@ -27,9 +27,8 @@ from tactograph.graph import Provenance, Session
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4, U1
-from tactograph.nodes.drawing.chart import round_up
 from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor
-from tactograph.nodes.live.view._live_picture import draw_touch
+from tactograph.nodes.live.view._live_picture import draw_touch, round_up
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch

@@ -4,20 +4,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 from pydantic import AfterValidator
 
 from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.nodes.drawing.chart import DRAWN_BY, Page
 
+ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
+"""Colours of plots that people with any sight tell apart."""
 FIGURES_PER_LINE = 5
 """Figures per line of a title."""
-OWN_PROGRAMS = DRAWN_BY, "Matplotlib"
-"""Beginnings of the text chunk ``Software`` in pictures of this version and of earlier ones."""
+DRAWN_BY = "Matplotlib"
+"""Beginning of a picture's text chunk ``Software``."""
 
 
-def write_picture(page: Page, file: Path) -> None:
-    """Write a page as PNG, whole or not at all.
+def write_picture(figure: Figure, file: Path) -> None:
+    """Write a figure as PNG, whole or not at all.
 
     Raises
     ------
@@ -25,7 +28,7 @@ def write_picture(page: Page, file: Path) -> None:
         If it cannot be written.
     """
     with atomic_file(file) as target:
-        page.save(target)
+        FigureCanvasAgg(figure).print_png(target)
 
 
 def in_lines(figures: Sequence[str]) -> str:
@@ -37,12 +40,12 @@ def in_lines(figures: Sequence[str]) -> str:
 
 
 def _is_free(picture: Path) -> bool:
-    """Return whether there is no such file, or one that this program drew."""
+    """Return whether there is no such file, or one that Matplotlib drew."""
     if not picture.exists():
         return True
     try:
         with Image.open(picture) as image:
-            return str(image.info.get("Software", "")).startswith(OWN_PROGRAMS)
+            return str(image.info.get("Software", "")).startswith(DRAWN_BY)
     except OSError:
         return False
 

@@ -1,8 +1,15 @@
 """The pictures of a result, for people."""
 
+from __future__ import annotations
+
+import threading
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
 
 from tactograph.nodes import (
     BAND_DEVIATIONS,
@@ -15,44 +22,40 @@ from tactograph.nodes import (
     Labels,
     Light,
 )
-from tactograph.nodes.drawing.chart import BLUE, Axes, Limits, Page, Scale, pixel_ends
 from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
+from tactograph.nodes.files.image_files import write_image
 
-PLANE_SIZE_PX, HEIGHT_SIZE_PX = (704, 506), (1100, 440)
-"""Width and height of the picture of a map, and of that of the height with its section."""
-OVERLAY_OPACITY = 0.75
-MM_LABELS, PX_LABELS = ("x / mm", "y / mm"), ("x / px", "y / px")
+# Fixed margins and `print_png` take half the time of a layout that measures every text and of
+# `savefig`, which draws twice.
+DPI = 110
 
 
 def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
     """The height map in mm, and the cross-section through its highest point with its error."""
     rows, columns = height.shape
     top = int(np.unravel_index(int(np.nanargmax(height)), height.shape)[0])
-    page = Page(*HEIGHT_SIZE_PX, columns=2)
+    figure = Figure(figsize=(10, 4), dpi=DPI)
+    figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     y = (top - (rows - 1) / 2) * pixel
-    x, down = _borders(height, pixel)
-    title = "height above the film at rest"
-    left = page.axes(0, 0, x, down, title, MM_LABELS, square=True, bar=True)
-    left.image(height, "viridis")
-    left.line(x, [y, y], "white")
-    left.colour_bar("mm")
-    half = np.zeros(columns) if error is None else BAND_DEVIATIONS * error[top]
-    low, high = np.nanmin(height[top] - half), np.nanmax(height[top] + half)
-    space = 0.05 * (high - low)
-    ends = float(low - space), float(high + space)
-    title = f"section at y = {y:.2f} mm"
-    right = page.axes(0, 1, x, ends, title, ("x / mm", "height / mm"), grid=True)
+    picture = left.imshow(height, cmap="viridis", extent=_extent(height, pixel))
+    left.axhline(y, color="white", linewidth=0.7, linestyle="--")
+    left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
+    figure.colorbar(picture, ax=left, label="mm")
     across = (np.arange(columns) - (columns - 1) / 2) * pixel
+    right.plot(across, height[top], linewidth=1)
     if error is not None:
-        right.area(across, height[top] - half, height[top] + half, opacity=0.35)
-        right.write("shaded: 90 % ", x[1], high, anchor="rm", fill=BLUE)
-    right.line(across, height[top])
-    page.save(file)
+        half = BAND_DEVIATIONS * error[top]
+        right.fill_between(across, height[top] - half, height[top] + half, alpha=0.35, label="90 %")
+        right.legend(loc="upper right")
+    right.set(xlabel="x / mm", ylabel="height / mm", title=f"section at y = {y:.2f} mm")
+    right.grid(alpha=0.3)
+    FigureCanvasAgg(figure).print_png(file)
 
 
 def draw_error(error: HeightError, pixel: float, file: Path) -> None:
     """The height's standard deviation in micrometres."""
-    _draw_plane(UM_PER_MM * error, pixel, "standard deviation of the height", "um", "magma", file)
+    _draw_plane(UM_PER_MM * error, pixel, "standard deviation of the height", "µm", "magma", file)
 
 
 def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
@@ -64,30 +67,32 @@ def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
     """The surface lit from the upper left, and the seams between the touches it is made of."""
     down, right = np.gradient(height, pixel)
     lit = (1 - right - down) / np.sqrt(1 + right**2 + down**2)
-    page = Page(*PLANE_SIZE_PX)
+    figure, axes = _one_plane()
+    extent = _extent(height, pixel)
+    axes.imshow(lit, cmap="gray", extent=extent)
+    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (
+        np.diff(source.astype(int))[1:] != 0
+    )
+    axes.imshow(
+        np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none"
+    )
     count = len(np.unique(source[source > 0]))
-    title = f"{count} touches and their seams"
-    axes = page.axes(0, 0, *_borders(height, pixel), title, MM_LABELS, square=True)
-    axes.image(lit)
-    edges = np.zeros(height.shape, bool)
-    edges[:, 1:] |= np.diff(source.astype(int), axis=1) != 0
-    edges[1:] |= np.diff(source.astype(int), axis=0) != 0
-    axes.image(np.where(edges, 0, np.nan), ["red"])
-    page.save(file)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{count} touches and their seams")
+    FigureCanvasAgg(figure).print_png(file)
 
 
-def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: Scale, file: Path) -> None:
-    page = Page(*PLANE_SIZE_PX)
-    axes = page.axes(0, 0, *_borders(plane, pixel), title, MM_LABELS, square=True, bar=True)
-    axes.image(plane, colours)
-    axes.colour_bar(unit)
-    page.save(file)
+def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
+    figure, axes = _one_plane()
+    picture = axes.imshow(plane, cmap=colours, extent=_extent(plane, pixel))
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=title)
+    figure.colorbar(picture, ax=axes, label=unit)
+    FigureCanvasAgg(figure).print_png(file)
 
 
-def _borders(plane: F4 | Labels, pixel: float) -> tuple[Limits, Limits]:
-    """The image's borders in mm from its middle: left and right, bottom and top; y runs down."""
-    down, across = (side * pixel / 2 for side in plane.shape)
-    return (-across, across), (down, -down)
+def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
+    """The image's borders in mm from its middle: left, right, bottom, top; y runs down."""
+    half = plane.shape[1] * pixel / 2, plane.shape[0] * pixel / 2
+    return -half[0], half[0], half[1], -half[1]
 
 
 def draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
@@ -102,40 +107,104 @@ def draw_highlight(highlight: Labels, image: Light, file: Path) -> None:
 
 def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
     """The contacts over the mean image, each in a colour and with its number."""
+    plate = _plate(contact.shape, 0)
     colours = len(LED_COLOURS)
     numbers, areas = np.unique(contact[contact > 0], return_counts=True)
     share = areas.sum() / contact.size
-    title = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}: {share:.1%} of the pixels"
-    page, axes = _over_image(image, title)
-    over = np.where(contact == 0, np.nan, (contact - 1.0) % colours + 1)
-    axes.image(over, LED_COLOURS, (0.5, colours + 0.5), opacity=OVERLAY_OPACITY)
+    many = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}"
+    plate.begin(image)
+    plate.colour(np.ma.masked_where(contact == 0, (contact - 1.0) % colours + 1))
     for number in numbers:
         # The contact's pixel nearest to the centroid: that of a ring lies outside the contact.
         rows, columns = np.nonzero(contact == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-        place = float(columns[nearest]), float(rows[nearest])
-        axes.write(str(number), *place, stroke_width=3, stroke_fill="white")
-    page.save(file)
+        plate.number(int(number), float(columns[nearest]), float(rows[nearest]))
+    plate.write(f"{many}: {share:.1%} of the pixels", file)
 
 
 def _draw_leds(bits: Labels, image: Light, label: str, file: Path) -> None:
     """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
-    title = f"{label}: {(numbers > 0).mean():.1%} of the pixels"
-    page, axes = _over_image(image, title, bar=True)
-    colours, over = [*LED_COLOURS[:count], SEVERAL_COLOUR], np.where(numbers > 0, numbers, np.nan)
-    axes.image(over, colours, (0.5, count + 1.5), opacity=OVERLAY_OPACITY)
-    axes.colour_bar(names={**{k: f"LED {k}" for k in range(1, count + 1)}, count + 1: "several"})
-    page.save(file)
+    plate = _plate(bits.shape, count)
+    plate.begin(image)
+    plate.colour(np.ma.masked_equal(numbers, 0))
+    plate.write(f"{label}: {(numbers > 0).mean():.1%} of the pixels", file)
 
 
-def _over_image(image: Light, title: str, *, bar: bool = False) -> tuple[Page, Axes]:
-    """A page with the mean of a touch's images, and its axes."""
-    page, mean = Page(*PLANE_SIZE_PX), image.mean(axis=0)
-    axes = page.axes(0, 0, *pixel_ends(mean), title, PX_LABELS, square=True, bar=bar)
-    axes.image(mean, ends=(0, float(mean.max())))
-    return page, axes
+class _Plate:
+    """The mean image with numbers in colours over it: LEDs with their legend, or (0) contacts.
+
+    Axes and legend are drawn once for all touches of a run; they take ten times as long as what
+    differs.
+    """
+
+    def __init__(self, shape: tuple[int, ...], leds: int) -> None:
+        figure, self._axes = _one_plane()
+        empty = np.zeros(shape)
+        chosen = [*LED_COLOURS[:leds], SEVERAL_COLOUR] if leds else LED_COLOURS
+        colours = ListedColormap(chosen)
+        norm = BoundaryNorm(np.arange(0.5, len(chosen) + 1), colours.N)
+        self._grey = self._axes.imshow(empty, cmap="gray", vmin=0, animated=True)
+        self._over = self._axes.imshow(empty, cmap=colours, norm=norm, alpha=0.75, animated=True)
+        self._axes.set(xlabel="x / px", ylabel="y / px")
+        self._title = self._axes.set_title("", animated=True)
+        if leds:
+            bar = figure.colorbar(self._over, ax=self._axes, ticks=np.arange(1, leds + 2))
+            bar.ax.set_yticklabels([*(f"LED {k + 1}" for k in range(leds)), "several"])
+        self._canvas = FigureCanvasAgg(figure)
+        self._canvas.draw()
+        self._frame = self._canvas.copy_from_bbox(figure.bbox)
+
+    def begin(self, image: Light) -> None:
+        """Lay the mean of a touch's images."""
+        mean = image.mean(axis=0)
+        self._canvas.restore_region(self._frame)
+        self._grey.set(data=mean, clim=(0, float(mean.max())))
+        self._axes.draw_artist(self._grey)
+
+    def colour(self, numbers: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.floating]]) -> None:
+        """Lay colours where numbers from 1 on are not masked."""
+        self._over.set_data(numbers)
+        self._axes.draw_artist(self._over)
+
+    def number(self, number: int, x: float, y: float) -> None:
+        """Write a number at a pixel."""
+        written = self._axes.annotate(
+            str(number), (x, y), ha="center", va="center", weight="bold",
+            bbox={"boxstyle": "circle", "facecolor": "white", "edgecolor": "none"},
+        )  # fmt: skip
+        self._axes.draw_artist(written)
+        written.remove()
+
+    def write(self, title: str, file: Path) -> None:
+        """Put the frame and a title over it, and write the picture."""
+        self._title.set_text(title)
+        for artist in (*self._axes.spines.values(), self._title):
+            self._axes.draw_artist(artist)
+        picture = np.asarray(self._canvas.buffer_rgba())[..., 2::-1]
+        write_image(file, picture)
+
+
+_mine = threading.local()
+"""The plates of a thread: Matplotlib's figures are for one thread each."""
+MAX_PLATES = 8
+"""Plates that a thread keeps, some 3 MB each."""
+
+
+def _plate(shape: tuple[int, ...], leds: int) -> _Plate:
+    kept: dict[object, _Plate] = _mine.__dict__.setdefault("plates", {})
+    if (shape, leds) not in kept:
+        if len(kept) == MAX_PLATES:
+            kept.clear()
+        kept[shape, leds] = _Plate(shape, leds)
+    return kept[shape, leds]
+
+
+def _one_plane() -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(6.4, 4.6), dpi=DPI)
+    figure.subplots_adjust(left=0.1, right=0.97, bottom=0.12, top=0.92)
+    return figure, figure.subplots()
 
 
 def _label_numbers(shadow: Labels, count: int) -> F4:

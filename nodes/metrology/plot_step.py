@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
+from matplotlib.figure import Figure
 
 from tactograph.graph import node
 from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
-from tactograph.nodes.drawing.chart import BLUE, GREY, ORANGE, Page
-from tactograph.nodes.drawing.new_picture import NewPicture, write_picture
+from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, NewPicture, write_picture
 from tactograph.nodes.metrology.measure_step import step_profiles
 
 
@@ -44,19 +44,18 @@ def plot_step(
     profiles = step_profiles(height, pixel, None, along, edges, smooth_px)
     shown = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
     x, z = pixel * shown.x, UM_PER_MM * shown.z
-    depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]
-    title = f"{depth:.2f} ± {doubt:.2f} um by {len(profiles)} profiles; the middle one"
-    space = 0.05 * float(np.nanmax(z) - np.nanmin(z))
-    across, ends = (float(x[0]), float(x[-1])), (np.nanmin(z) - space, np.nanmax(z) + space)
-    labels = f"{along} / mm", "height without the levels' slope / um"
-    axes = Page(900, 400).axes(0, 0, across, ends, title, labels)
+    figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")
+    axes = figure.subplots()
+    axes.plot(x, z, color=GREY, linewidth=1)
     half = UM_PER_MM * shown.depth / 2
     for part, level, colour in ((shown.upper, half, BLUE), (shown.lower, -half, ORANGE)):
-        axes.area(np.where(part, x, np.nan), *ends, colour, opacity=0.15)
-        axes.line(across, [level, level], colour)
-    axes.line(x, z, GREY)
-    for part, colour in ((shown.upper, BLUE), (shown.lower, ORANGE)):
-        axes.line(np.where(part, x, np.nan), z, colour, width=2)
+        shaded = axes.fill_between(x, 0, 1, where=part, color=colour, alpha=0.15, linewidth=0)
+        shaded.set_transform(axes.get_xaxis_transform())
+        axes.axhline(level, color=colour, linewidth=1, linestyle="--")
+        axes.plot(np.where(part, x, np.nan), z, color=colour, linewidth=2)
     middle = float(np.mean(x[shown.lower]))
-    axes.arrows([middle, middle], [0, 0], [0, 0], [-half, half], "black")
-    write_picture(axes.page, Path(file))
+    axes.annotate("", (middle, -half), (middle, half), arrowprops={"arrowstyle": "<->"})
+    axes.set(xlabel=f"{along} / mm", ylabel="height without the levels' slope / µm")
+    depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]
+    axes.set_title(f"{depth:.2f} ± {doubt:.2f} µm by {len(profiles)} profiles; the middle one")
+    write_picture(figure, Path(file))

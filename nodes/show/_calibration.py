@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.array_files import load_arrays
@@ -15,7 +18,6 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.drawing.chart import BLUE, GREY, ORANGE, Axes, Page, pixel_ends
 from tactograph.nodes.files.calibration_file import (
     FileKind,
     is_of_kind,
@@ -89,70 +91,75 @@ def _range(array: Any) -> str:
 def _draw_sensor(arrays: dict[str, Any], title: str, target: Path) -> None:
     """Draw the film at rest under every LED, and the LEDs from above and from the side."""
     flat = arrays["flat"]
-    page = Page(380 * len(flat), 760, 2, len(flat), f"{title}: light as a share of full scale")
-    for k, plane in enumerate(flat):
-        name = f"at rest, LED {k + 1}"
-        axes = page.axes(0, k, *pixel_ends(plane), name, ("x / px", ""), square=True, bar=True)
-        axes.image(plane, ends=(0, float(plane.max())))
-        axes.colour_bar()
+    figure = Figure(figsize=(3 * len(flat), 7), dpi=100, layout="constrained")
+    grid = figure.add_gridspec(2, 1)
+    upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+    for k, (axes, plane) in enumerate(zip(upper.subplots(1, len(flat)), flat, strict=True)):
+        drawn = axes.imshow(plane, cmap="gray", vmin=0)
+        axes.set(title=f"film at rest, LED {k + 1}", xlabel="x / px")
+        figure.colorbar(drawn, ax=axes, orientation="horizontal", label="of full scale")
     if "lights" in arrays:
-        _draw_leds(page, arrays)
+        _draw_leds(lower.subplots(1, 2), arrays)
     else:
-        _draw_map(page, arrays["reflectance"], len(flat))
-    page.save(target)
+        _draw_map(lower, arrays["reflectance"], len(flat))
+    figure.suptitle(title)
+    FigureCanvasAgg(figure).print_png(target)
 
 
-def _draw_leds(page: Page, arrays: dict[str, Any]) -> None:
+def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
     """Draw where the LEDs are, with the other places that the fit allows, and the film."""
     lights, others = arrays["lights"], arrays.get("others", arrays["lights"][None])
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])
-    box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [width / 2, height / 2]
-    far = 1.15 * float(
-        np.abs([*lights[:, :2].ravel(), *others[..., :2].ravel(), *box.ravel()]).max()
-    )
-    names = "x / mm", "y / mm"
-    title = "LEDs (orange; grey: as the fit allows) and film in the image"
-    above = page.axes(1, 0, (-far, far), (far, -far), title, names, columns=2, square=True)
+    above, side = axes
     _dots(above, lights[:, 0], lights[:, 1], others[..., 0], others[..., 1])
-    above.line(box[:, 0], box[:, 1], "black")
+    box = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [width / 2, height / 2]
+    above.plot(*box.T, color="black", label="film in the image")
+    above.set(title="LEDs from above", xlabel="x / mm", ylabel="y / mm", aspect="equal")
+    above.invert_yaxis()
     from_axis, others_from_axis = (
         np.hypot(each[..., 0], each[..., 1]) for each in (lights, others)
     )
-    top = 1.15 * float(max(lights[:, 2].max(), others[..., 2].max()))
-    ends, labels = ((0, 1.5 * far), (-0.05 * top, top)), ("from the axis / mm", "z / mm")
-    side = page.axes(1, 1, *ends, "from the side", labels, columns=2, square=True)
     _dots(side, from_axis, lights[:, 2], others_from_axis, others[..., 2])
-    side.line([0, width / 2], [0, 0], "black")
+    side.plot([0, width / 2], [0, 0], color="black", label="film in the image")
+    side.set(
+        title="LEDs from the side", xlabel="from the axis / mm", ylabel="z / mm", aspect="equal"
+    )
+    side.legend(loc="center left", bbox_to_anchor=(1.05, 0.5))
 
 
 def _dots(axes: Axes, x: F4, y: F4, other_x: F4, other_y: F4) -> None:
-    axes.dots(other_x, other_y, GREY)
-    axes.dots(x, y, ORANGE, size_px=4.0)
+    axes.plot(other_x.ravel(), other_y.ravel(), ".", color="#9a9a9a", label="as the fit allows")
+    axes.plot(x, y, "o", color="#ffb000", label="LEDs")
     for k, place in enumerate(zip(x, y, strict=True), start=1):
-        axes.write(f"  {k}", *map(float, place), anchor="ld")
+        axes.annotate(str(k), place, xytext=(5, 5), textcoords="offset points")
 
 
-def _draw_map(page: Page, reflectance: F4, count: int) -> None:
+def _draw_map(part: Any, reflectance: F4, count: int) -> None:
     """Draw the change of each light with a slope in x and in y, in the middle of the film."""
-    change = reflectance[:, :2, 0]
-    ends = 1.1 * min(0, float(change.min())), 1.1 * max(0, float(change.max()))
-    title = "change of light in the middle of the film, per unit of the normal: blue x, orange y"
-    names = {k: f"light {k + 1}" for k in range(count)}
-    axes = page.axes(1, 0, (-0.6, count - 0.4), ends, title, names=(names, None), columns=1)
-    for k, (across, down) in enumerate(change):
-        axes.area([k - 0.35, k], 0, across, BLUE)
-        axes.area([k, k + 0.35], 0, down, ORANGE)
+    axes = part.subplots(1, 1)
+    places = np.arange(count)
+    for shift, (number, name) in enumerate(((0, "x"), (1, "y"))):
+        axes.bar(
+            places + 0.4 * shift, reflectance[:, number, 0], 0.4, label=f"normal towards {name}"
+        )
+    axes.set_xticks(places + 0.2, [f"light {k + 1}" for k in places])
+    axes.set(title="change of light in the middle of the film, per unit of the normal")
+    axes.legend()
 
 
 def _draw_lens(arrays: dict[str, Any], title: str, target: Path) -> None:
     """Draw the displacements at which the camera sees places of an even grid."""
     columns, rows = (int(side) for side in arrays["size"])
-    page = Page(800, round(800 * rows / columns) + 100)
-    words, labels = f"{title}: even grid (grey) as the camera sees it", ("x / px", "y / px")
-    axes = page.axes(0, 0, (-0.5, columns - 0.5), (rows - 0.5, -0.5), words, labels, square=True)
+    figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
+    axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    seen_x, seen_y = seen_places(arrays["lens"], (rows, columns))
+    seen = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
     y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
-    axes.dots(x, y, GREY)
-    axes.dots(seen_x[::step, ::step], seen_y[::step, ::step], ORANGE)
-    page.save(target)
+    axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
+    axes.plot(
+        *(plane.ravel() for plane in seen), "+", color="#ffb000", label="as the camera sees it"
+    )
+    axes.set(title=title, xlabel="x / px", ylabel="y / px", aspect="equal")
+    axes.invert_yaxis()
+    axes.legend()
+    FigureCanvasAgg(figure).print_png(target)

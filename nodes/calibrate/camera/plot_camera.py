@@ -3,13 +3,13 @@
 from typing import Annotated
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.calibrate.camera.find_grid import GridMarks
 from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.drawing.chart import LIMIT_COLOUR, ORANGE, Page, pixel_ends
-from tactograph.nodes.drawing.new_picture import BesidePicture, write_picture
+from tactograph.nodes.drawing.new_picture import BLUE, ORANGE, BesidePicture, write_picture
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""
@@ -42,17 +42,20 @@ def plot_camera(
     rows, columns = image.shape
     x, y = marks.place.T
     out = np.isnan(departure[:, 0])
-    title = "  ".join(f"{name} {value:.4g}" for name, value in quality.items())
-    page = Page(1200, 500, 1, 2, title)
-    ends, labels = pixel_ends(image), ("x / px", "y / px")
-    left = page.axes(0, 0, *ends, f"{marks.pattern}: {len(x)} found", labels, square=True)
-    left.image(image)
-    left.dots(x[~out], y[~out], ORANGE)
-    left.dots(x[out], y[out], LIMIT_COLOUR, size_px=3.0)
+    figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.imshow(image, cmap="gray")
+    left.plot(x[~out], y[~out], "+", color=ORANGE, markersize=5)
+    left.plot(x[out], y[out], "x", color="red", markersize=6)
+    left.set(title=f"{marks.pattern}: {len(x)} found", xlabel="x / px", ylabel="y / px")
     usual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     spacing = float(np.sqrt(rows * columns / len(x)))
     scale = max(usual, 1e-9) / (ARROW_SHARE * spacing)
-    said = f"departure from the fit; of {usual:.3f} px: half the space between marks"
-    right = page.axes(0, 1, *ends, said, labels, square=True)
-    right.arrows(x, y, *(departure.T / scale))
-    write_picture(page, file.with_suffix(".png"))
+    arrows = right.quiver(
+        x, y, *departure.T, angles="xy", scale_units="xy", scale=scale, color=BLUE, width=0.003
+    )
+    right.quiverkey(arrows, 0.85, 1.03, usual, f"{usual:.3f} px")
+    right.set(xlim=(0, columns), ylim=(rows, 0), xlabel="x / px", ylabel="y / px")
+    right.set(aspect="equal", title="departure from the fit")
+    figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))

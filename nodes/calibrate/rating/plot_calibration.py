@@ -5,11 +5,12 @@ Long because it draws up to six pictures on one page.
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-import cv2
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
@@ -25,15 +26,19 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
-from tactograph.nodes.drawing.chart import BLUE, GREY, LIMIT_COLOUR, ORANGE, Axes, Page, pixel_ends
-from tactograph.nodes.drawing.new_picture import BesidePicture, in_lines, write_picture
+from tactograph.nodes.drawing.new_picture import (
+    BLUE,
+    GREY,
+    ORANGE,
+    BesidePicture,
+    in_lines,
+    write_picture,
+)
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-PAGE_SIZE_PX, WIDE_PAGE_PX = (1100, 830), 1600
-"""Width and height of the page of one press, and the width of that of several."""
-SLOPE_BINS, DEPARTURE_BINS, MAX_DEPARTURE = 60, 100, 10.0
-PX_LABELS, SLOPE_LABELS = ("x / px", "y / px"), ("p = dz/dx / mm per mm", "q = dz/dy / mm per mm")
+HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.16, 0.6
+"""Inches: the page, a line of its title, and the title of axes with the space around it."""
 MAX_NAMES = 20
 """Most balls that are labelled with the names of their presses."""
 MAX_NAME_LETTERS = 24
@@ -114,48 +119,38 @@ def plot_calibration(
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
     area
-        H x W of the frames, 1 where they show film; a blue line is its edge.
+        H x W of the frames, 1 where they show film; its edge is dotted.
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
     title = _title(quality) + (f"\n{advice}" if advice else "")
-    several = len(lights) > 1
-    width, height = PAGE_SIZE_PX
-    page = Page(WIDE_PAGE_PX if several else width, height, 2, 3 if several else 2, title)
-    x, y = pixel_ends(masks[0], wide)
-    in_px = partial(page.axes, x=x, y=y, labels=PX_LABELS, square=True)
+    figure = Figure(figsize=(11 if len(lights) == 1 else 16, HEIGHT_IN), dpi=100)
+    # Fixed margins take half the time of a layout that measures every text.
+    top = 1 - (LINE_IN * (title.count("\n") + 1) + AXES_TITLE_IN) / HEIGHT_IN
+    figure.subplots_adjust(left=0.06, right=0.97, bottom=0.07, top=top, wspace=0.35, hspace=0.35)
+    axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
         _residual(*press, reflectance)
         for press in zip(lights, masks, cut(slope, rows), cut(lit, rows), strict=True)
     ]
-    _draw_residual(
-        in_px(1, 0, title="misfit of the reflectance |I - R|, the largest of all LEDs", bar=True),
-        np.fmax.reduce(residuals),
-    )
-    _draw_coverage(page, slope[:, in_tables(mask, lit, len(light))])
-    _draw_null(page, light, mask, lit, *null)
-    film = "" if area is None or area.all() else f"; film within the blue line: {area.mean():.0%}"
-    if not several:
-        found = in_px(0, 0, title=f"mean light, and the pixels of known slope{film}")
-        found.image(light.mean(axis=0))
-        _draw_edge(found, mask, wide, ORANGE)
-    else:
+    _draw_residual(figure, axes[1, 0], np.fmax.reduce(residuals), wide)
+    _draw_coverage(figure, axes[0, 1], slope[:, in_tables(mask, lit, len(light))])
+    _draw_null(axes[1, 1], light, mask, lit, *null)
+    if len(lights) == 1:
+        _draw_found(axes[0, 0], light, mask, wide)
+    elif balls is not None and balls.names:
         used = np.array([part.any() for part in masks])
-        out = int((~used).sum())
-        words = f"presses on the film: {int(used.sum())} used, {out} left out{film}"
-        found = in_px(0, 0, title=words)
-        found.image(-np.sum([part > 0 for part in masks], axis=0), ends=(-6, 0))
-        if balls is not None and balls.names:
-            _draw_presses(found, balls, used, wide)
-            if held_out is not None:
-                degrees, microns = held_out
-                _draw_errors(page, 0, balls.names, degrees, used, "normal, held out / degrees")
-                _draw_errors(page, 1, balls.names, microns, used, "height, held out / um")
-    if film and area is not None:
-        _draw_edge(found, area, wide, BLUE)
-    write_picture(page, file.with_suffix(".png"))
+        _draw_presses(axes[0, 0], masks, balls.names, balls.circle, balls.of, used, wide)
+        if held_out is not None:
+            degrees, microns = held_out
+            _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
+            _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
+    if area is not None and not area.all():
+        _draw_area(axes[0, 0], area, wide)
+    figure.suptitle(title, fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
 
 
 def _title(quality: Metrics) -> str:
@@ -168,55 +163,83 @@ def _title(quality: Metrics) -> str:
     return in_lines(figures)
 
 
-def _draw_edge(axes: Axes, mask: U1, wide: int, colour: str) -> None:
-    """Draw the edge of a mask, beyond which nothing is fitted."""
-    edges, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
-    for edge in edges:
-        closed = np.concatenate([edge, edge[:1]])[:, 0]
-        x, y = wide * closed.T + (wide - 1) / 2
-        axes.line(x, y, colour)
+def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
+    extent = _extent(mask.shape, wide)
+    axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
+    axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)
+    axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
 
 
-def _draw_coverage(page: Page, slope: F4) -> None:
-    p, q = slope.astype(np.float64)
-    ends = (p.min(), p.max()), (q.min(), q.max())
-    counts, *_ = np.histogram2d(p, q, SLOPE_BINS, ends)
-    title = f"slopes in the tables ({slope.shape[1]} pixels)"
-    axes = page.axes(0, 1, *ends, title, SLOPE_LABELS, square=True, bar=True)
-    powers = np.log10(np.where(counts > 0, counts, np.nan))
-    axes.image(powers.T[::-1], "viridis")
-    axes.colour_bar("pixels in a cell", {k: f"{10**k}" for k in range(int(np.nanmax(powers)) + 1)})
+def _draw_area(axes: Axes, area: U1, wide: int) -> None:
+    """Draw the edge of the film, beyond which nothing is fitted."""
+    look: dict[str, Any] = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
+    axes.contour(area, extent=_extent(area.shape, wide), origin="upper", levels=[0.5], **look)
+    axes.set_title(f"{axes.get_title()}\nfilm within the dotted line: {area.mean():.0%}")
 
 
-def _draw_presses(axes: Axes, balls: NamedBalls, used: NDArray[np.bool_], wide: int) -> None:
-    """Draw the circles of all contacts; those left out are grey."""
+def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of an image whose pixels are `wide` pixels of the camera."""
+    rows, columns = shape
+    return -0.5, columns * wide - 0.5, rows * wide - 0.5, -0.5
+
+
+def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
+    drawn = axes.hexbin(*slope, gridsize=60, bins="log", cmap="viridis")
+    figure.colorbar(drawn, ax=axes, label="pixels in a cell")
+    axes.set_aspect("equal")
+    axes.set(
+        title=f"slopes in the tables ({slope.shape[1]} pixels)",
+        xlabel="p = dz/dx / mm per mm",
+        ylabel="q = dz/dy / mm per mm",
+    )
+
+
+def _draw_presses(
+    axes: Axes,
+    masks: list[U1],
+    names: list[str],
+    circle: F4,
+    of: NDArray[np.int32],
+    used: NDArray[np.bool_],
+    wide: int,
+) -> None:
+    """Draw the film with all contacts; those left out are grey and dashed."""
+    depth = np.sum([mask > 0 for mask in masks], axis=0)
+    scale = {"vmin": 0, "vmax": max(3, depth.max())}
+    axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
     # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
     middle = (wide - 1) / 2
-    placed = balls.circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
-    for press, (x, y, radius) in zip(balls.of, placed, strict=True):
+    placed = circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
+    for press, (x, y, radius) in zip(of, placed, strict=True):
         if radius == 0:
             continue
-        axes.circles(x, y, radius, ORANGE if used[press] else GREY)
-        if len(placed) <= MAX_NAMES:
-            name = balls.names[press][:MAX_NAME_LETTERS]
-            axes.write(name, float(x), float(y - radius), size=10, anchor="md")
+        look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
+        axes.add_patch(Circle((x, y), radius, fill=False, **look))
+        if len(circle) <= MAX_NAMES:
+            axes.text(
+                x, y - radius, names[press][:MAX_NAME_LETTERS], fontsize=7, ha="center", va="bottom"
+            )
+    out = int((~used).sum())
+    axes.set(
+        title=f"presses on the film: {int(used.sum())} used, {out} left out",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
 
 
 def _draw_errors(
-    page: Page, row: int, names: list[str], errors: F4, used: NDArray[np.bool_], label: str
+    axes: Axes, names: list[str], errors: F4, used: NDArray[np.bool_], label: str
 ) -> None:
     """Draw a bar for each press; a press that is left out has none."""
-    most = float(np.nanmax(errors, initial=0)) or 1.0
-    axes = page.axes(
-        row, 2, (0, 1.05 * most), (len(names) - 0.5, -0.5), f"error by press: {label}",
-        (label.rpartition(" / ")[2], ""), names=(None, {}),
-    )  # fmt: skip
-    for place, (name, error, good) in enumerate(zip(names, errors, used, strict=True)):
-        if np.isfinite(error):
-            axes.area([0, error], place - 0.25, place + 0.25)
-        if len(names) <= MAX_NAMES:
-            text = name[:MAX_NAME_LETTERS] + ("" if good else " (out)")
-            axes.write(f" {text}", 0, place, size=10, anchor="lm")
+    places = np.arange(len(names))
+    axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
+    labels = [
+        name[:MAX_NAME_LETTERS] + ("" if good else " (out)")
+        for name, good in zip(names, used, strict=True)
+    ]
+    axes.set_yticks(places, labels, fontsize=7)
+    axes.invert_yaxis()
+    axes.set(title=f"error by press: {label}", xlabel=label.rpartition(" / ")[2])
 
 
 def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
@@ -229,23 +252,32 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
     return np.where(mask > 0, error, np.float32(np.nan))
 
 
-def _draw_residual(axes: Axes, error: F4) -> None:
+def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
     # Single pixels at the rim, which are partly in shadow, must not hide the rest.
-    axes.image(100 * error, "magma", (0, 100 * float(np.nanpercentile(error, 99))))
-    axes.colour_bar("% of the light of the film at rest")
+    most = float(np.nanpercentile(error, 99))
+    known = np.ma.masked_invalid(100 * error)
+    extent = _extent(error.shape, wide)
+    drawn = axes.imshow(known, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
+    figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
+    axes.set(
+        title="misfit of the reflectance |I - R|, the largest of all LEDs",
+        xlabel="x / px",
+        ylabel="y / px",
+    )
 
 
-def _draw_null(page: Page, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
-    title = "linear dependence of the light where all LEDs reach"
-    labels, ends = ("a.I / its standard deviation", "pixels"), (-MAX_DEPARTURE, MAX_DEPARTURE)
+def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
     if spread == 0:
-        bare = page.axes(1, 1, (0, 1), (0, 1), names=({}, {}))
-        bare.write("three LEDs:\nno shadow test", 0.5, 0.5, align="center")
+        axes.text(0.5, 0.5, "three LEDs:\nno shadow test", ha="center", va="center")
+        axes.set_axis_off()
         return
     chosen = (mask > 0) & (lit == (1 << len(light)) - 1)
-    departure = np.clip(np.tensordot(null, light, axes=1)[chosen] / spread, *ends)
-    counts, edges = np.histogram(departure, DEPARTURE_BINS, ends)
-    axes = page.axes(1, 1, ends, (0, 1.05 * float(counts.max(initial=1))), title, labels)
-    axes.area(np.repeat(edges, 2)[1:-1], 0, np.repeat(counts, 2))
+    departure = np.tensordot(null, light, axes=1)[chosen] / spread
+    axes.hist(np.clip(departure, -10, 10), bins=100, color=BLUE)
     for threshold in (-3, 3):
-        axes.line([threshold, threshold], [0, 1.05 * float(counts.max(initial=1))], LIMIT_COLOUR)
+        axes.axvline(threshold, color="#d1495b", linewidth=1)
+    axes.set(
+        title="linear dependence of the light where all LEDs reach",
+        xlabel="a.I / its standard deviation",
+        ylabel="pixels",
+    )

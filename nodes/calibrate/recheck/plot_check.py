@@ -1,15 +1,11 @@
 """Plot what has changed since a calibration."""
 
-from textwrap import fill
 from typing import Annotated
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Light
 from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
 from tactograph.nodes.drawing.new_picture import NewPicture, write_picture
-
-MAX_LINE_LETTERS = 58
-"""Letters of a verdict in a line."""
 
 
 @node
@@ -42,11 +38,11 @@ def plot_check(
     """
     films = {"untouched film at the calibration": then, "untouched film now": now}
     words = "now against then"
-    page = draw_films(films, albedo, dent, words, width=1300)
-    draw_light(page, 0, 100 * strength, words)
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=13)
+    draw_light(upper, 100 * strength, words)
+    lower.axis("off")
     verdicts = {"LEDs": leds, "film": film, "lens": lens, "ambient light": ambient}
     lines = [f"{name}: {verdict}" for name, verdict in (verdicts | {"camera": camera}).items()]
-    bare = page.axes(1, 2, (0, 1), (0, 1), names=({}, {}))
-    text = "\n\n".join(fill(line, MAX_LINE_LETTERS) for line in lines)
-    bare.write(f" {text}".replace("\n", "\n "), 0, 0.98, anchor="la", size=12)
-    write_picture(page, file)
+    text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
+    text.set_parse_math(False)
+    write_picture(figure, file)

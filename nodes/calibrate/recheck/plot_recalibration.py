@@ -3,13 +3,14 @@
 from typing import Annotated
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Light, Metrics
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
-from tactograph.nodes.drawing.chart import Page, pixel_ends
-from tactograph.nodes.drawing.new_picture import BesidePicture, in_lines, write_picture
+from tactograph.nodes.drawing.new_picture import ORANGE, BesidePicture, in_lines, write_picture
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
@@ -45,20 +46,20 @@ def plot_recalibration(
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
-    title = f"{_title(quality)}\n{advice}"
-    page = draw_films(films, albedo, dent, words, width=1500, title=title)
-    _draw_press(page, cut(image, now.shape[1])[0], circle[of == 0])
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=15)
+    _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
     light = [v for name, v in quality.items() if name.startswith("light_percent/")]
-    draw_light(page, 1, np.asarray(light, np.float32), words)
-    write_picture(page, file.with_suffix(".png"))
+    draw_light(lower, np.asarray(light, np.float32), words)
+    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
 
 
-def _draw_press(page: Page, press: F4, circles: F4) -> None:
-    mean, balls = press.mean(axis=0), circles[circles[:, 2] > 0]
-    title = "check press" if len(balls) else "no check press"
-    axes = page.axes(0, 2, *pixel_ends(mean), title, square=True)
-    axes.image(mean)
-    axes.circles(*balls.T)
+def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
+    axes.imshow(press.mean(axis=0), cmap="gray")
+    for x, y, radius in circles[circles[:, 2] > 0]:
+        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+    is_pressed = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if is_pressed else "no check press")
 
 
 def _title(quality: Metrics) -> str:

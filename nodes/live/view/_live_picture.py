@@ -1,19 +1,22 @@
 """Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
+import math
 from functools import lru_cache
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.nodes import F4, Height, Labels, Light
 from tactograph.nodes.drawing.arrows import draw_arrows
-from tactograph.nodes.drawing.chart import Picture, colour_table, round_up, scale_table
 from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.stream.touch import Touch
 
+Picture = NDArray[np.uint8]
+"""H x W x 3, red, green, blue."""
 HEIGHT_PX = 480
 """Rows of the height's panel; the two beside it share them."""
 GAP_PX = 12
@@ -94,10 +97,16 @@ def colour_height(height: Height, top: float) -> Picture:
     # The mean shows faster than a mask whether there is any NaN.
     known = np.isfinite(height) if not np.isfinite(height.mean()) else None
     finite = height if known is None else np.where(known, height, 0)
-    coloured = scale_table("viridis")[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
+    coloured = _colours()[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
     if known is not None:
         coloured[~known] = UNKNOWN_RGB
     return coloured
+
+
+def round_up(value: float) -> float:
+    """Round up to 1, 2, 5 or 10 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(max(value, 1e-9)))
+    return next(step * power for step in (1, 2, 5, 10) if step * power >= value * (1 - 1e-9))
 
 
 def _grey(image: Light, width: int, height: int) -> Picture:
@@ -132,12 +141,20 @@ def _label_colours(lights: Lights) -> Picture:
     colours = [SEVERAL_COLOUR] * LABEL_COUNT
     for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
         colours[1 << k] = colour
-    return colour_table(colours)
+    return np.array([_rgb(colour) for colour in colours], np.uint8)
+
+
+@lru_cache
+def _colours() -> Picture:
+    """256 x 3, from dark to light, perceptually uniform."""
+    ramp = np.arange(256, dtype=np.uint8)[:, None]
+    bgr = cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS)
+    return np.asarray(bgr[:, 0, ::-1], np.uint8)
 
 
 def _ramp(rows: int) -> Picture:
     levels = np.linspace(255, 0, rows).astype(np.uint8)
-    return np.repeat(scale_table("viridis")[levels][:, None], BAR_PX, axis=1)
+    return np.repeat(_colours()[levels][:, None], BAR_PX, axis=1)
 
 
 def _resized(plane: F4, width: int, height: int) -> F4:
@@ -186,3 +203,8 @@ def _legend(
         right -= 16
         pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour, outline=TEXT_RGB)
         right -= 10
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return red, green, blue

@@ -13,9 +13,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import InputError, Session, node, warn
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.nodes import Height
-from tactograph.nodes.drawing.chart import Picture, round_up
 from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.live.view._live_picture import draw_touch
+from tactograph.nodes.live.view._live_picture import Picture, draw_touch, round_up
 from tactograph.nodes.stream.frames import LiveState
 from tactograph.nodes.stream.touch import Touch, now_in_touch
 

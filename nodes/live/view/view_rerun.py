@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError, Provenance, Session, node, warn
 from tactograph.graph.extras import need
 from tactograph.nodes import BAND_DEVIATIONS, F4, Height, HeightError, Labels, Light, Metrics
-from tactograph.nodes.drawing.chart import round_up
 from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.live.view._live_picture import LIGHT_NAMES, colour_height
+from tactograph.nodes.live.view._live_picture import LIGHT_NAMES, colour_height, round_up
 from tactograph.nodes.stream.touch import MarkerTracks, Touch, now_in_touch
 
 VIEWER_PORT = 9876

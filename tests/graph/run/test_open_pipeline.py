@@ -158,26 +158,14 @@ def test_numbers_of_numpy_are_numbers(write: Write, make: Any) -> None:
 
 
 def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
-    """Trimesh, SciPy's transforms and trees take longer to load than a touch to compute."""
+    """Matplotlib, trimesh, SciPy's transforms and trees take longer to load than a touch to
+    compute."""
     script = (
         "import sys;"
         "from tactograph.graph.files.read_graph import read_graph;"
         "from tactograph.graph.run.open_pipeline import open_pipeline;"
         "graph = read_graph('reconstruct');"
         "open_pipeline(graph, graph.placeholders);"
-        "print(sorted({'trimesh', 'scipy.fft', 'scipy.spatial'} & set(sys.modules)))"
+        "print(sorted({'matplotlib', 'trimesh', 'scipy.fft', 'scipy.spatial'} & set(sys.modules)))"
     )
     assert python("-c", script).stdout == "[]\n"
-
-
-def test_pictures_of_touches_and_calibrations_are_drawn_without_matplotlib() -> None:
-    """To load it takes longer than all the rest of a warm start."""
-    script = (
-        "import sys;"
-        "from tactograph.nodes.drawing import result_pictures;"
-        "from tactograph.graph.declare.find_node import find_node;"
-        "plots = ['plot_calibration', 'plot_camera', 'plot_check', 'plot_recalibration'];"
-        "list(map(find_node, [*plots, 'plot_step', 'write_result', 'show_file']));"
-        "print('matplotlib' in sys.modules)"
-    )
-    assert python("-c", script).stdout == "False\n"

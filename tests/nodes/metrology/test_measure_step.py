@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tactograph.graph import InputError, load
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.drawing.chart import BLUE, ORANGE
+from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
 from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.metrology.plot_step import plot_step
 

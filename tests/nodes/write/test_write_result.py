@@ -9,12 +9,13 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.show import pictures
 from tactograph.nodes.drawing import led_colours
-from tactograph.nodes.drawing.chart import Axes, Page
 from tactograph.nodes.drawing.result_pictures import draw_contact, draw_shadow
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.read_height import read_height
@@ -189,22 +190,20 @@ def test_a_height_of_another_write_than_its_result_is_refused(tmp_path: Path, su
 def test_pictures_count_mm_from_the_middle_as_contacts_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn: list[tuple[Any, ...]] = []
-    lines: list[tuple[Any, ...]] = []
-    make, draw = Page.axes, Axes.line
-    monkeypatch.setattr(Page, "axes", lambda *at, **how: drawn.append(at) or make(*at, **how))
-    monkeypatch.setattr(Axes, "line", lambda *at, **how: lines.append(at) or draw(*at, **how))
+    drawn: dict[str, Figure] = {}
+    monkeypatch.setattr(
+        FigureCanvasAgg, "print_png", lambda self, file: drawn.update({file.stem: self.figure})
+    )
     result(tmp_path, **full())
-    borders = (-0.5, 0.5), (0.4, -0.4)
-    in_mm = [
-        (across, down) for *_, across, down, _, labels in drawn if labels == ("x / mm", "y / mm")
-    ]
-    assert np.allclose(in_mm, [borders] * 3)  # of height, error and confidence
+    for name in ("height", "error", "confidence"):
+        borders = drawn[name].axes[0].images[0].get_extent()
+        assert borders == pytest.approx((-0.5, 0.5, 0.4, -0.4)), name
+    plane, section = drawn["height"].axes[:2]
     dent = (8 - 4.5) * 0.1, (1 - 3.5) * 0.1
-    (_, _, level, _), (_, across, section) = lines
-    assert across[section.argmax()] == pytest.approx(dent[0])
-    assert level == pytest.approx([dent[1]] * 2)
-    assert any(f"y = {dent[1]:.2f} mm" in title for *_, title, _ in drawn)
+    line = section.lines[0]
+    assert line.get_xdata()[line.get_ydata().argmax()] == pytest.approx(dent[0])
+    assert plane.lines[0].get_ydata() == pytest.approx([dent[1]] * 2)
+    assert f"y = {dent[1]:.2f} mm" in section.get_title()
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:

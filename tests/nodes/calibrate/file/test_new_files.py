@@ -5,12 +5,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.nodes.calibrate.file.write_camera import write_camera
-from tactograph.nodes.drawing.chart import Page
 from tactograph.nodes.drawing.new_picture import write_picture
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
@@ -53,7 +53,7 @@ def test_a_photo_stays(node: str, content: str, tmp_path: Path) -> None:
     picture = tmp_path / "photo.png"
     file = picture if node == "plot_check" else picture.with_suffix(".npz")
     check(node, file)
-    write_picture(Page(8, 8), picture)
+    write_picture(Figure(), picture)
     check(node, file)
     picture.unlink()
     if content == "folder":

@@ -10,8 +10,7 @@ from PIL import Image
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.drawing.chart import round_up
-from tactograph.nodes.live.view._live_picture import colour_height, draw_touch
+from tactograph.nodes.live.view._live_picture import colour_height, draw_touch, round_up
 from tactograph.nodes.live.view.preview import preview
 from tactograph.nodes.stream.frames import LiveState
 from tactograph.nodes.stream.touch import MarkerTracks, Touch
