@@ -1,5 +1,7 @@
 """Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 

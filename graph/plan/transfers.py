@@ -1,5 +1,7 @@
 """Pass 5: bring every array to its readers, with one transfer per value."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Literal
 
