@@ -159,7 +159,7 @@ static ONCE void look_at_light(
     {
         const int from = y * step, at = y * w + x;
         const ints here = filled(count), is = is_steep(slope, from, x, count, H, W, step) & here;
-        const floats bend = squared_bend(slope, from, x, count, H, W, step);
+        const floats bend = ANY(is) ? squared_bend(slope, from, x, count, H, W, step) : none;
         const floats chi = load_thin(departure + from * W, x, 0, count, W, step);
         const ints tests = chi >= 0.0f;
         const ints bits = used ? load_bytes_thin(used + from * W, x, count, W, step) : all_leds;
@@ -319,12 +319,15 @@ static ONCE float worst_part(
     const int me = PLACE_IN_GROUP;
     for (int b = me; b < STEPS_PER_IMAGE * STEPS_PER_IMAGE; b += GROUP) {
         const int i = b / STEPS_PER_IMAGE, j = b % STEPS_PER_IMAGE;
-        tested[b] = curled[b] = 0;
+        const int first = j * w / STEPS_PER_IMAGE, end = (j + 1) * w / STEPS_PER_IMAGE;
+        int here = 0, beyond = 0;
         for (int y = i * h / STEPS_PER_IMAGE; y < (i + 1) * h / STEPS_PER_IMAGE; ++y)
-            for (int x = j * w / STEPS_PER_IMAGE; x < (j + 1) * w / STEPS_PER_IMAGE; ++x) {
-                tested[b] += curl[y * w + x] >= 0.0f;
-                curled[b] += curl[y * w + x] > MAX_PART_CURL * MAX_PART_CURL;
+            for (int x = first; x < end; ++x) {
+                here += curl[y * w + x] >= 0.0f;
+                beyond += curl[y * w + x] > MAX_PART_CURL * MAX_PART_CURL;
             }
+        tested[b] = here;
+        curled[b] = beyond;
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
     const int wide = STEPS_PER_IMAGE - STEPS_PER_PART + 1;

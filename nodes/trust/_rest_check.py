@@ -34,13 +34,13 @@ def check_rest(
     found.
     """
     change = [lit - 1 for lit in level.tolist()]
-    worst = max(range(len(change)), key=lambda led: abs(change[led]))
-    named = worst + 1, "brighter" if change[worst] > 0 else "darker"
+    worst = max(change, key=abs)
+    named = change.index(worst) + 1, "brighter" if worst > 0 else "darker"
     keeps = not film.levelled and film.dark <= MAX_DARK_SHARE
     other = "other light was added to the touch" if added > 0 else "the touch lacks light"
     checks = [
         Check(
-            abs(change[worst]) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
+            abs(worst) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
             "LED {} is {} than in the calibration (check exposure, gain and LED, and that other "
             "light is kept out)",
             named,
