@@ -105,7 +105,7 @@ def report(name: str, folder: Path, more: list[str], rounds: int, before: str | 
             each.end()
     wall, processor = median(s.wall for s in spent), median(s.processor for s in spent)
     print(
-        f"{name}: {wall:.0f} ms on the wall, {processor:.0f} ms of the processor, "
+        f"{name}: {wall:.1f} ms on the wall, {processor:.1f} ms of the processor, "
         f"{spent[-1].memory:.0f} MiB at most"
     )
     if earlier:

@@ -1,7 +1,11 @@
-"""The light that the film throws on itself: interreflection of a film that is no longer flat."""
+"""The light that the film throws on itself: interreflection of a film that is no longer flat.
+
+Long because cells of two sizes throw it, each laid out, lit and swept by a kernel of its own.
+"""
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +15,8 @@ from annotated_types import Interval
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.between_cells import between_cells
-from tactograph.nodes.optics.bounce import bounce, launch_bounce, launch_cells
+from tactograph.nodes.optics.coat import upload_curve
+from tactograph.nodes.optics.coated_bounce import coated, source_rows
 from tactograph.nodes.optics.radiosity import (
     COATED_AZIMUTHS,
     Grid,
@@ -21,7 +26,7 @@ from tactograph.nodes.optics.radiosity import (
     larger_cells,
     means,
 )
-from tactograph.nodes.optics.sweep import sight
+from tactograph.nodes.optics.sweep import arriving, matt
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -29,8 +34,6 @@ if TYPE_CHECKING:
 MAX_ALBEDO = 0.95
 DEFAULT_MAX_CELLS = 4800
 """Default for the largest number of cells in a frame."""
-COAT_FIELDS = "lights", "diffuse", "base", "roughness", "refraction", "camera"
-"""The fields of `Film` on which the light of a coat depends."""
 
 
 @node(
@@ -45,9 +48,10 @@ def film_bounce(
     before: Light | None = None,
     slope: Slope | None = None,
     *,
-    cells: Annotated[int, Interval(ge=1, le=20000)] = DEFAULT_MAX_CELLS,
+    cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
     azimuths: Annotated[int, Interval(ge=2, le=64)] = COATED_AZIMUTHS,
     share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
+    from_above: bool = False,
 ) -> Light | None:
     r"""Return the part of the light that comes from other places of the film.
 
@@ -87,6 +91,9 @@ def film_bounce(
     share
         Relaxation factor: result = before + share (new - before).  Below 1 it damps
         oscillation; above 1 it speeds up slow convergence.
+    from_above
+        Whether `light` and `height` are those straight below each pixel, as `render` makes them.
+        The camera then tells only what it sees of a coat.
 
     Returns
     -------
@@ -102,16 +109,29 @@ def film_bounce(
     if film.albedo == 0:
         return None
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
-    on_cells = partial(_on_cells, light, height, film, pixel, slope)
+    on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
     return bounced if before is None else before + np.float32(share) * (bounced - before)
 
 
-def _on_cells(light: F4, height: F4, film: Film, pixel: float, slope: F4 | None, grid: Grid) -> F4:
+def _on_cells(
+    light: F4,
+    height: F4,
+    film: Film,
+    pixel: float,
+    slope: F4 | None,
+    from_above: bool,
+    grid: Grid,
+) -> F4:
     """The bounced light of the cells of one grid."""
-    cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, film.camera)
-    seen = partial(sight, cells, grid, film.camera)
-    return bounce(means(light, grid.factor), film, cells, grid, seen)
+    camera = 0.0 if from_above else film.camera
+    cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, camera)
+    frame = slice(None), *grid.frame
+    sources = cells.rest.copy()
+    sources[frame] *= means(light, grid.factor)
+    is_matt = film.refraction == 1
+    law = matt(sources) if is_matt else coated(film, cells, sources, grid)
+    return np.float32(film.albedo) * arriving(cells, grid, camera, law) / cells.rest[frame]
 
 
 @film_bounce.idle
@@ -127,24 +147,46 @@ def _launch(run: Launch) -> None:
     _check(albedo)
     film = inputs["film.rim"], inputs["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
-    constants = {"LEDS": count, "COATED": int(film[1] != 1)}
-    larger = _launch_on_cells(run, larger_cells(grid), constants)
-    bounced = _launch_on_cells(run, grid, constants, larger)
+    larger = _launch_on_cells(run, larger_cells(grid))
+    bounced = _launch_on_cells(run, grid, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
     work = run.in_row_lanes(count, *size)
-    run.kernel("interpolate", work, *arguments, settings["share"], constants=constants)
+    run.kernel("interpolate", work, *arguments, settings["share"], constants=_constants(run))
 
 
-def _launch_on_cells(
-    run: Launch, grid: Grid, constants: dict[str, int], larger: DeviceArray | None = None
-) -> DeviceArray:
+def _constants(run: Launch) -> dict[str, int]:
+    return {"LEDS": run.sizes["K"], "COATED": int(run.inputs["film.refraction"] != 1)}
+
+
+def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None) -> DeviceArray:
     """Enqueue `_on_cells`, and extrapolate by the result on `larger` cells."""
-    inputs, camera = run.inputs, run.inputs["film.camera"]
-    film = inputs["light"], inputs.get("slope"), inputs["film.lights"], camera
-    table = launch_cells(run, grid, constants, *film)
-    bounced = run.scratch((run.sizes["K"], grid.rows, grid.columns))
-    coat = [inputs[f"film.{name}"] for name in COAT_FIELDS]
-    launch_bounce(run, grid, constants, table, coat, camera, inputs["film.albedo"], bounced, larger)
+    inputs, constants = run.inputs, _constants(run)
+    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    every, lights = math.prod(grid.whole), inputs["film.lights"]
+    camera = 0.0 if run.settings["from_above"] else inputs["film.camera"]
+    table = run.scratch((7 + 2 * count, every))
+    run.kernel(
+        "lay_out", run.in_row_lanes(*grid.whole),
+        inputs["light"], inputs["height"], inputs.get("slope"), lights, inputs["pixel"], table,
+        *size, grid.factor, grid.rows, grid.columns, grid.rim, camera,
+        constants=constants,
+    )  # fmt: skip
+    rough = inputs["film.roughness"], inputs["film.refraction"]
+    curve = upload_curve(run, *rough)
+    coat = lights, inputs["film.diffuse"], curve, inputs["film.base"], *rough, inputs["film.camera"]
+    sources = None
+    if constants["COATED"]:
+        sources = run.scratch((source_rows(count), every))
+        work = run.in_lanes(every)
+        run.kernel("coat", work, table, sources, *coat, every, constants=constants)
+    bounced = run.scratch((count, grid.rows, grid.columns))
+    run.kernel(
+        "throw_light", run.in_row_lanes(grid.rows, grid.columns),
+        table, sources, bounced, *coat,
+        grid.rows, grid.columns, grid.rim, grid.width, grid.film,
+        camera, grid.azimuths, inputs["film.albedo"], larger,
+        local=(run.group,), constants=constants,
+    )  # fmt: skip
     return bounced
 
 

@@ -23,7 +23,6 @@ included in what the camera sees.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -65,22 +64,16 @@ class _Sent(NamedTuple):
     towards: list[F4]
 
 
-def coated(film: Film, cells: Cells, sources: F4, grid: Grid, from_above: bool = False) -> Law:
+def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
     """The law of cells of a film with a coat, of which the camera sees the light `sources`.
 
-    Light is relative to the film at rest that the same pixel sees, or to that below (`from_above`).
+    Light is relative to the film at rest that the same pixel sees.
     """
-    at_rest = film._replace(camera=0.0) if from_above else film
-
-    def rest(light: F4, at: F4) -> F4:
-        nearer = 1 - np.float32(at_rest.camera) * at[2]
-        return _at_rest(film, light, at[:2] / nearer)
-
     frame = slice(None), *grid.frame
     there = _surface(film, cells.at.reshape(3, -1), cells.normal.reshape(3, -1))
     here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
-    sent = _emitted(film, there, sources.reshape(len(sources), -1), rest)
-    by_rest = np.stack([1 / rest(light, here.at) for light in film.lights])
+    sent = _emitted(film, there, sources.reshape(len(sources), -1))
+    by_rest = np.stack([1 / _at_rest(film, light, here.at) for light in film.lights])
     turn = np.float32(math.pi / grid.azimuths)
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
@@ -124,7 +117,7 @@ def _surface(film: Film, at: F4, normal: F4) -> _Surface:
     return _Surface(at, normal, eye, to_eye, _let_in(film, to_eye), _unhidden(film, to_eye))
 
 
-def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], F4]) -> _Sent:
+def _emitted(film: Film, there: _Surface, sources: F4) -> _Sent:
     base, mirrored, facing = (np.empty_like(sources) for _ in range(3))
     towards = []
     for k, (light, share) in enumerate(zip(film.lights, direct_share(film), strict=True)):
@@ -134,7 +127,7 @@ def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], 
         facing[k] = _dot(there.normal, led)
         lit = np.maximum(facing[k], 0)
         whole = share * lit * light[2] * light[2] / square
-        seen = sources[k] * rest(light, there.at)
+        seen = sources[k] * _at_rest(film, light, there.at)
         lobe = _mirrored(film, facing[k], there.to_eye, _dot(led, there.eye))
         unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
         whole *= np.minimum(seen / np.maximum(unshadowed, MIN_DIVISOR), 1)
@@ -145,8 +138,9 @@ def _emitted(film: Film, there: _Surface, sources: F4, rest: Callable[[F4, F4], 
 
 
 def _at_rest(film: Film, light: F4, at: F4) -> F4:
-    """r_k: the reflectance of the film at rest at 2 x N places, in units of base / pi."""
-    flat = np.stack([at[0], at[1], np.zeros_like(at[0])])
+    """r_k: the reflectance of the film at rest seen at 3 x N places, in units of base / pi."""
+    nearer = 1 - np.float32(film.camera) * at[2]
+    flat = np.stack([at[0] / nearer, at[1] / nearer, np.zeros_like(nearer)])
     level = np.zeros_like(flat)
     level[2] = 1
     eye = np.stack(to_pupil(film.camera, *flat))

@@ -1,4 +1,4 @@
-"""Cells of a film that light one another, for `film_bounce` and `interreflect`.
+"""Cells of a film that light one another, for `film_bounce`.
 
 ``kernels/headers/radiosity.clh`` holds the same.
 """

@@ -92,11 +92,8 @@ class _Looking(NamedTuple):
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
 
-def sight(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
-    """Return the pairs of cells that see one another along one of the grid's azimuths.
-
-    `camera` is 1 over the height of the pupil for which the cells form a grid.
-    """
+def _seen(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
+    """Return the pairs of cells that see one another along one of the grid's azimuths."""
     frame = slice(None), *grid.frame
     turn = 2 * math.pi * (number + 0.5) / grid.azimuths
     azimuth = math.cos(turn), math.sin(turn)
@@ -188,22 +185,23 @@ def _risen(
     return step, here, far * np.float32(grid.width), z
 
 
-def arriving(seen: Callable[[int], Sight], law: Law, lights: int, grid: Grid) -> F4:
+def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     """Return the light that arrives at the cells of the frame, over pi: K x rows x columns.
 
-    `seen` tells what they see along each azimuth, which all cores share.
+    `camera` is 1 over the height of the pupil for which the cells form a grid.  All cores share
+    the azimuths.
     """
     count = grid.azimuths
     size = grid.rows * grid.columns
 
     def along(number: int) -> NDArray[np.float64]:
-        share, direction, here, there = seen(number)
+        share, direction, here, there = _seen(cells, grid, camera, number)
         thrown = share * law(here, direction, there)
         return np.stack([np.bincount(here, plane, size) for plane in thrown])
 
     with ThreadPoolExecutor(cores()) as threads:
         total: Any = sum(threads.map(along, range(count)))
-    return (2 / count * total).astype(np.float32).reshape(lights, grid.rows, grid.columns)
+    return (2 / count * total).astype(np.float32).reshape(-1, grid.rows, grid.columns)
 
 
 def matt(sources: F4) -> Law:

@@ -30,7 +30,6 @@ from tactograph.nodes.optics import radiosity
 launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
 height_networks.SUM_PARTS = 64
 radiosity.MAX_RIM_CELLS = 4  # cells of film beyond a frame that has fewer
-BOUNCES = {"bounces": 2}  # as many kernels as more
 FILLS = ("random", "edges", "nan")  # edges hold zeros, too
 text = compiled_node.kernel_source
 simulator = choose_device("oclgrind")[0]
@@ -49,7 +48,6 @@ def check(name, lanes, shape, before, after):
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]
     for case in cases(node, shapes=(shape,))[:1] if shape else small:
-        case.settings.update(BOUNCES if "bounces" in case.settings else {})
         wrong = compare(node, device, case)
         if wrong is not None and not before:
             return f"{case}: {wrong}"

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import matt_film
@@ -61,23 +60,6 @@ def test_a_film_that_reflects_nothing_keeps_its_light() -> None:
     light = np.random.default_rng(0).random((len(FAR), *height.shape), np.float32)
     found = interreflect(light, even(height), height, FAR, PIXEL, albedo=0.0)
     np.testing.assert_array_equal(found, light)
-
-
-def test_on_a_device_too_a_coat_on_a_film_that_reflects_nothing_keeps_the_light(
-    device: OpenCL,
-) -> None:
-    height = imprint()
-    light = np.random.default_rng(0).random((len(FAR), *height.shape), np.float32)
-    rows, columns = height.shape
-    settings = {
-        "albedo": 0.0, "bounces": 2, "cells": 100, "rim_mm": 1.0, "coat_alpha": 0.3,
-        "refractive_index": 1.5, "camera_mm": 0.0,
-    }  # fmt: skip
-    prepared = device.prepare(interreflect, settings, {"K": len(FAR), "H": rows, "W": columns})
-    arrays = {"light": light, "rest": even(height), "height": height, "lights": FAR}
-    given = {name: device.upload(np.asarray(array)) for name, array in arrays.items()}
-    out, _ = prepared.launch({**given, "pixel": PIXEL})
-    np.testing.assert_array_equal(device.download(out["interreflect"]), light)
 
 
 def test_the_foot_of_a_wall_is_never_darker_than_black() -> None:

@@ -1,8 +1,6 @@
 """Light and shadow on simple surfaces, as geometry has it."""
 
 import json
-from functools import partial
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import InputError
+from tactograph.graph.backends.device_call import DeviceCall
+from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.simulate.blur import blur
 from tactograph.nodes.simulate.interreflect import interreflect
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -310,7 +310,7 @@ def away_from_shadow_edges(labels, steep):
     ],
 )
 def test_agrees_with_an_independent_ray_tracer(device, rig, scene):
-    make = partial(on, device, render) if rig == "far28_vga16" else render
+    make = DeviceCall(render, device) if rig == "far28_vga16" else render
     flat, rest, pixel, lights = capture(rig, "flat")
     plain = make(rest, pixel, lights, level=1.0).light
     gain = float((flat * plain).sum() / (plain * plain).sum())
@@ -334,21 +334,6 @@ def test_agrees_with_an_independent_ray_tracer(device, rig, scene):
         assert iou > 0.9
 
 
-def on(device, node, *given, **settings):
-    """What a node's kernel makes of arrays and numbers, where NumPy takes long."""
-    inputs = dict(zip(node.inputs, given, strict=True))
-    sizes = {
-        symbol: size
-        for name, value in inputs.items()
-        for symbol, size in zip(node.inputs[name].dims, np.shape(value), strict=True)
-        if isinstance(symbol, str)
-    }
-    defaults = {name: p.default for name, p in node.parameters.items() if not p.required}
-    uploaded = {n: device.upload(v) if np.ndim(v) else v for n, v in inputs.items()}
-    made, _ = device.prepare(node, {**defaults, **settings}, sizes).launch(uploaded)
-    return SimpleNamespace(**{name: device.download(array) for name, array in made.items()})
-
-
 def in_the_hand(device, facts, height, pixel, lights, level):
     """The images of a rig in the hand, and the labels and the height that its pixels see."""
     coat, size = facts.get("coating") or {}, 2 * (facts.get("led_disc_radius_mm") or 0)
@@ -363,16 +348,17 @@ def in_the_hand(device, facts, height, pixel, lights, level):
         "albedo": albedo,
         "camera_mm": camera,
     }
-    rendered = on(device, render, height, pixel, lights, **rig)
+    draw = DeviceCall(render, device)
+    rendered = draw(height, pixel, lights, **rig)
     light, labels = rendered.light, rendered.labels
     if facts.get("bounces"):
-        rest = on(device, render, np.zeros_like(height), pixel, lights, **rig).light
+        rest = draw(np.zeros_like(height), pixel, lights, **rig).light
         # The coat takes its share of what the film throws on itself, too.
         share = 0.9 * albedo if coat else albedo
-        light = on(
-            device, interreflect, light, rest, height, lights, pixel,
-            albedo=share, bounces=5,
-        ).interreflect  # fmt: skip
+        light = interreflect(
+            light, rest, height, lights, pixel,
+            albedo=share, bounces=5, bounce=DeviceCall(film_bounce, device),
+        )  # fmt: skip
     slope = height_slopes(height, pixel).slope
     lens = {"camera_mm": camera, "lens_at_corner": facts.get("lens_at_corner") or 0.0}
     found = view(light, height, slope, labels, **lens)
