@@ -8,7 +8,6 @@ from tactograph.graph import node, warn
 from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.metrology.level_plane import level_plane
-from tactograph.nodes.metrology.scale_error import scale_error
 from tactograph.nodes.metrology.scale_height import Scale
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
@@ -55,7 +54,8 @@ def doubt_brightness(
         H x W in mm.
     """
     if scale is not None:
-        return scale_error(error, height, scale=scale)
+        factor, uncertain = scale
+        return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
     apart = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(apart, pixel), level=level) / 2
     combined = np.hypot(error, share)

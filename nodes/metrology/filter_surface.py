@@ -1,12 +1,10 @@
 """The S-L surface of ISO 25178-3: form, short and long wavelengths removed by Gaussian filters."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
+from numpy.polynomial.polynomial import polygrid2d, polyvander2d
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node
@@ -99,15 +97,9 @@ def form(height: F4, degree: int) -> F4:
             f"{len(x)} known heights are too few for a form of degree {degree} ({terms} terms)"
         )
     every = slice(None, None, max(1, len(x) // MAX_FITTED))
-    columns = _powers(x[every], y[every], height.shape, degree)
-    fitted = np.linalg.lstsq(np.stack(columns, 1), height[y[every], x[every]], rcond=None)[0]
-    across, down = np.arange(height.shape[1])[None], np.arange(height.shape[0])[:, None]
-    whole = _powers(across, down, height.shape, degree)
-    return np.asarray(sum(c * t for c, t in zip(fitted, whole, strict=True)), np.float32)
-
-
-def _powers(
-    x: NDArray[np.int_], y: NDArray[np.int_], shape: tuple[int, ...], degree: int
-) -> list[NDArray[np.float64]]:
-    u, v = 2 * x / shape[1] - 1, 2 * y / shape[0] - 1
-    return [u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)]
+    v, u = (np.linspace(-1, 1, side) for side in height.shape)
+    kept = np.add.outer(*2 * [np.arange(degree + 1)]) <= degree
+    columns = polyvander2d(v[y[every]], u[x[every]], [degree, degree])[:, kept.ravel()]
+    fitted = np.zeros(kept.shape)
+    fitted[kept] = np.linalg.lstsq(columns, height[y[every], x[every]], rcond=None)[0]
+    return polygrid2d(v, u, fitted).astype(np.float32)

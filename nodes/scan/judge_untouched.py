@@ -1,7 +1,5 @@
 """Compare a light model with a scan of the untouched film."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +12,7 @@ from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide
 from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.light_model_slope import light_model_slope
+from tactograph.nodes.scan.read_light_model import check_frame, on_cells
 
 MAX_LEAN = 0.02
 """Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""
@@ -31,7 +30,7 @@ def judge_untouched(
     Parameters
     ----------
     model
-        On cells, as `read_light_model` gives it.
+        As `read_light_model` gives it.
     folder
         A scan of the untouched film; None: nothing is compared.
     crop
@@ -44,11 +43,17 @@ def judge_untouched(
     dict
         ``untouched_slope``, root mean square, and ``untouched_brightness``, median; empty without
         a scan.
+
+    Raises
+    ------
+    InputError
+        As `read_capture` and `check_frame`.
     """
     if folder is None:
         return {}
     (taken,) = read_capture(folder=folder, crop=crop, single=True)
-    found = light_model_slope(coarsen(taken.image, factor=cell), model)
+    check_frame(taken.image, model, f"{folder}")
+    found = light_model_slope(coarsen(taken.image, factor=cell), on_cells(model, cell))
     lean = float(np.sqrt(np.mean(np.sum(np.square(found.slope), axis=0))))
     bright = float(np.median(found.brightness))
     if lean > MAX_LEAN:

@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import F4, PixelSize
+from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
     DEGREE_BY_ROWS,
     FlatField,
@@ -16,7 +16,7 @@ from tactograph.nodes.files.gelsight_scan import (
     is_scan,
     read_light_model_file,
 )
-from tactograph.nodes.files.image_files import Crop, read_image
+from tactograph.nodes.files.image_files import Crop, lights_of, read_image
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import MODEL_NUMBERS, LightModel
 
@@ -87,6 +87,22 @@ def on_cells(model: LightModel, factor: int) -> LightModel:
     )
     gain = None if model.gain is None else coarsen(model.gain, factor=factor)
     return model._replace(u=u, v=v, gain=gain)
+
+
+def check_frame(image: Light, model: LightModel, of: str) -> None:
+    """Refuse images, named `of`, that are not of the model's frame.
+
+    Raises
+    ------
+    InputError
+        If there are other LEDs, or pixels.
+    """
+    known = len(model.linear), len(model.v), len(model.u)
+    if image.shape != known:
+        raise InputError(
+            f"the light model describes {known[0]} lights of {known[2]} x {known[1]} pixels, but "
+            f"{of} has {lights_of(image)}"
+        )
 
 
 def _by_term(matrix: F4, leds: int, terms: int) -> F4:

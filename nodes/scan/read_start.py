@@ -1,15 +1,13 @@
 """What a sensor's light model says before a calibration: light at rest, LEDs, pixel size."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, node
+from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, Metrics, PixelSize
-from tactograph.nodes.files.image_files import Crop, lights_of
+from tactograph.nodes.files.image_files import Crop
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import (
     PIXEL_UNKNOWNS,
@@ -20,7 +18,7 @@ from tactograph.nodes.optics.light_model import (
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.judge_untouched import judge_untouched
 from tactograph.nodes.scan.light_model_slope import light_model_slope
-from tactograph.nodes.scan.read_light_model import on_cells, read_light_model
+from tactograph.nodes.scan.read_light_model import check_frame, on_cells, read_light_model
 from tactograph.nodes.scan.scan_pixel_size import scan_pixel_size
 
 CELL_PX = 16
@@ -75,25 +73,18 @@ def read_start(
     if file is None:
         return Start({}, pixel_size=stated)
     model, of_model = read_light_model(file=file, crop=crop)
-    leds, rows, columns = image.shape
-    known = len(model.linear), len(model.v), len(model.u)
-    if known != image.shape:
-        raise InputError(
-            f"{file}: describes {known[0]} lights of {known[2]} x {known[1]} pixels, but the press "
-            f"has {lights_of(image)}"
-        )
+    check_frame(image, model, "the press")
     u, v = np.meshgrid(model.u, model.v)
     powers = monomials(u, v, int(model.degree))
-    level = np.zeros((3, rows, columns), np.float32)
+    level = np.zeros((3, *image.shape[1:]), np.float32)
     level[2] = 1
     rest, _ = modelled_light(coefficients(model.quadratic, powers), level)
     towards = model.linear[:, :, 0]
     slants = towards[:, :2] / np.maximum(towards[:, 2:], MIN_LIGHT_TOWARDS)
     figures: Metrics = {}
-    if leds > PIXEL_UNKNOWNS:
-        of_cells = on_cells(model, CELL_PX)
-        found = light_model_slope(coarsen(image, factor=CELL_PX), of_cells)
+    if len(image) > PIXEL_UNKNOWNS:
+        found = light_model_slope(coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX))
         figures = judge_light_model(found.brightness, found.residual, force=True)
-        figures |= judge_untouched(of_cells, folder=flat, crop=crop, cell=CELL_PX)
+        figures |= judge_untouched(model, folder=flat, crop=crop, cell=CELL_PX)
     rest = rest if model.gain is None else rest / model.gain
     return Start(figures, rest, slants, scan_pixel_size(of_model, stated))

@@ -56,8 +56,14 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
         write_scan(folder, (seen(z, model) * noise).astype(np.float32))
     given = {"capture": part, "model": file, "cell_px": 2, "out": tmp_path / "result"}
     known = {"known": tmp_path / "known", "known_um": (120, 0.2)}
-    with pytest.raises(InputError, match="known: a known step needs known_um=DEPTH,UNCERTAINTY"):
-        run("reconstruct_scan", **given, known=tmp_path / "known")
+    for wrong, message in (
+        ({"known_um": None}, "known: a known step needs known_um=DEPTH,UNCERTAINTY"),
+        ({"known_um": (60, 0.2)}, "known: its step is 13. um deep, not 60: check known_um="),
+        ({"known_crop": (0, 0, 40, 20)}, "known: .* show a groove or ridge|known: its step is"),
+        ({"known_crop": (0, 0, 99, 20)}, "known has only 96 x 64 pixels"),
+    ):
+        with pytest.raises(InputError, match=message):
+            run("reconstruct_scan", **given, **(known | wrong))
     assert run("reconstruct_scan", **given, **known)["height"].min() == pytest.approx(
         -0.06, abs=2e-3
     )

@@ -34,10 +34,6 @@ def test_slope_and_brightness_of_a_cap_are_found(
     assert found.residual[smooth].max() < 1e-4
 
 
-def test_a_flat_film_has_no_slope_anywhere_in_the_frame(model: LightModel) -> None:
-    assert np.abs(light_model_slope(seen(0 * cap(), model), model).slope).max() < 1e-4
-
-
 def test_the_leds_that_do_not_light_a_pixel_are_labelled(model: LightModel) -> None:
     light = seen(0 * cap(), model)
     light[2, 10:30, 20:40] = 0.1
@@ -70,15 +66,16 @@ def test_untouched_film_that_seems_tilted_is_told(
     tmp_path: Path, tilt: float, told_of: bool
 ) -> None:
     write_model(tmp_path / "model.yaml", flat=True)
-    whole, cells = (
-        read_light_model(file=tmp_path / "model.yaml", cell=side).model for side in (1, 4)
-    )
-    write_scan(tmp_path / "flat", seen(0 * cap() + np.float32(tilt) * RAMP, whole))
+    model = read_light_model(file=tmp_path / "model.yaml").model
+    write_scan(tmp_path / "flat", seen(0 * cap() + np.float32(tilt) * RAMP, model))
     with collect_warnings([]) as told:
-        figures = judge_untouched(cells, folder=tmp_path / "flat", cell=4)
+        figures = judge_untouched(model, folder=tmp_path / "flat", cell=4)
     assert figures["untouched_slope"] == pytest.approx(tilt, abs=2e-3)
     assert bool(told) == told_of
-    assert judge_untouched(cells) == {}
+    assert judge_untouched(model) == {}
+    write_scan(tmp_path / "part", seen(cap(), model)[:, 2:])
+    with pytest.raises(InputError, match=r"of 96 x 64 pixels, but .*part has 6"):
+        judge_untouched(model, folder=tmp_path / "part", cell=4)
 
 
 def test_a_crop_keeps_its_positions(tmp_path: Path) -> None:
