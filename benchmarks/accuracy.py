@@ -17,7 +17,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Labels
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
@@ -74,20 +73,20 @@ def rigs_in(data: Path) -> list[str]:
 def calibrate(rig: Path, file: Path) -> Path:
     """Calibrate a rig with its ball press and flat frame."""
     given = {
-        "capture": str(rig / "calibration"),
-        "flat": str(rig / "flat"),
+        "capture": rig / "calibration",
+        "flat": rig / "flat",
         "ball_radius_mm": 7.0,
         "pixel_size_mm": PIXEL_MM[rig.name],
-        "out": str(file),
+        "out": file,
     }
-    list(open_pipeline(read_graph("calibrate"), given).items())
+    list(open_pipeline("calibrate", given).items())
     return file
 
 
 def measure(graph: str, capture: Path, calibration: Path) -> dict[str, float]:
     """Run a graph on a capture; its metrics."""
-    given: dict[str, Any] = {"capture": str(capture), "calibration": str(calibration)}
-    (result,) = open_pipeline(read_graph(graph), given, sinks=False).items()
+    given: dict[str, Any] = {"capture": capture, "calibration": calibration}
+    (result,) = open_pipeline(graph, given, sinks=False).items()
     labels = evaluate_shadow(result["shadow"], true_shadows(capture))
     each = [value for name, value in labels.items() if name.startswith("shadow_iou/")]
     return dict(result["metrics"]) | labels | ({"worst_iou": min(each)} if each else {})

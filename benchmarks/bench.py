@@ -171,7 +171,7 @@ def simulated(
     side = {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
     base = FILMS[film].graph if given else FILMS[film].graph.removesuffix("_press") + "_flat"
     graph = with_changes(read_graph(base), {**FILMS[film].changes, **changes})
-    words = {"out": str(folder), "seed": seed, **side, **(given or {})}
+    words = {"out": folder, "seed": seed, **side, **(given or {})}
     for _ in open_pipeline(graph, words).items():
         pass
     return folder
@@ -207,15 +207,15 @@ def calibration(out: Path, film: str, size: str, entries: int) -> str:
             changes = {"shape.offset_mm": list(place), **made.pressed}
             simulated(presses / str(number), film, "640x480", 10 * number, made.press, changes)
         given: dict[str, Any] = {
-            "capture": str(presses),
+            "capture": presses,
             "ball_radius_mm": made.press["radius_mm"],
             "pixel_size_mm": WIDTH_MM / 640,
-            "out": str(first),
+            "out": first,
             **made.sensor,
         }
         if made.has_flat:
             given["flat"] = str(simulated(out / f"{film}_flat", film, "640x480", 2))
-        for _ in open_pipeline(read_graph("calibrate"), given).items():
+        for _ in open_pipeline("calibrate", given).items():
             pass
     with np.load(first, allow_pickle=False) as found:
         cal = dict(found)

@@ -15,7 +15,6 @@ import numpy as np
 from accuracy import DATA, PIXEL_MM, measure, number, row
 
 from tactograph.graph import load
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import Layout, read_images
 
@@ -42,8 +41,7 @@ def main() -> None:
 
 
 def run(graph: str, **given: Any) -> Any:
-    values = {name: str(v) if isinstance(v, Path) else v for name, v in given.items()}
-    (result,) = open_pipeline(read_graph(graph), values).items()
+    (result,) = open_pipeline(graph, given).items()
     return result
 
 

@@ -72,18 +72,17 @@ def report(name: str, rig: Rig, folder: Path) -> None:
     simulate(rig, "ball", BALL, None, ball, seed=1)
     simulate(rig, "flat", {}, None, flat, seed=2)
     given = {"capture": ball, "flat": flat, "out": calibration}
-    run("calibrate", given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
+    run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
     for seed, (title, shape) in enumerate(SHAPES.items(), start=3):
         capture = folder / title
         simulate(rig, *shape, capture, seed)
-        found = run("precise", {"capture": capture, "calibration": calibration})["metrics"]
+        found = run("precise", capture=capture, calibration=calibration)["metrics"]
         row = f"{found['rmse_px']:.3g} | {found['in_90_percent_band']:.1f}"
         print(f"| {name} | {title} | {row} |", flush=True)
 
 
-def run(graph: str, paths: dict[str, Path], **more: float) -> Any:
-    given = {name: str(path) for name, path in paths.items()} | more
-    (result,) = open_pipeline(read_graph(graph), given, sinks="out" in given).items()
+def run(graph: str, **given: Any) -> Any:
+    (result,) = open_pipeline(graph, given, sinks="out" in given).items()
     return result
 
 
@@ -110,7 +109,7 @@ def simulate(
     parts = {"light": "scene.light", "labels": "scene.labels", "height": height, "lights": "lights"}
     width, rows = rig.size
     given = {
-        "out": str(out),
+        "out": out,
         "slant_deg": rig.slant_deg,
         "distance_mm": rig.distance_mm,
         "width_px": width * FINE,

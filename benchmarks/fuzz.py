@@ -36,7 +36,6 @@ from tactograph.graph.files.graph_places import (
     shipped_overlays,
     shipped_studies,
 )
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
@@ -317,8 +316,7 @@ def make_inputs(folder: Path) -> None:
         ("calibrate", {"capture": folder / "ball", "flat": folder / "flat", "ball_radius_mm": 7.0,
                        "pixel_size_mm": SIZE["pixel_size_mm"], "out": folder / "cal.npz"}),
     ):  # fmt: skip
-        values = {n: str(v) if isinstance(v, Path) else v for n, v in given_.items()}
-        with open_pipeline(read_graph(name), values, backend="numpy") as pipeline:
+        with open_pipeline(name, given_, backend="numpy") as pipeline:
             list(pipeline.items())
     images = [np.full((SIZE["height_px"], SIZE["width_px"]), 100, np.uint8) for _ in range(4)]
     session = Session()

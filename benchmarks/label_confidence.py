@@ -52,8 +52,8 @@ def table(data: Path, folder: Path) -> None:
         calibration = calibrate(data / rig, folder / f"{rig}.npz")
         for shape in SHAPES:
             capture = data / rig / shape
-            given = {"capture": str(capture), "calibration": str(calibration)}
-            (found,) = open_pipeline(read_graph("precise"), given, sinks=False).items()
+            given = {"capture": capture, "calibration": calibration}
+            (found,) = open_pipeline("precise", given, sinks=False).items()
             stated.append(found["confidence"].ravel())
             right.append((found["shadow"] == true_shadows(capture)).ravel())
     reliability(np.concatenate(stated), np.concatenate(right))
@@ -80,11 +80,11 @@ def fit(folder: Path) -> None:
         simulate(rig, "ball", BALL, None, ball, seed=1)
         simulate(rig, "flat", {}, None, flat, seed=2)
         given = {"capture": ball, "flat": flat, "out": calibration}
-        run("calibrate", given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
+        run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
         for seed, title in enumerate(SHADOWED, start=3):
             capture = folder / name / "captures" / title
             simulate(rig, *SIMULATED[title], capture, seed)
-            here = {"capture": str(capture), "calibration": str(calibration)}
+            here = {"capture": capture, "calibration": calibration}
             (found,) = open_pipeline(graph, here, sinks=False).items()
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
             height = np.load(capture / "truth_height_mm.npy").astype(np.float32)

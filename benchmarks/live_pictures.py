@@ -24,7 +24,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tactograph.graph import Provenance, Session
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4, U1
 from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor
@@ -146,7 +145,7 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
     }
     stream = {}
     first = len(sensor.lights) - 1
-    with open_pipeline(read_graph(str(variant)), given) as pipeline:
+    with open_pipeline(str(variant), given) as pipeline:
         for number, result in enumerate(pipeline.items(), start=first):
             end = number / RATE
             stream[number] = Shown(

@@ -20,7 +20,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.colour.find_presses import find_presses
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
@@ -55,8 +54,8 @@ def chosen(presses: Path, names: list[str], into: Path) -> Path:
 
 
 def measure(captures: Path, calibration: Path, out: Path) -> list[tuple[np.ndarray, np.ndarray]]:
-    given = {"capture": str(captures), "calibration": str(calibration), "out": str(out)}
-    results = open_pipeline(read_graph("gelsight_mini"), given).items()
+    given = {"capture": captures, "calibration": calibration, "out": out}
+    results = open_pipeline("gelsight_mini", given).items()
     return [(result.outputs["slope"], result.outputs["height"]) for result in results]
 
 

@@ -135,9 +135,8 @@ def main() -> None:
 
 def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any:
     """Run a shipped graph on one capture."""
-    given = {name: str(v) if isinstance(v, Path) else v for name, v in values.items()}
     changed = with_changes(read_graph(graph), changes or {})
-    (result,) = open_pipeline(changed, given, sinks="out" in given).items()
+    (result,) = open_pipeline(changed, values, sinks="out" in values).items()
     return result
 
 

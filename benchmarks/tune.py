@@ -71,21 +71,21 @@ def prepared(folder: Path) -> dict[str, str]:
     """A capture and a calibration of a simulated sensor."""
     touch, ball, flat, file = (folder / name for name in ("touch", "ball", "flat", "cal.npz"))
     for graph, given in (
-        ("simulate", {**SIZE, "out": str(touch), "radius_mm": 5.0, "seed": 3}),
-        ("simulate", {**SIZE, "out": str(ball), "radius_mm": 7.0, "seed": 1}),
-        ("simulate_flat", {**SIZE, "out": str(flat), "seed": 2}),
+        ("simulate", {**SIZE, "out": touch, "radius_mm": 5.0, "seed": 3}),
+        ("simulate", {**SIZE, "out": ball, "radius_mm": 7.0, "seed": 1}),
+        ("simulate_flat", {**SIZE, "out": flat, "seed": 2}),
         (
             "calibrate",
             {
-                "capture": str(ball),
-                "flat": str(flat),
+                "capture": ball,
+                "flat": flat,
                 "ball_radius_mm": 7.0,
                 "pixel_size_mm": SIZE["pixel_size_mm"],
-                "out": str(file),
+                "out": file,
             },
         ),
     ):
-        for _ in open_pipeline(read_graph(graph), given).items():
+        for _ in open_pipeline(graph, given).items():
             pass
     return {"capture": str(touch), "calibration": str(file)}
 

@@ -129,10 +129,9 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
 
 def run_shipped(graph: str, given: Mapping[str, Any]) -> None:
     """Run a graph that ships, whose sink prints."""
-    from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.open_pipeline import open_pipeline
 
-    with open_pipeline(read_graph(graph), given) as pipeline:
+    with open_pipeline(graph, given) as pipeline:
         for _ in pipeline.items():
             pass
 

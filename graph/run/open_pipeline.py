@@ -85,7 +85,7 @@ def load(
     """
     for word in given.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
-    given = {word: plain(value) for word, value in {**(params or {}), **given}.items()}
+    given = {**(params or {}), **given}
     if to not in ("host", "device"):
         raise InputError(f"to={to!r}: 'host' or 'device'")
     read = read_graph(graph)
@@ -109,7 +109,7 @@ def load(
 
 
 def open_pipeline(
-    graph: Graph,
+    graph: Source,
     given: Mapping[str, Any],
     *,
     backend: str | None = None,
@@ -121,13 +121,15 @@ def open_pipeline(
     outputs: Mapping[str, str] | None = None,
     stays: bool = False,
 ) -> Pipeline:
-    """Plan and compile a graph that has been read; see `load` and `make_plan`.
+    """Read, plan and compile a graph; see `load` and `make_plan`.
 
     Raises
     ------
     InputError
         Also if `strict` and a node would fall back to another back end.
     """
+    graph = read_graph(graph)
+    given = {word: plain(value) for word, value in given.items()}
     if backend is not None:
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")

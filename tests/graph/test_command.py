@@ -212,7 +212,7 @@ def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
     write: Write, height_file: str
 ) -> None:
     given = {"file": height_file}
-    (result,) = open_pipeline(read_graph(write(SLOPES)), given, backend="numpy").items()
+    (result,) = open_pipeline(write(SLOPES), given, backend="numpy").items()
     for name in result.times:
         result.times[name] = {"slope": 20.0, "again": 15.0}.get(name, 0.0)
     assert _times(result) == "35.0 ms on numpy; slowest: slope (height_slopes) 20.0 ms"

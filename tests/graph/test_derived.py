@@ -8,7 +8,6 @@ import pytest
 from tactograph.graph import EVERYTHING, InputError, Parts, node
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.node import Node
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
@@ -20,7 +19,7 @@ BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
 def first(file: str, backend: str) -> Result:
-    return next(open_pipeline(read_graph(file), {}, backend=backend).items())
+    return next(open_pipeline(file, {}, backend=backend).items())
 
 
 @BOTH
@@ -57,7 +56,7 @@ def test_other_settings_between_two_items_count_at_the_next(write: Write, backen
   thin: {op: strips, in: {image: dim}, with: {rows: $rows}}""",
         "t: thin",
     ).replace("default: 3}", "default: 3}\n  rows: {kind: integer}\n  floor: {kind: number}")
-    pipeline = open_pipeline(read_graph(write(text)), {"rows": 2, "floor": 1}, backend=backend)
+    pipeline = open_pipeline(write(text), {"rows": 2, "floor": 1}, backend=backend)
     with pipeline:
         items = pipeline.items()
         assert next(items)["t"].tolist() == np.full((3, 2, 5), 1.0).tolist()
@@ -73,7 +72,7 @@ AIMED = (
 
 
 def test_settings_that_were_changed_before_stay(write: Write) -> None:
-    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
+    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     pipeline.aim(count=1)
     pipeline.aim(rows=4)
     assert len(list(pipeline.items())) == 1
@@ -90,7 +89,7 @@ def test_a_node_whose_settings_stay_is_not_prepared_again(
         return prepare(device, node, *more)
 
     monkeypatch.setattr(OpenCL, "prepare", note)
-    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="opencl")
+    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="opencl")
     for count in (1, 2, 3):
         pipeline.aim(count=count)
         assert len(list(pipeline.items())) == count
@@ -98,7 +97,7 @@ def test_a_node_whose_settings_stay_is_not_prepared_again(
 
 
 def test_a_change_of_settings_that_is_refused_changes_none(write: Write) -> None:
-    pipeline = open_pipeline(read_graph(write(AIMED)), {"rows": 4, "level": 1}, backend="numpy")
+    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     with pytest.raises(InputError, match="'cal' runs once and takes \\$level"):
         pipeline.aim(count=1, level=2)
     assert len(list(pipeline.items())) == 3
@@ -128,9 +127,7 @@ def test_an_output_that_nobody_reads_is_not_made(
 def test_an_output_that_only_the_next_item_reads_is_made(write: Write, backend: str) -> None:
     nodes = """  half: {op: halves, in: {image: light}}
   sum: {op: summed, in: {image: light, before: previous.half.low}}"""
-    results = open_pipeline(
-        read_graph(write(added(nodes, "sum: sum"))), {}, backend=backend
-    ).items()
+    results = open_pipeline(write(added(nodes, "sum: sum")), {}, backend=backend).items()
     assert [float(result["sum"].mean()) for result in results] == [1, 2.5, 4]
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, Session, load
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
@@ -27,7 +26,7 @@ BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
 def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
-    return open_pipeline(read_graph(graph), given, backend=backend)
+    return open_pipeline(graph, given, backend=backend)
 
 
 @BOTH

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.expose import expose
@@ -46,7 +45,7 @@ def write(folder: Path, images: Image) -> str:
 
 def run(graph: str, sinks: bool = True, **given: Any) -> Any:
     """The result of a graph's only item."""
-    (result,) = open_pipeline(read_graph(graph), given, sinks=sinks).items()
+    (result,) = open_pipeline(graph, given, sinks=sinks).items()
     return result
 
 

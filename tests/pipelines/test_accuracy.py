@@ -32,11 +32,10 @@ def run(
     **given: object,
 ) -> Result:
     """What a graph finds; files are written only if `out` says where."""
-    values = {name: str(v) if isinstance(v, Path) else v for name, v in given.items()}
     if out is not None:
-        values["out"] = str(out)
+        given["out"] = out
     changed = with_changes(without_pictures(read_graph(graph)), changes or {})
-    (result,) = open_pipeline(changed, values, backend=backend, sinks=out is not None).items()
+    (result,) = open_pipeline(changed, given, backend=backend, sinks=out is not None).items()
     return result
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import load, open_pipeline
 from tests.conftest import simulated_sensor
 
@@ -25,7 +24,7 @@ CAMERA = "simulated?" + "&".join(f"{name}={value}" for name, value in SCENE.item
 
 
 def run(graph: str, **values: object) -> None:
-    for _ in open_pipeline(read_graph(graph), values).items():
+    for _ in open_pipeline(graph, values).items():
         pass
 
 
@@ -42,7 +41,7 @@ def given(sensor: Path, **more: object) -> dict[str, object]:
 
 @pytest.mark.parametrize("port", ["none", "simulated"])
 def test_heights_agree_with_the_truth_while_the_ball_moves(sensor: Path, port: str) -> None:
-    pipeline = open_pipeline(read_graph("live"), given(sensor, port=port))
+    pipeline = open_pipeline("live", given(sensor, port=port))
     errors = []
     with pipeline:
         for result in pipeline.items():
@@ -55,7 +54,7 @@ def test_heights_agree_with_the_truth_while_the_ball_moves(sensor: Path, port: s
 
 def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:
     """A dark LED is to the flow what a shadow is that lies everywhere."""
-    with open_pipeline(read_graph("live"), given(sensor, port="none")) as camera:
+    with open_pipeline("live", given(sensor, port="none")) as camera:
         result = next(itertools.islice(camera.items(), 20, None))
     image = next(made for value, made in result.item.items() if value.port == "image").copy()
     image[1] = 0.03 * image.max()  # hardly more than what is refused as dark

@@ -54,9 +54,9 @@ def test_a_pyramid_that_is_pushed_with_its_film_is_stuck_and_without_slips(
         pyramid = {"inradius_mm": 4.0, "rise_mm": 1.5, "offset_mm": [step_mm * n, 0.0], **SIZE}
         shape = {"replace": "shape", "op": "shape_pyramid", "with": pyramid}
         pushed = {"format": 1, "extends": "simulate_markers", "title": "pushed", "patch": [shape]}
-        given = {"out": str(tmp_path / f"{n}"), "drag_x_mm": drag * step_mm * n, **PRINT, **RIG}
-        list(open_pipeline(read_graph(pushed), given).items())
-    given = {"calibration": str(printed), "capture": str(tmp_path)}
+        given = {"out": tmp_path / f"{n}", "drag_x_mm": drag * step_mm * n, **PRINT, **RIG}
+        list(open_pipeline(pushed, given).items())
+    given = {"calibration": printed, "capture": tmp_path}
     graph = read_graph("reconstruct_slip")
     *_, last = [result["metrics"] for result in open_pipeline(graph, given, sinks=False).items()]
     assert last["pose_x_mm"] == pytest.approx(2 * step_mm, abs=0.02)
@@ -72,10 +72,10 @@ def truth_of(result: Result) -> np.ndarray:
 def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
     printed: Path, tmp_path: Path
 ) -> None:
-    given = {"calibration": str(printed), "camera": CAMERA, "port": "none", "seconds": 12}
-    given |= {"out": str(tmp_path), "pictures": str(tmp_path / "pictures")}
+    given = {"calibration": printed, "camera": CAMERA, "port": "none", "seconds": 12}
+    given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
     errors, depths, shifts, seen = [], [], [], []
-    with open_pipeline(read_graph("live_markers"), given) as pipeline:
+    with open_pipeline("live_markers", given) as pipeline:
         for result in pipeline.items():
             truth = truth_of(result)
             errors.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
@@ -96,11 +96,11 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
 def test_a_recording_gives_contacts_and_markers_as_topics_of_ros(
     printed: Path, tmp_path: Path
 ) -> None:
-    given = {"calibration": str(printed), "recording": str(tmp_path / "frames")}
-    live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": str(tmp_path / "live")}
-    written = {"out": str(tmp_path / "heights"), "refresh": "cycle"}
+    given = {"calibration": printed, "recording": tmp_path / "frames"}
+    live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": tmp_path / "live"}
+    written = {"out": tmp_path / "heights", "refresh": "cycle"}
     for graph, more in (("record", live), ("replay_mcap_markers", written)):
-        with open_pipeline(read_graph(graph), {**given, **more}) as pipeline:
+        with open_pipeline(graph, {**given, **more}) as pipeline:
             list(pipeline.items())
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -188,10 +188,10 @@ def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(one_sh
 @pytest.mark.realtime
 def test_a_one_shot_sensors_markers_are_followed_live(one_shot: Path, tmp_path: Path) -> None:
     camera = BY_HAND.replace("&by_hand=true&path_mm=8&press_s=0.8&rest_s=4", "&path_mm=1&press_s=4")
-    given = {"calibration": str(one_shot / "printed/cal.npz"), "camera": camera, "seconds": 8}
-    given |= {"out": str(tmp_path), "pictures": str(tmp_path / "pictures")}
+    given = {"calibration": one_shot / "printed/cal.npz", "camera": camera, "seconds": 8}
+    given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
     errors, shifts, seen = [], [], []
-    with open_pipeline(read_graph("live_oneshot_markers"), given) as pipeline:
+    with open_pipeline("live_oneshot_markers", given) as pipeline:
         for result in pipeline.items():
             errors.append(float(np.sqrt(np.mean((result["height"] - truth_of(result)) ** 2))))
             shifts.append(

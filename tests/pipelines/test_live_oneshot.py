@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import load, open_pipeline
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
@@ -23,15 +22,15 @@ def mini(made_once: MadeOnce) -> Path:
 
 
 def run(graph: str, **values: object) -> None:
-    with open_pipeline(read_graph(graph), values) as pipeline:
+    with open_pipeline(graph, values) as pipeline:
         list(pipeline.items())
 
 
 def errors(graph: object, mini: Path, camera: str, count: int = 15) -> list[float]:
     """RMSE in mm of so many heights against the truth of the simulated sensor."""
     found: list[float] = []
-    given = {"calibration": str(mini), "camera": camera}
-    with open_pipeline(read_graph(graph), given) as pipeline:  # type: ignore[arg-type]
+    given = {"calibration": mini, "camera": camera}
+    with open_pipeline(graph, given) as pipeline:  # type: ignore[arg-type]
         for result in pipeline.items():
             truth = next(made for value, made in result.item.items() if value.port == "truth")
             found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
@@ -71,9 +70,9 @@ def test_read_colour_camera_stands_in_for_read_capture(mini: Path, tmp_path: Pat
 
 
 def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) -> None:
-    given = {"calibration": str(mini), "recording": str(tmp_path / "kept")}
+    given = {"calibration": mini, "recording": tmp_path / "kept"}
     live: list[np.ndarray] = []
-    with open_pipeline(read_graph("record_oneshot"), {**given, "camera": MOVING}) as pipeline:
+    with open_pipeline("record_oneshot", {**given, "camera": MOVING}) as pipeline:
         for result in pipeline.items():
             live.append(result["height"].copy())
             if len(live) == 4:
@@ -87,7 +86,7 @@ def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) ->
 
 
 def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
-    given = {"calibration": str(mini), "recording": str(tmp_path / "kept")}
+    given = {"calibration": mini, "recording": tmp_path / "kept"}
     run("record_oneshot", **given, camera=MOVING, seconds=1, out=str(tmp_path / "out"))
     run("replay_oneshot", **given, speed=0, out=str(tmp_path / "preview"))
     picture = cv2.imread(str(tmp_path / "preview" / "latest.png"))
@@ -105,7 +104,7 @@ def test_it_says_how_it_did(mini: Path, tmp_path: Path) -> None:
 
 def test_rerun_gets_one_picture_in_colour(mini: Path, tmp_path: Path) -> None:
     file = tmp_path / "live.rrd"
-    given = {"calibration": str(mini), "camera": MOVING, "viewer": "none", "file": str(file)}
+    given = {"calibration": mini, "camera": MOVING, "viewer": "none", "file": file}
     run("live_oneshot_rerun", **given, seconds=1, out=str(tmp_path / "out"))
     held = file.read_bytes()
     assert b"/camera/colour" in held

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
@@ -17,8 +16,8 @@ from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 
 
 def run(graph: str, capture: Path, calibration: str, **more: str) -> Result:
-    given = {"capture": str(capture), "calibration": calibration, **more}
-    (result,) = open_pipeline(read_graph(graph), given, sinks="out" in more).items()
+    given = {"capture": capture, "calibration": calibration, **more}
+    (result,) = open_pipeline(graph, given, sinks="out" in more).items()
     return result
 
 
@@ -83,11 +82,9 @@ def blurred(raytraced: Raytraced, made_once: MadeOnce) -> Path:
         for file in folder.rglob("led*.png"):
             image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
             cv2.imwrite(str(file), cv2.GaussianBlur(image, (0, 0), 0.8))
-        given = {"flat": str(folder / "flat"), "ball_radius_mm": 7.0}
-        place = {"pixel_size_mm": RIG_PIXEL_MM["far28"], "out": str(folder / "cal.npz")}
-        run_all = open_pipeline(
-            read_graph("calibrate"), {"capture": str(folder / "calibration"), **given, **place}
-        )
+        given = {"flat": folder / "flat", "ball_radius_mm": 7.0}
+        place = {"pixel_size_mm": RIG_PIXEL_MM["far28"], "out": folder / "cal.npz"}
+        run_all = open_pipeline("calibrate", {"capture": folder / "calibration", **given, **place})
         list(run_all.items())
 
     return made_once("far28_blurred", write)
@@ -163,8 +160,8 @@ def test_a_stream_finds_what_single_captures_give(
     """The same touch twice, then another: from the height before, or not."""
     for name, shape in (("1", "cat_film"), ("2", "cat_film"), ("3", "sphere_film")):
         (tmp_path / name).symlink_to(raytraced / "near33" / shape)
-    given = {"capture": str(tmp_path), "calibration": calibration("near33")}
-    stream = open_pipeline(read_graph("precise_stream"), given, sinks=False)
+    given = {"capture": tmp_path, "calibration": calibration("near33")}
+    stream = open_pipeline("precise_stream", given, sinks=False)
     found = [result["metrics"]["rmse_px"] for result in stream.items()]
     alone = [
         metrics("precise", "near33", shape)["rmse_px"]

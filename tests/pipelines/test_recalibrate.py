@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
@@ -91,8 +90,8 @@ def test_a_calibration_is_right_for_its_own_film_and_not_for_another(
     }
     assert seen["old"]["quality"]["wrong"] == 0
     assert "dent" in seen["new"]["film"]
-    given = {"calibration": str(old), "capture": str(gels / "new" / "flat"), "out": str(out)}
-    list(open_pipeline(read_graph("check_calibration"), given).items())
+    given = {"calibration": old, "capture": gels / "new" / "flat", "out": out}
+    list(open_pipeline("check_calibration", given).items())
     assert out.is_file()
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.files.mcap_log import log_files
 from tactograph.nodes.files.mcap_read import McapFile
@@ -44,7 +43,7 @@ def test_a_replayed_stream_runs_through_a_graph_and_is_recorded_again(
 ) -> None:
     frames = make_recording(tmp_path / "first", 3)
     given = {"recording": tmp_path / "first", "again": tmp_path / "again"}
-    with open_pipeline(read_graph(str(graph)), given) as pipeline:
+    with open_pipeline(str(graph), given) as pipeline:
         heights = [result["smooth"] for result in pipeline.items()]
     assert len(heights) == 3
     assert np.abs(heights[1] - light_of(frames[LEDS : 2 * LEDS])).mean() < 0.3

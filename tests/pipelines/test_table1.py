@@ -2,12 +2,11 @@
 
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 
 
 def figures(name: str) -> dict[str, float]:
-    (result,) = open_pipeline(read_graph(name), {}).items()
+    (result,) = open_pipeline(name, {}).items()
     metrics: dict[str, float] = result["metrics"]
     return metrics
 

@@ -206,8 +206,8 @@ def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
 
 
 def test_a_stream_that_is_forced_warns_and_goes_on(stream: Path, calibration: Calibration) -> None:
-    given = {"capture": str(stream), "calibration": calibration("far28"), "force": True}
-    results = list(open_pipeline(read_graph("reconstruct"), given, sinks=False).items())
+    given = {"capture": stream, "calibration": calibration("far28"), "force": True}
+    results = list(open_pipeline("reconstruct", given, sinks=False).items())
     doubted = [any(line.endswith(DOUBT) for line in result.warnings) for result in results]
     assert doubted == [False, True, True, False]
     trusts = [result["metrics"]["trust"] for result in results]
@@ -276,12 +276,12 @@ def mini(made_once: MadeOnce) -> Pipeline:
     def write(file: Path) -> None:
         given = {
             "captures": str(data / "6.310mm"),
-            "flat": str(data / "background.png"),
+            "flat": data / "background.png",
             "ball_radius_mm": 3.155,
             "pixel_size_mm": 0.0634,
-            "out": str(file),
+            "out": file,
         }
-        list(open_pipeline(read_graph("calibrate_presses"), given).items())
+        list(open_pipeline("calibrate_presses", given).items())
 
     return load("gelsight_mini", calibration=str(made_once("real_mini.npz", write)))
 
@@ -308,6 +308,6 @@ def test_wrong_pictures_of_a_real_sensor_are_told(mini: Pipeline, what: str) -> 
 def test_a_good_calibration_raises_no_warning(
     raytraced: Raytraced, tmp_path: Path, rig: str
 ) -> None:
-    given = images_of(raytraced / rig) | {"out": str(tmp_path / "cal.npz")}
-    (result,) = open_pipeline(read_graph("calibrate"), given).items()
+    given = images_of(raytraced / rig) | {"out": tmp_path / "cal.npz"}
+    (result,) = open_pipeline("calibrate", given).items()
     assert not result.warnings

@@ -15,14 +15,14 @@ RIG = "near33"
 
 def calibrate(rig: Path, out: Path, **given: object) -> Result:
     """Calibrate with the diameter of the ball, 14 mm, for its radius."""
-    words = images_of(rig) | {"ball_radius_mm": 14.0, "out": str(out), **given}
+    words = images_of(rig) | {"ball_radius_mm": 14.0, "out": out, **given}
     (result,) = open_pipeline(without_pictures(read_graph("calibrate")), words).items()
     return result
 
 
 def reconstruct(rig: Path, calibration: str, **given: object) -> Result:
-    words = {"capture": str(rig / "sphere_film"), "calibration": calibration, **given}
-    (result,) = open_pipeline(read_graph("reconstruct"), words, sinks=False).items()
+    words = {"capture": rig / "sphere_film", "calibration": calibration, **given}
+    (result,) = open_pipeline("reconstruct", words, sinks=False).items()
     return result
 
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import STREAM, Command, Write
 
@@ -19,7 +18,7 @@ def graph(toys: list[str], write: Write) -> str:
 
 
 def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
-    with open_pipeline(read_graph(graph), {"count": 2}) as pipeline:
+    with open_pipeline(graph, {"count": 2}) as pipeline:
         assert [result.warnings for result in pipeline.items()] == [[], []]
         assert pipeline.closing_warnings == BOTH
         stream = pipeline.items()

@@ -36,7 +36,7 @@ outputs: {light: light, more: more, sum: sum, score: joined}
 
 
 def opened(graph: str, backend: str = "numpy", cache: Cache | None = None) -> Pipeline:
-    return open_pipeline(read_graph(graph), {}, backend=backend, cache=cache)
+    return open_pipeline(graph, {}, backend=backend, cache=cache)
 
 
 def means(results: list[Any], name: str) -> list[float | None]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError, load
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
@@ -18,7 +17,7 @@ STACK = np.ones((3, 4, 5), np.float32)
 
 
 def opened(graph: str) -> Pipeline:
-    return open_pipeline(read_graph(graph), {}, backend="numpy")
+    return open_pipeline(graph, {}, backend="numpy")
 
 
 def test_a_second_thread_is_refused_while_the_first_is_at_work(write: Write) -> None:

@@ -30,7 +30,7 @@ def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
 
 
 def test_a_fallback_is_in_the_plan(write: Write, no_device: None) -> None:
-    pipeline = open_pipeline(read_graph(write(STREAM)), {})
+    pipeline = open_pipeline(write(STREAM), {})
     assert pipeline.plan.fallbacks == [
         "light runs on numpy: opencl is preferred, but no OpenCL device works"
     ]

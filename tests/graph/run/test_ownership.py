@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeError, load
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
@@ -20,7 +19,7 @@ SUMMED = added(SUM % "sum", "sum: sum, flat: cal.flat", WAITING)
 
 
 def opened(graph: str, backend: str = "numpy") -> Pipeline:
-    return open_pipeline(read_graph(graph), {}, backend=backend)
+    return open_pipeline(graph, {}, backend=backend)
 
 
 def level(value: float) -> NDArray[np.float32]:

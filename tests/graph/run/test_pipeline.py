@@ -12,7 +12,6 @@ from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.graph.errors import DeviceError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.source_stream import SourceStream
@@ -24,7 +23,7 @@ BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
 def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
-    return open_pipeline(read_graph(graph), given, backend=backend)
+    return open_pipeline(graph, given, backend=backend)
 
 
 @BACKENDS
@@ -297,7 +296,7 @@ nodes:
   found:  {op: bright, in: {image: frames.image}}
 outputs: {pixel: found.pixel, light: found.light}
 """
-    results = list(open_pipeline(read_graph(write(text)), {}, backend=backend).items())
+    results = list(open_pipeline(write(text), {}, backend=backend).items())
     assert [result["pixel"].tolist() for result in results] == [[], [*range(20)], [*range(20)]]
     assert [result["light"].tolist() for result in results] == [[], [2.0] * 20, [3.0] * 20]
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, load
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import STREAM, WAITING, Write, added
 
@@ -94,7 +93,7 @@ def test_a_source_that_is_read_ahead_differs_by_nothing(
     monkeypatch.setattr(find_node("cut_touches"), "ahead", ahead)
     text = added("  sum: {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
     text = text.replace("op: touches", "op: cut_touches")
-    with open_pipeline(read_graph(write(text)), {"count": 3}, backend="numpy") as pipeline:
+    with open_pipeline(write(text), {"count": 3}, backend="numpy") as pipeline:
         trace = pipeline.trace()
         results = list(pipeline.items())
         assert pipeline.closing_warnings == ["cut short"]
@@ -107,7 +106,7 @@ def test_a_source_that_is_left_before_its_end_is_closed(
     toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(find_node("touches"), "ahead", True)
-    pipeline = open_pipeline(read_graph(write(STREAM)), {"count": 9}, backend="numpy")
+    pipeline = open_pipeline(write(STREAM), {"count": 9}, backend="numpy")
     stream = pipeline.items()
     next(stream)
     stream.close()

@@ -332,7 +332,7 @@ def test_another_suffix_is_refused_before_anything_is_read(
     graph: str, given: dict[str, object]
 ) -> None:
     with pytest.raises(InputError, match=r"something\.npz"):
-        open_pipeline(read_graph(graph), {**given, "out": "cal.yaml"})
+        open_pipeline(graph, {**given, "out": "cal.yaml"})
 
 
 @pytest.mark.parametrize("cut", range(100, 3000, 290))

@@ -14,7 +14,6 @@ from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.motion._surface import POSE_AXES
@@ -153,8 +152,8 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     for number, name in enumerate(("one", "two")):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         result(tmp_path / "results" / name, **maps)
-    given = {"over": str(tmp_path / "results"), "out": str(tmp_path / "whole")}
-    (found,) = open_pipeline(read_graph("stitch"), given).items()
+    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole"}
+    (found,) = open_pipeline("stitch", given).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
     assert about["metrics"]["stitched_touches"] == 2
     assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
@@ -206,15 +205,15 @@ def test_frames_of_a_recording_become_one(
         ]
         record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
     session.close()
-    given = {"over": str(tmp_path / "frames"), "out": str(tmp_path / "whole")}
+    given = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
     with pytest.raises(InputError, match="holds frames, not heights; give the sensor's calib"):
-        list(open_pipeline(read_graph("stitch"), given).items())
+        list(open_pipeline("stitch", given).items())
     doubtful = tmp_path / "cal.npz"
     with np.load(calibration("near33")) as file:
         about = {**json.loads(str(file["about"])), "doubts": ["the ball was an egg"]}
         np.savez(doubtful, **{**file, "about": np.array(json.dumps(about))})
-    given |= {"calibration": str(doubtful), "most": 2}
-    (found,) = open_pipeline(read_graph("stitch"), given).items()
+    given |= {"calibration": doubtful, "most": 2}
+    (found,) = open_pipeline("stitch", given).items()
     (told,) = [line for line in found.warnings if "doubtful" in line]
     assert "the ball was an egg" in told
     assert found["metrics"]["stitched_touches"] == 2

@@ -128,7 +128,6 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
     import cv2
     from sensor_msgs.msg import Image
 
-    from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.run.open_pipeline import open_pipeline
 
     peer = Peer({"/tactograph/height": "Image", "/tactograph/contacts": "PointCloud2"})
@@ -149,7 +148,7 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
     camera = threading.Thread(target=flash)
     camera.start()
     given = {"calibration": calibration, "seconds": TIMEOUT_S}
-    with open_pipeline(read_graph("ros2"), given, backend="numpy") as pipeline:
+    with open_pipeline("ros2", given, backend="numpy") as pipeline:
         for _ in pipeline.items():
             if not peer.waits:
                 break

@@ -15,7 +15,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm
@@ -122,8 +121,8 @@ def sensor(made_once: MadeOnce) -> Path:
 
     def make(folder: Path) -> None:
         simulated_sensor(folder, **SIZE)
-        touch = {"radius_mm": 5.0, "rise_mm": 1.5, "out": str(folder / "touch"), **SIZE}
-        list(open_pipeline(read_graph("simulate_press"), touch).items())
+        touch = {"radius_mm": 5.0, "rise_mm": 1.5, "out": folder / "touch", **SIZE}
+        list(open_pipeline("simulate_press", touch).items())
 
     return made_once("ros2_sensor", make)
 

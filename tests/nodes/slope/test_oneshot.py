@@ -9,7 +9,6 @@ import pytest
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.calibrate.colour.find_presses import find_presses
@@ -306,11 +305,11 @@ def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path
         provenance=Provenance({}, None, [], {}, {}, [], []),
     )
     given = {
-        "capture": str(data / f"6.310mm/{held_out}"),
-        "calibration": str(calibration),
-        "out": str(tmp_path / "out"),
+        "capture": data / f"6.310mm/{held_out}",
+        "calibration": calibration,
+        "out": tmp_path / "out",
     }
-    (result,) = open_pipeline(read_graph("gelsight_mini"), given).items()
+    (result,) = open_pipeline("gelsight_mini", given).items()
     slope, height = result.outputs["slope"], result.outputs["height"]
     light = stack[around.index(held_out)] / images.flat
     ball = find_ball(light, PX, radius_mm=3.155)

@@ -13,7 +13,6 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image, PngImagePlugin
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import (
@@ -156,9 +155,9 @@ def test_export_and_texture_take_a_height_that_is_unknown_in_parts(
     tmp_path: Path, graph: str
 ) -> None:
     np.save(tmp_path / "height.npy", partly_known())
-    more = {"out": str(tmp_path / "out"), "formats": "stl,png"} if graph == "export" else {}
-    given = {"height": str(tmp_path / "height.npy"), "pixel_size_mm": PIXEL, **more}
-    (found,) = open_pipeline(read_graph(graph), given, sinks=bool(more)).items()
+    more = {"out": tmp_path / "out", "formats": "stl,png"} if graph == "export" else {}
+    given = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL, **more}
+    (found,) = open_pipeline(graph, given, sinks=bool(more)).items()
     if graph == "texture":
         known = 24 * 32 - 15
         assert found["texture"]["texture_area_mm2"] == pytest.approx(known * PIXEL**2)
@@ -308,4 +307,4 @@ def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
 @pytest.mark.parametrize("mm", [1e300, 1e-300, 0.0, -1.0])
 def test_a_pixel_that_no_file_can_hold_is_refused(mm: float) -> None:
     with pytest.raises(InputError, match=r"^export: pixel_size_mm: input should be "):
-        open_pipeline(read_graph("export"), {"height": "height.npy", "pixel_size_mm": mm})
+        open_pipeline("export", {"height": "height.npy", "pixel_size_mm": mm})

@@ -9,7 +9,6 @@ from PIL import Image
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import HEIGHT_WRITERS, TIFF_TEXT, TMD_SIZES, read_tmd
@@ -115,7 +114,7 @@ def test_texture_is_the_same_with_the_size_given_or_left_out(tmp_path: Path) -> 
     file = stored(tmp_path, "npy", {"pixel_size_mm": PIXEL})
     found = []
     for more in ({}, {"pixel_size_mm": PIXEL}):
-        graph = open_pipeline(read_graph("texture"), {"height": str(file), **more})
+        graph = open_pipeline("texture", {"height": file, **more})
         found.extend(result["texture"] for result in graph.items())
     assert found[0] == found[1]
     assert found[0]["texture_area_mm2"] == pytest.approx(24 * 32 * PIXEL**2)

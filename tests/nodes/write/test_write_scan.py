@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.gelsight_scan import read_scan
@@ -26,7 +25,7 @@ def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
         "model": "model.yaml",
         "out": tmp_path / "second",
     }
-    assert list(open_pipeline(read_graph("export_scan_height"), given).items())
+    assert list(open_pipeline("export_scan_height", given).items())
     (first,), (second,) = (read_capture(folder=tmp_path / name) for name in ("first", "second"))
     np.testing.assert_allclose(second.image, first.image, atol=1e-6)
     assert second.pixel_size == PIXEL
@@ -46,7 +45,7 @@ def test_balls_are_marked_where_a_crop_moves_them(tmp_path: Path) -> None:
     about = "ball_radius_mm: 0.1\nball_center_px: [20, 15.5]\n"
     (captured / "capture.yaml").write_text(about)
     given = {"capture": captured.parent, "pixel_size_mm": PIXEL, "crop": (10, 5, 60, 40)}
-    list(open_pipeline(read_graph("export_scan"), {**given, "out": tmp_path / "out"}).items())
+    list(open_pipeline("export_scan", {**given, "out": tmp_path / "out"}).items())
     marked, ours = (read_scan(tmp_path / "out" / name) for name in ("marked", "ours"))
     assert marked.circles == [(1, -2, 20.5, 15, 9)]
     assert ours.circles == [(0, 0, 10, 10.5, pytest.approx(0.1 / PIXEL))]

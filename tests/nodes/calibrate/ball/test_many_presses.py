@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes import F4
@@ -70,8 +69,8 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def calibrate(presses: Path, out: Path, flat: Path) -> Result:
-    given = {"capture": str(presses), "flat": str(flat), "pixel_size_mm": PIXEL, "out": str(out)}
-    (result,) = open_pipeline(read_graph("calibrate"), given).items()
+    given = {"capture": presses, "flat": flat, "pixel_size_mm": PIXEL, "out": out}
+    (result,) = open_pipeline("calibrate", given).items()
     return result
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from tactograph.graph import EndOfStream, InputError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
@@ -77,7 +76,7 @@ def test_the_captures_that_are_kept_give_the_same_calibration(guided: Path) -> N
         "pixel_size_mm": 0.15,
         "out": again,
     }
-    with open_pipeline(read_graph("calibrate"), given) as pipeline:
+    with open_pipeline("calibrate", given) as pipeline:
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)
     np.testing.assert_allclose(one.film.lights, two.film.lights, rtol=1e-4)
