@@ -37,6 +37,10 @@
 #define BRIGHTER 3
 #define UNTOLD (-INFINITY)
 
+// Where the figures of the film and of the light begin, behind those of the curl.
+#define OF_FILM 3
+#define OF_LIGHT 9
+
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
     const int across = (w + LANES - 1) / LANES;                                                  \
@@ -292,9 +296,8 @@ LANED __kernel ONE_GROUP void look(
     __global float *restrict values,
     __global float *restrict ring,
     __global float *restrict gains,
-    __global float *restrict seen,
     __global float *restrict level,
-    __global float *restrict film,
+    __global float *restrict figures,
     const int K, const int H, const int W,
     const int h, const int w, const int step,
     const int rows, const int columns,
@@ -302,6 +305,7 @@ LANED __kernel ONE_GROUP void look(
     const float max_dimming)
 {
     SHARED float parts[GROUP];
+    __global float *seen = figures + OF_LIGHT, *film = figures + OF_FILM;
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
     else if (departure && slope && misfit)
@@ -352,13 +356,13 @@ static ONCE float worst_part(
 LANED __kernel ONE_GROUP void weigh(
     __global const float *restrict values,
     __global const float *restrict curl,
-    __global float *restrict seen,
-    __global float *restrict told,
+    __global float *restrict figures,
     const int N, const int h, const int w)
 {
     SHARED float parts[GROUP];
     SHARED int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     SHARED int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
+    __global float *seen = figures + OF_LIGHT;
     const int rows[5] = {AT_REST, TOUCHED, TOUCHED, IN_SHADOW, BRIGHTER};
     const int quarters[7] = {2, 2, 3, 1, 2, 2, 3}, places[8] = {3, 4, 5, 6, 8, 0, 1, 2};
     const int which = get_group_id(0), of_light = which < 5;
@@ -374,7 +378,7 @@ LANED __kernel ONE_GROUP void weigh(
     } else if (which == 0) {
         if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[7] = 0.0f;
     }
-    if (PLACE_IN_GROUP == 0) (of_light ? seen : told)[places[which]] = found;
+    if (PLACE_IN_GROUP == 0) (of_light ? seen : figures)[places[which]] = found;
 }
 
 // Every step-th cell of every step-th row of K planes.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tactograph.nodes.trust._check import Check
-from tactograph.nodes.trust._curl_evidence import CurlEvidence
+from tactograph.nodes.trust._curl_evidence import CurlFigures
 
 MAX_MEDIAN, MAX_QUARTILE = 0.92, 4.2
 """Curl over its expected size that right touches stay below."""
@@ -11,9 +11,9 @@ MAX_PART_SHARE = 0.4
 """Share of the cells of a part that curl, which right touches stay below."""
 
 
-def check_curl(curl: CurlEvidence) -> Check:
+def check_curl(curl: CurlFigures) -> Check:
     """Return the departure of slopes from the gradient of a height (T2)."""
-    middle, upper, worst = curl.tolist()
+    middle, upper, worst = curl
     whole = Check(
         max(middle / MAX_MEDIAN, upper / MAX_QUARTILE),
         "the slopes are those of no surface (check the order of the images, that none is mirrored "

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port
-from tactograph.nodes import F4
 from tactograph.nodes.trust._check import MIN_CELLS, quarter_of, thinned
 from tactograph.nodes.trust.slope_curl import CoarseCurl
 
-CurlEvidence = Annotated[F4, Port("3", "1", low=0, high=5)]
-"""Median and upper quartile of the curl over its expected size, and the largest share of cells
-that curl in a part of the image."""
 STEPS_PER_IMAGE, STEPS_PER_PART = 9, 3
 """Steps along a side of the image at which its parts begin, and how many a part is wide."""
 MAX_PART_CURL = 3.0
@@ -24,7 +19,18 @@ MIN_TESTED_SHARE = 0.25
 chance."""
 
 
-def curl_evidence(curl: CoarseCurl) -> CurlEvidence:
+class CurlFigures(NamedTuple):
+    """Curl over its expected size."""
+
+    middle: float
+    """Median."""
+    upper: float
+    """Upper quartile."""
+    worst: float
+    """Largest share of cells that curl in a part of the image."""
+
+
+def curl_evidence(curl: CoarseCurl) -> CurlFigures:
     """Return how much the slopes of a touch curl, in all and in the worst part (T2).
 
     They are the median and the upper quartile of the curl where it is tested, over its expected
@@ -35,8 +41,8 @@ def curl_evidence(curl: CoarseCurl) -> CurlEvidence:
     tested, curled = _by_part(cells >= 0), _by_part(cells > MAX_PART_CURL**2)
     least = max(MIN_CELLS, MIN_TESTED_SHARE * cells.size * (STEPS_PER_PART / STEPS_PER_IMAGE) ** 2)
     share = (curled / np.maximum(tested, least))[tested >= MIN_CELLS].max(initial=0)
-    roots = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
-    return np.array([*roots, share], np.float32)
+    middle, upper = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
+    return CurlFigures(middle, upper, share)
 
 
 def _by_part(cells: NDArray[np.bool_]) -> NDArray[Any]:

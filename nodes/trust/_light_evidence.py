@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port
 from tactograph.nodes import F4, Labels, Light, Misfit, Slope, Uneven
 from tactograph.nodes.trust._check import MIN_LEDS, quarter_of, thinned
 from tactograph.nodes.trust.light_departure import Brighter, Departure, light_error
@@ -35,8 +34,6 @@ MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
 BEND_ERROR = np.float32(1 / 12)
 """Error of the light of a cell that may hold an edge, over that square: a mean of two normals is
 short."""
-LightEvidence = Annotated[F4, Port("9", "1")]
-"""The fields of `LightFigures`."""
 
 
 class LightFigures(NamedTuple):
@@ -72,7 +69,7 @@ def light_evidence(
     matt: Light | None = None,
     shadow: Labels | None = None,
     max_dimming: float = 0.3,
-) -> LightEvidence:
+) -> LightFigures:
     """Return how far the light departs from what the slopes predict, in figures (T1, T4).
 
     Figures of fewer than `MIN_CELLS` cells, and of what is not given, are 0.
@@ -101,8 +98,7 @@ def light_evidence(
     spread = (at_rest, 2), (of_touch, 2), (of_touch, 3)
     rest, median, upper = (np.sqrt(quarter_of(*each)) for each in spread)
     known = int((steep & tested).sum())
-    figures = LightFigures(cells, shaded, known, rest, median, upper, dim, dirty, middle)
-    return np.array(figures, np.float32)
+    return LightFigures(cells, shaded, known, rest, median, upper, dim, dirty, middle)
 
 
 def squared_bend(slope: F4) -> F4:

@@ -17,8 +17,6 @@ DARK_LIGHT = np.float32(0.05)
 """Light that counts as none."""
 RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
 """Each LED's light on the film at rest, relative to the flat frame."""
-FilmEvidence = Annotated[F4, Port("6", "1")]
-"""The fields of `FilmFigures`."""
 
 
 class FilmFigures(NamedTuple):
@@ -39,7 +37,7 @@ class FilmFigures(NamedTuple):
 
 def rest_evidence(
     light: CoarseLight, height: Height, drift: Drift | None = None
-) -> tuple[RestLevel, FilmEvidence]:
+) -> tuple[RestLevel, FilmFigures]:
     """Return the light of the film at rest, how much of it there is, and the height's range (T3).
 
     Without a drift, or if none was found, the median of the frame's border is each LED's light.
@@ -53,5 +51,4 @@ def rest_evidence(
         level = border_level(cells)
         even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
     calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
-    film = FilmFigures(shape, calm, dark, height.min(), height.max(), drift is not None)
-    return level, np.array(film, np.float32)
+    return level, FilmFigures(shape, calm, dark, height.min(), height.max(), drift is not None)

@@ -15,10 +15,8 @@ from tactograph.nodes import LightPositions, Metrics, Misfit, Uneven
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_check import check_curl
 from tactograph.nodes.trust._light_check import check_light
-from tactograph.nodes.trust._light_evidence import LightFigures
 from tactograph.nodes.trust._line_check import check_lines
 from tactograph.nodes.trust._rest_check import check_rest
-from tactograph.nodes.trust._rest_evidence import FilmFigures
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.light_departure import light_error
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -106,8 +104,7 @@ def judge_touch(
         If all three checks fail, or clearly all that are made (`REFUSED_FIGURE`), unless `force`.
     """
     lights, misfit, uneven = film or FilmErrors()
-    film_at_rest = FilmFigures(*evidence.film.tolist())
-    light = LightFigures(*evidence.light.tolist())
+    film_at_rest, light = evidence.film, evidence.light
     checks = {"curl": check_curl(evidence.curl)}
     if not filled:
         checks["rest"] = check_rest(evidence.level, film_at_rest, lights, added or 0.0)

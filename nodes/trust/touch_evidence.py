@@ -7,25 +7,39 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import CoarseLight, Height, Labels, Light, Misfit, Slope, Uneven
+from tactograph.nodes import F4, CoarseLight, Height, Labels, Light, Misfit, Slope, Uneven
 from tactograph.nodes.light.film_drift import DRIFT_TERMS, Drift
 from tactograph.nodes.trust._check import thinning
-from tactograph.nodes.trust._curl_evidence import CurlEvidence, curl_evidence
-from tactograph.nodes.trust._light_evidence import LightEvidence, LightFigures, light_evidence
-from tactograph.nodes.trust._rest_evidence import FilmEvidence, RestLevel, rest_evidence
+from tactograph.nodes.trust._curl_evidence import CurlFigures, curl_evidence
+from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
+from tactograph.nodes.trust._rest_evidence import FilmFigures, RestLevel, rest_evidence
 from tactograph.nodes.trust.light_departure import Brighter, Departure
 from tactograph.nodes.trust.slope_curl import CoarseCurl
 
 
 class TouchEvidence(NamedTuple):
-    """What `judge_touch` judges."""
+    """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
 
-    curl: CurlEvidence
     level: RestLevel
-    film: FilmEvidence
-    light: LightEvidence
+    figures: Annotated[F4, Port("18", "1", low=0, high=5)]
+    """Those of the curl, of the film and of the light, one behind the other."""
+
+    @property
+    def curl(self) -> CurlFigures:
+        """How much the slopes curl."""
+        return CurlFigures(*self.figures[:3].tolist())
+
+    @property
+    def film(self) -> FilmFigures:
+        """What the film at rest is like."""
+        return FilmFigures(*self.figures[3:9].tolist())
+
+    @property
+    def light(self) -> LightFigures:
+        """How the light departs from the slopes."""
+        return LightFigures(*self.figures[9:].tolist())
 
 
 @node(
@@ -73,11 +87,12 @@ def touch_evidence(
     max_dimming
         Share of the light that film may lack under all LEDs.
     """
-    seen = np.array(LightFigures(-1, *[0] * (len(LightFigures._fields) - 1)), np.float32)
+    seen = LightFigures(-1, *[0] * (len(LightFigures._fields) - 1))
     if departure is not None and slope is not None and misfit is not None:
         maps = departure, slope, misfit, uneven, brighter, used, matt, shadow
         seen = light_evidence(*maps, max_dimming)
-    return TouchEvidence(curl_evidence(curl), *rest_evidence(light, height, drift), seen)
+    level, film = rest_evidence(light, height, drift)
+    return TouchEvidence(level, np.array([*curl_evidence(curl), *film, *seen], np.float32))
 
 
 @touch_evidence.opencl()
@@ -89,14 +104,14 @@ def _launch(run: Launch) -> None:
     (curl, light), cells = _thinned(run, given["curl"], given["light"])
     values, gains = run.scratch((4, *thin)), run.scratch((count, DRIFT_TERMS))
     names = ("departure", "brighter", "slope", "misfit", "used", "matt", "shadow")
-    told, level, film, seen = (run.outputs[name] for name in ("curl", "level", "film", "light"))
+    level, figures = run.outputs.values()
     planes = *(given.get(name) for name in names), light, given["height"], given.get("drift")
     scratch = values, run.scratch(cells), gains
     sizes = count, height, width, *thin, step, *cells
     limits = float(given.get("uneven") or 0.0), run.settings["max_dimming"]
-    arguments = *planes, *scratch, seen, level, film, *sizes, *limits
+    arguments = *planes, *scratch, level, figures, *sizes, *limits
     run.kernel("look", (2 * run.group,), *arguments, local=group)
-    weighed = values, curl, seen, told, thin[0] * thin[1], *cells
+    weighed = values, curl, figures, thin[0] * thin[1], *cells
     run.kernel("weigh", (8 * run.group,), *weighed, local=group)
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from tactograph.graph import node
 from tactograph.nodes import ZeroError
 from tactograph.nodes.trust._rest_check import MIN_CALM
-from tactograph.nodes.trust._rest_evidence import FilmEvidence, FilmFigures
+from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 
-@node(former=dict.fromkeys(("light", "height", "drift"), "give touch_evidence's 'film'"))
-def zero_error(film: FilmEvidence) -> ZeroError:
+@node(
+    former=dict.fromkeys(("light", "height", "drift", "film"), "give touch_evidence as 'evidence'")
+)
+def zero_error(evidence: TouchEvidence) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 
     Heights are above the film at rest.  A touch that reaches all borders leaves none of it, so
@@ -17,7 +19,7 @@ def zero_error(film: FilmEvidence) -> ZeroError:
 
     Parameters
     ----------
-    film
+    evidence
         What `touch_evidence` found.
 
     Returns
@@ -25,5 +27,5 @@ def zero_error(film: FilmEvidence) -> ZeroError:
     float
         In mm: the height's range where less than a fifth of the image is at rest, else 0.
     """
-    found = FilmFigures(*map(float, film))
-    return 0.0 if found.calm >= MIN_CALM else found.highest - found.lowest
+    film = evidence.film
+    return 0.0 if film.calm >= MIN_CALM else film.highest - film.lowest

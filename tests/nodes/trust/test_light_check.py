@@ -12,7 +12,7 @@ from tactograph.nodes.trust._light_check import (
     MIN_BRIGHTNESS_ERROR,
     check_light,
 )
-from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
+from tactograph.nodes.trust._light_evidence import light_evidence
 
 SHAPE = (30, 40)
 ALL = 0b1111
@@ -47,7 +47,7 @@ def touch(
 
 def told(what: Touch, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:
     found = light_evidence(**what)  # type: ignore[arg-type]
-    return check_light(LightFigures(*map(float, found)), rim_error, brightness_error)
+    return check_light(found, rim_error, brightness_error)
 
 
 def darker(share: float, used: int = ALL) -> Touch:
@@ -184,5 +184,5 @@ def test_dirt_on_a_one_shot_sensor_dims_less_and_needs_no_labels(
     names = "departure", "slope", "misfit", "brighter"
     what = {name: plane for name, plane in touch().items() if name in names}
     what["brighter"][12, 12:20] = -dimmed
-    figures = LightFigures(*map(float, light_evidence(**what, max_dimming=0.2)))
+    figures = light_evidence(**what, max_dimming=0.2)
     assert (check_light(figures).figure > 1) == is_dirt

@@ -7,7 +7,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._rest_check import check_rest
-from tactograph.nodes.trust._rest_evidence import FilmFigures, rest_evidence
+from tactograph.nodes.trust._rest_evidence import rest_evidence
 from tactograph.nodes.trust.added_light import added_light
 
 SHAPE = (30, 40)
@@ -46,7 +46,7 @@ def told(
 ) -> Check:
     level, film = rest_evidence(light, risen() if height is None else height, drift)
     added = 0.0 if flat is None else added_light(light, flat)
-    return check_rest(level, FilmFigures(*map(float, film)), lights, added)
+    return check_rest(level, film, lights, added)
 
 
 @pytest.mark.parametrize("drift", [None, drifted(1, 1, 1, 1)], ids=["none", "no drift found"])
