@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "spread.clh"
 
 // The object in front of the film at rest; the film starts on it.
 __kernel void rise(
@@ -30,21 +31,4 @@ __kernel void settle(
     const float pull = film[max(y - 1, 0) * W + x] + film[min(y + 1, H - 1) * W + x]
                        + film[y * W + max(x - 1, 0)] + film[y * W + min(x + 1, W - 1)];
     film[i] = fmax(here + relax * (pull * share - here), obstacle[i]);
-}
-
-// Weighted mean along one axis (1: x); border pixels are replicated.
-__kernel void smooth(
-    __global const float *restrict film,
-    __global const float *restrict weights,
-    __global float *restrict out,
-    const int H, const int W, const int radius, const int axis)
-{
-    GRID_2(y, x, H, W)
-    float total = 0.0f;
-    for (int i = -radius; i <= radius; i++) {
-        const int row = axis ? y : clamp(y + i, 0, H - 1);
-        const int column = axis ? clamp(x + i, 0, W - 1) : x;
-        total += weights[i + radius] * film[row * W + column];
-    }
-    out[y * W + x] = total;
 }

@@ -1,12 +1,17 @@
-"""A Gaussian filter along an axis."""
+"""A Gaussian filter."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
 from tactograph.nodes import F4
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 CUTOFF_SIGMAS = 4.0
 """The Gaussian is cut off at this many standard deviations."""
@@ -22,13 +27,20 @@ def gaussian(deviation_px: float) -> F4:
     return np.asarray(weights / weights.sum(), np.float32)
 
 
-def smoothed(planes: F4, weights: F4, axis: int) -> F4:
-    """Filter along an axis; border values are replicated."""
-    radius, size = len(weights) // 2, planes.shape[axis]
-    around = [(0, 0)] * planes.ndim
-    around[axis] = (radius, radius)
-    wide = np.pad(planes, around, mode="edge")
-    total = np.zeros_like(planes)
-    for i, weight in enumerate(weights):
-        total += weight * wide.take(range(i, i + size), axis)
-    return total
+def smoothed(planes: F4, deviation_px: float) -> F4:
+    """Filter planes K x H x W along rows and columns; border values are replicated."""
+    weights = gaussian(deviation_px)
+    for axis in (2, 1):
+        planes = correlate1d(planes, weights, axis, mode="nearest")
+    return planes
+
+
+def launch_smoothed(
+    run: Launch, planes: DeviceArray, out: DeviceArray, size: tuple[int, ...], deviation_px: float
+) -> None:
+    """Enqueue `smoothed` by the kernel of ``spread.clh``; `size` is K, H, W."""
+    weights = gaussian(deviation_px)
+    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
+    half, radius = run.scratch(size), len(weights) // 2
+    run.kernel("spread", size, planes, taps, half, *size, radius, 1)
+    run.kernel("spread", size, half, taps, out, *size, radius, 0)

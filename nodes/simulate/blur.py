@@ -8,7 +8,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Light
-from tactograph.nodes.simulate._gaussian import gaussian, smoothed
+from tactograph.nodes.simulate._gaussian import launch_smoothed, smoothed
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -25,15 +25,11 @@ def blur(light: Light, *, deviation_px: Annotated[float, Interval(ge=0, le=20)] 
     deviation_px
         Standard deviation of the point spread; 0 is a sharp lens.
     """
-    weights = gaussian(deviation_px)
-    return smoothed(smoothed(light, weights, 2), weights, 1)
+    return smoothed(light, deviation_px)
 
 
 @blur.opencl()
 def _launch(run: Launch) -> None:
     size = tuple(run.sizes[symbol] for symbol in "KHW")
-    weights = gaussian(run.settings["deviation_px"])
-    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
-    half, radius = run.scratch(size), len(weights) // 2
-    run.kernel("spread", size, run.inputs["light"], taps, half, *size, radius, 1)
-    run.kernel("spread", size, half, taps, run.outputs["blur"], *size, radius, 0)
+    out, deviation_px = run.outputs["blur"], run.settings["deviation_px"]
+    launch_smoothed(run, run.inputs["light"], out, size, deviation_px)

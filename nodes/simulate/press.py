@@ -10,7 +10,7 @@ from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, InputError, node
 from tactograph.nodes import F4, Height, PixelSize
-from tactograph.nodes.simulate._gaussian import gaussian, smoothed
+from tactograph.nodes.simulate._gaussian import launch_smoothed, smoothed
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -79,20 +79,16 @@ def press(
     obstacle = np.maximum(object - np.float32(stand_off_mm), np.float32(0))
     film = _settled(obstacle, _sweeps(reach_mm / pixel))
     _check_reach("skin_mm", skin_mm / pixel)
-    weights = gaussian(skin_mm / pixel)
-    return smoothed(smoothed(film, weights, 1), weights, 0)
+    return smoothed(film[None], skin_mm / pixel)[0]
 
 
 @press.opencl()
 def _launch(launch: Launch) -> None:
     size = launch.sizes["H"], launch.sizes["W"]
     pixel, settings = launch.inputs["pixel"], launch.settings
-    obstacle, film, half = (launch.scratch(size) for _ in range(3))
+    obstacle, film = launch.scratch(size), launch.scratch(size)
     sweeps = _sweeps(settings["reach_mm"] / pixel)
     _check_reach("skin_mm", settings["skin_mm"] / pixel)
-    weights = gaussian(settings["skin_mm"] / pixel)
-    taps = launch.keep(weights.tobytes(), lambda: launch.upload(weights))
-
     stand_off = settings["stand_off_mm"]
     launch.kernel("rise", size, launch.inputs["object"], obstacle, film, *size, stand_off)
     pairs = size[0], (size[1] + 1) // 2
@@ -100,8 +96,7 @@ def _launch(launch: Launch) -> None:
     for _ in range(sweeps.number):
         for colour in (0, 1):
             launch.kernel("settle", pairs, obstacle, film, *size, colour, *factors)
-    launch.kernel("smooth", size, film, taps, half, *size, len(weights) // 2, 1)
-    launch.kernel("smooth", size, half, taps, launch.outputs["press"], *size, len(weights) // 2, 0)
+    launch_smoothed(launch, film, launch.outputs["press"], (1, *size), settings["skin_mm"] / pixel)
 
 
 @press.example

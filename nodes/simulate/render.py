@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
+from tactograph.nodes.optics.bilinear import bilinear
 from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.difference import difference
+from tactograph.nodes.optics.film import to_pupil
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
@@ -253,7 +256,7 @@ def _lit_from(
 
 
 def _surface(height: F4, pixel: np.float32) -> _Surface:
-    p, q = _difference(height, pixel, axis=1), _difference(height, pixel, axis=0)
+    p, q = (difference(height, axis) / pixel for axis in (1, 0))
     return _Surface(height, p, q, pixel, height.max())
 
 
@@ -269,20 +272,10 @@ def _spot(surface: _Surface, dx: np.float32, dy: np.float32) -> _Spots:
     row, column = np.indices(surface.size).astype(np.float32)
     column = np.clip(column + dx, np.float32(0), np.float32(columns - 1))
     row = np.clip(row + dy, np.float32(0), np.float32(rows - 1))
-    z, p, q = (_interpolated(part, column, row) for part in (surface.z, surface.p, surface.q))
+    z, p, q = (bilinear(part, column, row) for part in (surface.z, surface.p, surface.q))
     x = (column - np.float32(0.5 * (columns - 1))) * surface.pixel
     y = (row - np.float32(0.5 * (rows - 1))) * surface.pixel
     return _Spots(column, row, x, y, z, p, q, np.sqrt(1 + p * p + q * q))
-
-
-def _difference(height: F4, pixel: np.float32, axis: int) -> F4:
-    """Central difference along an axis, one-sided at the border, 0 on a single pixel."""
-    size = height.shape[axis]
-    here = np.arange(size)
-    before, after = np.maximum(here - 1, 0), np.minimum(here + 1, size - 1)
-    span = np.maximum(after - before, 1).astype(np.float32) * pixel
-    rise = np.take(height, after, axis) - np.take(height, before, axis)
-    return rise / (span[None, :] if axis == 1 else span[:, None])
 
 
 def _check_above(lights: F4, top: np.float32, distant: bool) -> None:
@@ -380,7 +373,8 @@ def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:
 def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     """The replacement of n.L under a rough dielectric coat, seen from the pupil."""
     lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
-    vx, vy, vz = _to_camera(spot, np.float32(film.coat.camera_mm))
+    pupil = film.coat.camera_mm
+    vx, vy, vz = to_pupil(1 / pupil if pupil else 0.0, spot.x, spot.y, spot.z)
     seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE)
     lit = np.maximum(cosine, MIN_COAT_COSINE)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
@@ -394,16 +388,6 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     return np.asarray(
         matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / seen, np.float32
     )
-
-
-def _to_camera(spot: _Spots, distance: np.float32) -> tuple[F4, F4, F4]:
-    """Unit vectors from the film to the pupil."""
-    if distance == 0:
-        none = np.zeros_like(spot.z)
-        return none, none, np.ones_like(spot.z)
-    up = distance - spot.z
-    length = np.sqrt(spot.x * spot.x + spot.y * spot.y + up * up)
-    return -spot.x / length, -spot.y / length, up / length
 
 
 def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:
@@ -432,23 +416,10 @@ def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film:
         inside = (px >= 0) & (px <= columns - 1) & (py >= 0) & (py <= rows - 1)
         alive = inside & (pz <= surface.top) & (i < last)
         keep = np.nonzero(alive)[0]
-        hit = _interpolated(surface.z, px[keep], py[keep]) > pz[keep]
+        hit = bilinear(surface.z, px[keep], py[keep]) > pz[keep]
         free[open_[keep[hit]]] = False
         keep = keep[~hit]
         open_ = open_[keep]
         x, y, start, last = x[keep], y[keep], start[keep], last[keep]
         dx, dy, dz = dx[keep], dy[keep], dz[keep]
     return free
-
-
-def _interpolated(z: F4, x: F4, y: F4) -> F4:
-    """Bilinear interpolation at points inside the image."""
-    rows, columns = z.shape
-    left, top = x.astype(np.int32), y.astype(np.int32)
-    right, bottom = np.minimum(left + 1, columns - 1), np.minimum(top + 1, rows - 1)
-    fx, fy = x - left.astype(np.float32), y - top.astype(np.float32)
-    flat = z.ravel()
-    a, b = flat[top * columns + left], flat[top * columns + right]
-    c, d = flat[bottom * columns + left], flat[bottom * columns + right]
-    upper, lower = a + fx * (b - a), c + fx * (d - c)
-    return upper + fy * (lower - upper)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.graph.disk.array_files import load_array
 from tactograph.nodes import F8
+from tactograph.nodes.files.image_files import read_image, read_numbers
 from tactograph.nodes.optics.shape import PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
 
 
@@ -41,9 +40,11 @@ def shape_image(
     InputError
         If the file cannot be read, is not two-dimensional or not finite, or needs `rise_mm`.
     """
-    values = _read(file)
+    values = read_numbers(file) if file.suffix.lower() == ".npy" else read_image(file)
     if values.ndim != 2:
         raise InputError(f"shape_image: {file} is not grey (its shape is {values.shape}); convert")
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
     if values.dtype.kind in "iu":
         if rise_mm is None:
             raise InputError(f"shape_image: {file} holds integers; say with rise_mm what white is")
@@ -52,29 +53,3 @@ def shape_image(
     if not np.isfinite(height).all():
         raise InputError(f"shape_image: {file} holds values that are not finite; fill them first")
     return shape(height, pixel_size_mm)
-
-
-def _read(file: Path) -> np.ndarray:
-    if not file.is_file():
-        raise InputError(f"shape_image: there is no file {file}; give a height map")
-    values = _read_npy(file) if file.suffix.lower() == ".npy" else _read_picture(file)
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
-    return np.asarray(values)
-
-
-def _read_npy(file: Path) -> np.ndarray:
-    try:
-        return load_array(file)
-    except (OSError, ValueError) as error:
-        raise InputError(f"shape_image: {file} is no NPY array: {error}") from None
-
-
-def _read_picture(file: Path) -> np.ndarray:
-    try:
-        values = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # more pixels than OpenCV allows, or nothing at all
-        values = None
-    if values is None:
-        raise InputError(f"shape_image: {file} is no picture that OpenCV can read; convert it")
-    return np.asarray(values)

@@ -89,10 +89,3 @@ def test_object_that_does_not_reach_the_film_leaves_it_at_rest(stand_off):
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (7, 11)])
 def test_level_object_lifts_the_film_level_whatever_the_size(size):
     np.testing.assert_allclose(press(np.ones(size, np.float32), PIXEL), 1.0, atol=1e-5)
-
-
-def test_object_is_left_alone():
-    shape = ball()
-    before = shape.height.copy()
-    press(*shape)
-    np.testing.assert_array_equal(shape.height, before)

@@ -35,7 +35,7 @@ def test_integers_without_a_scale_are_refused(tmp_path):
 
 
 def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no file"):
+    with pytest.raises(InputError, match="there is no such file"):
         shape_image(file=tmp_path / "a.png")
 
 
