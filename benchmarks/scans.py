@@ -30,7 +30,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.real_film import PIXEL_MM, ROOT, Grid, measure, row, run
+from benchmarks.real_film import PIXEL_MM, ROOT, measure, row, run
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
@@ -75,14 +75,17 @@ def main() -> None:
         print()
 
 
+def head(*names: str) -> None:
+    row(*names)
+    row(*["---"] * len(names))
+
+
 def show_balls(_: Path | None) -> None:
-    row("grid", "light", "normals / deg", "cap RMS / um", "film between / um")
-    row(*["---"] * 5)
+    head("grid", "light", "normals / deg", "cap RMS / um", "film between / um")
     with tempfile.TemporaryDirectory() as folder:
         for name, other in (("balls_1", "balls_2"), ("balls_2", "balls_1")):
             size = {"capture": GRIDS / name}
             alone = run("reconstruct_scan", model=MODEL, pixel_size_mm=PIXEL_MM, **size)
-            balls(name, "vendor's file alone", measure(alone, GRIDS / f"{name}.csv", 1))
             file = Path(folder) / f"{other}.npz"
             run(
                 "calibrate",
@@ -94,7 +97,10 @@ def show_balls(_: Path | None) -> None:
                 out=file,
             )
             fitted = run("reconstruct", calibration=file, **size)
-            balls(name, f"fitted to {other}", measure(fitted, GRIDS / f"{name}.csv", 1))
+            for light, found in (("vendor's file alone", alone), (f"fitted to {other}", fitted)):
+                grid = measure(found, GRIDS / f"{name}.csv", 1)
+                numbers = f"{grid.normal_deg:.2f}", f"{grid.cap_um:.2f}", f"{grid.film_um:.1f}"
+                row(name, light, *numbers)
 
 
 def show_coin(pictures: Path | None) -> None:
@@ -107,8 +113,7 @@ def show_coin(pictures: Path | None) -> None:
 
 
 def show_grooves(pictures: Path | None) -> None:
-    row("sensor", "depth / um", "furthest off / um", "stated / um", "rows in the 90 % band")
-    row(*["---"] * 5)
+    head("sensor", "depth / um", "furthest off / um", "stated / um", "rows in the 90 % band")
     for device in DEVICES:
         file = SCANS / "devices" / f"{device}.yaml"
         found, figures, held = zip(*(groove(file, seed) for seed in range(6)), strict=True)
@@ -135,8 +140,7 @@ def show_models(_: Path | None) -> None:
     lit = {f"dome, {name}": seen(dome(of), of.model, of.pixel_size) for name, of in models.items()}
     (taken,) = read_capture(folder=COIN)
     lit["coin, model-test1"] = coarsen(taken.image, factor=CELL_PX)
-    row("light of", "by", "left", "brightness")
-    row(*["---"] * 4)
+    head("light of", "by", "left", "brightness")
     for light, (name, of) in product(lit, models.items()):
         judged(light, name, lit[light], of.model)
     (taken,) = read_capture(folder=GRIDS / "balls_1")
@@ -170,8 +174,7 @@ def show_speed(_: Path | None) -> None:
     images = np.stack([read_image(GRIDS / f"balls_1/led{k}.png") for k in range(1, 7)])
     given = {"model": MODEL, "pixel_size_mm": PIXEL_MM}
     warm = load("reconstruct_scan", **given)
-    row("six images of 5 megapixels", "clock / s", "processor / s")
-    row(*["---"] * 3)
+    head("six images of 5 megapixels", "clock / s", "processor / s")
     timed("in memory, to height and error", lambda: warm(frames=images))
     with tempfile.TemporaryDirectory() as folder:
         for number in range(WARM_ROUNDS + ROUNDS):
@@ -188,10 +191,6 @@ def timed(what: str, scan: Callable[[], object]) -> None:
         scan()
         spent.append((time.perf_counter() - clock, time.process_time() - processor))
     row(what, *(f"{n:.2f}" for n in np.median(spent[WARM_ROUNDS:], axis=0)))
-
-
-def balls(name: str, light: str, grid: Grid) -> None:
-    row(name, light, f"{grid.normal_deg:.2f}", f"{grid.cap_um:.2f}", f"{grid.film_um:.1f}")
 
 
 def coin(height: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -229,8 +228,7 @@ def draw(relief: NDArray[np.float64], file: Path) -> None:
 
 def show_known(_: Path | None) -> None:
     """Grooves of 246 um by models that are wrong, before and after one of 507 um settles them."""
-    row("sensor", "walls / deg", "off / um", "stated / um", "settled: off / um", "stated / um")
-    row(*["---"] * 6)
+    head("sensor", "walls / deg", "off / um", "stated / um", "settled: off / um", "stated / um")
     for device, wall in product(DEVICES, (WALL_DEG, 20)):
         with tempfile.TemporaryDirectory() as folder:
             pairs = [settled(device, wall, seed, Path(folder)) for seed in range(3)]

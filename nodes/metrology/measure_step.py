@@ -5,6 +5,7 @@ Long because edges, levels and walls of a profile all follow from one definition
 
 from typing import Annotated, Literal, NamedTuple
 
+import cv2
 import numpy as np
 from annotated_types import Ge, Interval, Len
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from scipy.ndimage import uniform_filter1d
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Height, HeightError, Metrics, PixelSize
-from tactograph.nodes.light.coarsen import coarsen
 
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
@@ -115,9 +115,8 @@ def measure_step(
     spread = float(np.std(depths, ddof=1))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
     if parts is not None:
-        cell = -(-height.shape[0] // parts.shape[1])
-        small = coarsen(height[None], factor=cell)[0]
-        depth, *others = mean_depths(small, parts, cell * pixel, along, edges)
+        small = cv2.resize(height, parts.shape[:0:-1], interpolation=cv2.INTER_AREA)
+        depth, *others = mean_depths(small.astype(np.float32), parts, pixel, along, edges)
         stated = 1e3 * float(np.linalg.norm(np.array(others) - depth))
     figures = {
         "step_depth_um": float(np.median(depths)),

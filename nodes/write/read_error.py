@@ -1,23 +1,32 @@
 """Read the standard deviation that a result states of its height."""
 
-from __future__ import annotations
-
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import HeightError
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import Crop
+from tactograph.nodes.files.image_files import Crop, read_numbers
+from tactograph.nodes.metrology.measure_step import ErrorParts
 from tactograph.nodes.write.read_height import checked_heights
 
-ERROR_FILE = "error.npy"
+ERROR_FILE, PARTS_FILE = "error.npy", "error_parts.npy"
+
+
+class StatedError(NamedTuple):
+    """The error in mm, and its parts where a known step settled it; None where unknown."""
+
+    error: HeightError | None = None
+    parts: ErrorParts | None = None
 
 
 @node
-def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
-    """Read what a height's file states as its error in mm, else ``error.npy`` beside it.
+def read_error(*, height: Path, crop: Crop | None = None) -> StatedError:
+    """Read what a height's file states as its error, else ``error.npy`` beside it.
 
-    None where neither states one.
+    Its parts, on cells, are in ``error_parts.npy``.
 
     Parameters
     ----------
@@ -35,9 +44,19 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
     if stated is None:
         file = height.parent / ERROR_FILE
         if not file.is_file():
-            return None
+            return StatedError()
         stated = read_height_file(file).height
     error = checked_heights(stated, file, crop, unknown=True)
     if (error < 0).any():
         raise InputError(f"{file}: a standard deviation cannot be negative")
-    return error
+    of_parts = height.parent / PARTS_FILE
+    if file == height or not of_parts.is_file():
+        return StatedError(error)
+    parts = read_numbers(of_parts)
+    if parts.ndim != 3 or not parts.size or not np.isfinite(parts).all():
+        raise InputError(f"{of_parts}: is damaged; run the reconstruction again")
+    x0, y0, x1, y1 = crop or (0, 0, *stated.shape[::-1])
+    down, across = np.divide(parts.shape[1:], stated.shape)
+    rows = slice(int(y0 * down), int(np.ceil(y1 * down)))
+    columns = slice(int(x0 * across), int(np.ceil(x1 * across)))
+    return StatedError(error, np.asarray(parts[:, rows, columns], np.float32))

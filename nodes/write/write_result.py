@@ -18,7 +18,7 @@ from tactograph.nodes.metrology.measure_step import ErrorParts
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
-from tactograph.nodes.write.read_error_parts import PARTS_FILE
+from tactograph.nodes.write.read_error import PARTS_FILE
 
 OPTIONAL_FILES = (
     *("height.ply", "height.png", "shadow.png", "shadow_view.png", "error.npy", "error.png"),

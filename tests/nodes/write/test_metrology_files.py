@@ -1,5 +1,6 @@
 """X3P and Gwyddion's files, read back here and by the packages of their own."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,46 +25,44 @@ def height() -> F4:
     return z
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_written_is_read_back(tmp_path: Path, height: F4, kind: str) -> None:
-    export_height(height, PIXEL, folder=tmp_path, formats=(kind,))
-    found = read_height_file(tmp_path / f"height.{kind}")
-    np.testing.assert_allclose(found.height, height, rtol=1e-6)
-    assert found.pixel == pytest.approx(PIXEL)
-
-
-def test_x3pio_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> None:
+def read_x3p(file: Path) -> tuple[F4, F4, float]:
     import x3pio
 
-    export_height(height, PIXEL, error=0.1 * abs(height), folder=tmp_path, formats=("x3p",))
-    layers = x3pio.read(tmp_path / "height.x3p").layers
-    np.testing.assert_allclose(layers[0].z, 1e-3 * height, rtol=1e-6)
-    np.testing.assert_allclose(layers[1].z, 1e-4 * abs(height), rtol=1e-5)
-    found = read_error(height=tmp_path / "height.x3p")
-    np.testing.assert_allclose(found, 0.1 * abs(height), rtol=1e-5)
-    assert layers[0].spacing == pytest.approx((5e-5, 5e-5))
+    layers = x3pio.read(file).layers
+    return layers[0].z, layers[1].z, layers[0].spacing[1]
 
 
-def test_gwyfile_reads_height_and_error_in_metres(tmp_path: Path, height: F4) -> None:
+def read_gwy(file: Path) -> tuple[F4, F4, float]:
     import gwyfile
 
-    known = np.nan_to_num(height)
-    export_height(known, PIXEL, error=0.1 * abs(known), folder=tmp_path, formats=("gwy",))
-    fields = gwyfile.util.get_datafields(gwyfile.load(str(tmp_path / "height.gwy")))
-    np.testing.assert_allclose(fields["Height"].data, 1e-3 * known, rtol=1e-6)
-    np.testing.assert_allclose(fields["Error"].data, 1e-4 * abs(known), rtol=1e-5)
-    found = read_error(height=tmp_path / "height.gwy")
-    np.testing.assert_allclose(found, 0.1 * abs(known), rtol=1e-5)
-    assert fields["Height"].xreal == pytest.approx(21 * 5e-5)
+    container = gwyfile.load(str(file))
+    fields = gwyfile.util.get_datafields(container)
+    height = np.where(container["/0/mask"].data > 0, np.nan, fields["Height"].data)
+    return height, fields["Error"].data, fields["Height"].yreal / 13
 
 
-def test_gsffile_reads_the_height_in_metres(tmp_path: Path, height: F4) -> None:
+def read_gsf(file: Path) -> tuple[F4, None, float]:
     import gsffile
 
-    export_height(height, PIXEL, folder=tmp_path, formats=("gsf",))
-    data, about = gsffile.read_gsf(tmp_path / "height.gsf")
-    np.testing.assert_allclose(data, 1e-3 * height, rtol=1e-6)
-    assert about["YReal"] == pytest.approx(13 * 5e-5)
+    data, about = gsffile.read_gsf(file)
+    return data, None, about["YReal"] / 13
+
+
+@pytest.mark.parametrize("read", [read_x3p, read_gwy, read_gsf])
+def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
+    tmp_path: Path, height: F4, read: Callable[[Path], tuple[F4, F4 | None, float]]
+) -> None:
+    """In mm here, in metres there."""
+    kind, error = read.__name__[5:], 0.1 * abs(np.nan_to_num(height))
+    export_height(height, PIXEL, error=error, folder=tmp_path, formats=(kind,))
+    file = tmp_path / f"height.{kind}"
+    found, theirs = read_height_file(file), read(file)
+    np.testing.assert_allclose(found.height, height, rtol=1e-6)
+    np.testing.assert_allclose(theirs[0], 1e-3 * height, rtol=1e-6)
+    assert (found.pixel, 1e3 * theirs[2]) == (pytest.approx(PIXEL), pytest.approx(PIXEL))
+    if theirs[1] is not None:
+        np.testing.assert_allclose(theirs[1], 1e-3 * error, rtol=1e-5)
+        np.testing.assert_allclose(read_error(height=file).error, error, rtol=1e-5)
 
 
 @pytest.mark.parametrize("kind", KINDS)
