@@ -11,6 +11,9 @@ import pytest
 
 from tactograph.graph.command import main
 from tactograph.graph.declare import find_node as find
+from tactograph.graph.disk.strict_yaml import parse_yaml
+from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.read_graph import read_graph
 from tests.graph.toys import CALLS, TOYS
 
 SLOPES = """
@@ -77,6 +80,11 @@ def lit_by(op: str, text: str = STREAM) -> str:
     """The stream whose light another node makes, of the images alone."""
     light = "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}"
     return text.replace(light, f"op: {op}, in: {{image: frames.image}}")
+
+
+def graph_of(text: str) -> Graph:
+    """The graph of a text, where no test needs a file."""
+    return read_graph(parse_yaml(text, "graph.yaml").data)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.nodes import Light
-from tests.graph.conftest import STREAM, Write, added
+from tests.graph.conftest import STREAM, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -25,38 +25,38 @@ def first(file: str, backend: str) -> Result:
 @BOTH
 @pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
 def test_a_size_is_another_divided_by_a_parameter_rounded_up(
-    write: Write, backend: str, rows: int, left: int
+    backend: str, rows: int, left: int
 ) -> None:
     text = added(f"  thin: {{op: strips, in: {{image: light}}, with: {{rows: {rows}}}}}", "t: thin")
-    assert first(write(text), backend)["t"].shape == (3, left, 5)
+    assert first(graph_of(text), backend)["t"].shape == (3, left, 5)
 
 
 @BOTH
-def test_what_follows_has_the_derived_size(write: Write, backend: str) -> None:
+def test_what_follows_has_the_derived_size(backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   more: {op: summed, in: {image: thin}}
   thinner: {op: strips, in: {image: more}}"""
-    found = first(write(added(nodes, "a: more, b: thinner")), backend)
+    found = first(graph_of(added(nodes, "a: more, b: thinner")), backend)
     assert (found["a"].shape, found["b"].shape) == ((3, 2, 5), (3, 1, 5))
 
 
 @BOTH
-def test_a_derived_size_that_clashes_names_the_rule(write: Write, backend: str) -> None:
+def test_a_derived_size_that_clashes_names_the_rule(backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   off: {op: flat_field, in: {image: thin, flat: cal.flat, dark: cal.dark}}"""
     with pytest.raises(InputError, match=r"size h is 2 in thin \(H / rows\) but 4 in cal.flat"):
-        first(write(added(nodes, "off: off")), backend)
+        first(graph_of(added(nodes, "off: off")), backend)
 
 
 @BOTH
-def test_other_settings_between_two_items_count_at_the_next(write: Write, backend: str) -> None:
+def test_other_settings_between_two_items_count_at_the_next(backend: str) -> None:
     text = added(
         """  dim: {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark},
          with: {floor: $floor}}
   thin: {op: strips, in: {image: dim}, with: {rows: $rows}}""",
         "t: thin",
     ).replace("default: 3}", "default: 3}\n  rows: {kind: integer}\n  floor: {kind: number}")
-    pipeline = open_pipeline(write(text), {"rows": 2, "floor": 1}, backend=backend)
+    pipeline = open_pipeline(graph_of(text), {"rows": 2, "floor": 1}, backend=backend)
     with pipeline:
         items = pipeline.items()
         assert next(items)["t"].tolist() == np.full((3, 2, 5), 1.0).tolist()
@@ -71,16 +71,14 @@ AIMED = (
 )
 
 
-def test_settings_that_were_changed_before_stay(write: Write) -> None:
-    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="numpy")
+def test_settings_that_were_changed_before_stay() -> None:
+    pipeline = open_pipeline(graph_of(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     pipeline.aim(count=1)
     pipeline.aim(rows=4)
     assert len(list(pipeline.items())) == 1
 
 
-def test_a_node_whose_settings_stay_is_not_prepared_again(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_node_whose_settings_stay_is_not_prepared_again(monkeypatch: pytest.MonkeyPatch) -> None:
     prepared: list[str] = []
     prepare = OpenCL.prepare
 
@@ -89,15 +87,15 @@ def test_a_node_whose_settings_stay_is_not_prepared_again(
         return prepare(device, node, *more)
 
     monkeypatch.setattr(OpenCL, "prepare", note)
-    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="opencl")
+    pipeline = open_pipeline(graph_of(AIMED), {"rows": 4, "level": 1}, backend="opencl")
     for count in (1, 2, 3):
         pipeline.aim(count=count)
         assert len(list(pipeline.items())) == count
     assert prepared == ["flat_field"]
 
 
-def test_a_change_of_settings_that_is_refused_changes_none(write: Write) -> None:
-    pipeline = open_pipeline(write(AIMED), {"rows": 4, "level": 1}, backend="numpy")
+def test_a_change_of_settings_that_is_refused_changes_none() -> None:
+    pipeline = open_pipeline(graph_of(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     with pytest.raises(InputError, match="'cal' runs once and takes \\$level"):
         pipeline.aim(count=1, level=2)
     assert len(list(pipeline.items())) == 3
@@ -113,21 +111,19 @@ def test_a_rule_that_names_nothing_is_refused() -> None:
 
 @BOTH
 @pytest.mark.parametrize("read", ["low", "high"])
-def test_an_output_that_nobody_reads_is_not_made(
-    toys: list[str], write: Write, backend: str, read: str
-) -> None:
+def test_an_output_that_nobody_reads_is_not_made(toys: list[str], backend: str, read: str) -> None:
     found = first(
-        write(added("  half: {op: halves, in: {image: light}}", f"h: half.{read}")), backend
+        graph_of(added("  half: {op: halves, in: {image: light}}", f"h: half.{read}")), backend
     )
     assert found["h"].max() == {"low": 0.5, "high": 1.5}[read]
     assert backend == "opencl" or toys.count("low") + toys.count("high") == 1
 
 
 @BOTH
-def test_an_output_that_only_the_next_item_reads_is_made(write: Write, backend: str) -> None:
+def test_an_output_that_only_the_next_item_reads_is_made(backend: str) -> None:
     nodes = """  half: {op: halves, in: {image: light}}
   sum: {op: summed, in: {image: light, before: previous.half.low}}"""
-    results = open_pipeline(write(added(nodes, "sum: sum")), {}, backend=backend).items()
+    results = open_pipeline(graph_of(added(nodes, "sum: sum")), {}, backend=backend).items()
     assert [float(result["sum"].mean()) for result in results] == [1, 2.5, 4]
 
 

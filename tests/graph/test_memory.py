@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError, Session, load
+from tactograph.graph.files.read_graph import Source
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import fold
-from tests.graph.conftest import STREAM, Command, Write, added, lit_by
+from tests.graph.conftest import STREAM, Command, Write, added, graph_of, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -25,36 +26,36 @@ patch:
 BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
-def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
+def opened(graph: Source, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
     return open_pipeline(graph, given, backend=backend)
 
 
 @BOTH
-def test_a_previous_value_is_that_of_the_item_before(write: Write, backend: str) -> None:
-    results = list(opened(write(SUMMED), backend).items())
+def test_a_previous_value_is_that_of_the_item_before(backend: str) -> None:
+    results = list(opened(graph_of(SUMMED), backend).items())
     assert [float(result["sum"].mean()) for result in results] == [1, 3, 6]
 
 
 @pytest.mark.parametrize(("light", "total"), [("numpy", "opencl"), ("opencl", "numpy")])
-def test_a_previous_value_crosses_between_back_ends(write: Write, light: str, total: str) -> None:
+def test_a_previous_value_crosses_between_back_ends(light: str, total: str) -> None:
     text = SUMMED.replace("dark: cal.dark}", "dark: cal.dark}, backend: " + light).replace(
         "before: previous.sum}", "before: previous.light}, backend: " + total
     )
-    results = list(opened(write(text), None).items())
+    results = list(opened(graph_of(text), None).items())
     assert [float(result["sum"].mean()) for result in results] == [1, 3, 5]
 
 
 @BOTH
-def test_a_stream_begins_without_memory(write: Write, backend: str) -> None:
-    pipeline = opened(write(SUMMED), backend)
+def test_a_stream_begins_without_memory(backend: str) -> None:
+    pipeline = opened(graph_of(SUMMED), backend)
     first = [float(result["sum"].mean()) for result in pipeline.items()]
     assert [float(result["sum"].mean()) for result in pipeline.items()] == first
 
 
-def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(write: Write) -> None:
+def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets() -> None:
     text = SUMMED.replace(", default: 3}", "}")
     stack = np.ones((3, 4, 5), np.float32)
-    with load(write(text), backend="numpy") as pipeline:
+    with load(graph_of(text), backend="numpy") as pipeline:
         assert pipeline(frames=stack)["sum"].max() == 1
         assert pipeline(frames=stack)["sum"].max() == 2
         pipeline.forget()
@@ -62,10 +63,10 @@ def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets(write: W
 
 
 @BOTH
-def test_images_of_another_size_start_afresh_and_say_so(write: Write, backend: str) -> None:
+def test_images_of_another_size_start_afresh_and_say_so(backend: str) -> None:
     text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches")
     text = lit_by("doubled", text)
-    results = list(opened(write(text), backend).items())
+    results = list(opened(graph_of(text), backend).items())
     assert [float(result["sum"].mean()) for result in results] == [2, 4, 2]
     assert ["another size" in " ".join(r.warnings) for r in results] == [False, False, True]
 
@@ -85,36 +86,32 @@ def test_images_of_another_size_start_afresh_and_say_so(write: Write, backend: s
         ("sum:    {op: summed", "previous: {op: summed", "no node can be called 'previous'"),
     ],
 )
-def test_a_previous_value_that_cannot_be_is_refused(
-    write: Write, old: str, new: str, message: str
-) -> None:
+def test_a_previous_value_that_cannot_be_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
-        opened(write(SUMMED.replace(old, new)))
+        opened(graph_of(SUMMED.replace(old, new)))
 
 
-def test_a_node_that_only_its_successor_recalls_is_run(write: Write) -> None:
+def test_a_node_that_only_its_successor_recalls_is_run() -> None:
     text = STREAM.replace("op: watched,", "op: counted,").replace(
         "in: {image: light, truth: frames.truth}", "in: {image: light, before: previous.score}"
     )
-    assert [result["score"] for result in opened(write(text)).items()] == [1, 2, 3]
+    assert [result["score"] for result in opened(graph_of(text)).items()] == [1, 2, 3]
 
 
-def test_a_memory_is_drawn_as_a_dashed_edge(write: Write) -> None:
-    sketch = fold(sketch_of(opened(write(SUMMED)).plan))
+def test_a_memory_is_drawn_as_a_dashed_edge() -> None:
+    sketch = fold(sketch_of(opened(graph_of(SUMMED)).plan))
     assert '"sum" -> "sum" [label="previous summed", style=dashed' in to_dot(sketch)
     assert "-.->|previous summed|" in to_mermaid(sketch)
 
 
-def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(
-    toys: list[str], write: Write
-) -> None:
-    list(opened(write(STREAM.replace("op: noted", "op: kept"))).items())
+def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(toys: list[str]) -> None:
+    list(opened(graph_of(STREAM.replace("op: noted", "op: kept"))).items())
     diary = [line for line in toys if "diary" in line or "kept" in line]
     assert diary == ["diary opened", "kept 1", "kept 2", "kept 3", "diary closed"]
 
 
-def test_a_stream_left_early_closes_what_its_nodes_keep(toys: list[str], write: Write) -> None:
-    with opened(write(STREAM.replace("op: noted", "op: kept"))) as pipeline:
+def test_a_stream_left_early_closes_what_its_nodes_keep(toys: list[str]) -> None:
+    with opened(graph_of(STREAM.replace("op: noted", "op: kept"))) as pipeline:
         next(pipeline.items())
     assert toys[-1] == "diary closed"
 
@@ -127,9 +124,9 @@ def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
     assert session.keep(list) is not first
 
 
-def test_a_warning_belongs_to_its_item(write: Write) -> None:
+def test_a_warning_belongs_to_its_item() -> None:
     text = added("  told: {op: warns_once, in: {image: light}}", "told: told")
-    assert [result.warnings for result in opened(write(text)).items()] == [[], ["two"], []]
+    assert [result.warnings for result in opened(graph_of(text)).items()] == [[], ["two"], []]
 
 
 def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
@@ -148,9 +145,9 @@ def test_an_inserted_node_is_read_by_those_who_name_the_output_too(write: Write)
     assert [result["score"]["mean"] for result in results] == [2, 4, 6]
 
 
-def test_an_unknown_input_is_answered_with_those_there_are(write: Write) -> None:
+def test_an_unknown_input_is_answered_with_those_there_are() -> None:
     with pytest.raises(GraphError, match=r"it takes: image, truth"):
-        opened(write(STREAM.replace("truth: frames.truth", "elevation: frames.truth")))
+        opened(graph_of(STREAM.replace("truth: frames.truth", "elevation: frames.truth")))
 
 
 def test_a_sink_may_end_the_stream_and_all_sinks_take_its_last_item(
@@ -166,9 +163,9 @@ def test_a_sink_may_end_the_stream_and_all_sinks_take_its_last_item(
     assert sum(call.startswith("noted") for call in toys) == 2
 
 
-def test_a_stream_that_a_sink_ended_can_run_again(write: Write) -> None:
+def test_a_stream_that_a_sink_ended_can_run_again() -> None:
     text = STREAM.replace("  save:", "  enough: {op: enough, in: {image: frames.image}}\n  save:")
-    pipeline = opened(write(text))
+    pipeline = opened(graph_of(text))
     assert [len(list(pipeline.items())) for _ in range(2)] == [2, 2]
 
 

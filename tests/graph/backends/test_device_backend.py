@@ -11,9 +11,8 @@ from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.device_queue import usual_lanes
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.make_plan import make_plan
-from tests.graph.conftest import SLOPES, Write
+from tests.graph.conftest import SLOPES, graph_of
 
 GPU = SimpleNamespace(backend="cuda", name="a GPU", lanes=1, is_cpu=False)
 
@@ -40,12 +39,12 @@ def test_a_name_alone_asks_for_any_back_end(cuda: None) -> None:
 
 
 def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_for(
-    write: Write, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     node = find_node("height_slopes")
     both = {**node.implementations, "cuda": node.kernels}
     monkeypatch.setattr(node, "implementations", both)
-    graph = read_graph(write(SLOPES))
+    graph = graph_of(SLOPES)
     graph = type(graph)(**{**vars(graph), "prefer": ("cuda", "opencl", "numpy")})
     plan = make_plan(graph, graph.placeholders, device=GPU)  # type: ignore[arg-type]
     assert plan.placements["slope"].backend == "cuda"

@@ -13,7 +13,7 @@ from tactograph.graph.cache.result_origin import code_of
 from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.disk import disk_cache
 from tactograph.nodes.light.film_bounce import film_bounce
-from tests.graph.conftest import Write
+from tests.graph.conftest import graph_of
 from tests.graph.plan.test_backends import ABSENT, planned
 from tests.graph.toys import bright, halves, leaned, lower_half, strips
 from tests.nodes.films import MATT
@@ -73,20 +73,20 @@ def test_inputs_of_two_sizes_are_refused(device: OpenCL) -> None:
         bounce(IMAGE, narrow, MATT._replace(albedo=0.6), 0.2)
 
 
-def test_the_graph_says_where(toys: list[str], write: Write, device: OpenCL) -> None:
+def test_the_graph_says_where(toys: list[str], device: OpenCL) -> None:
     bound = GRAPH.replace("op: lower_half,", "op: lower_half, backend: numpy,")
     for text, backend, here in ((GRAPH, None, False), (GRAPH, "numpy", True), (bound, None, True)):
         toys.clear()
-        (out,) = load(write(text), backend=backend).items()
+        (out,) = load(graph_of(text), backend=backend).items()
         np.testing.assert_array_equal(out["half"], np.float32(0.5))
         assert ("low" in toys) == here
 
 
-def test_the_plan_says_where(toys: list[str], write: Write, device: OpenCL) -> None:
-    placement = planned(write(GRAPH), device).placements["half"]
+def test_the_plan_says_where(toys: list[str], device: OpenCL) -> None:
+    placement = planned(graph_of(GRAPH), device).placements["half"]
     assert (placement.backend, placement.fallback) == ("numpy", False)
     assert placement.why == "has no opencl kernel; calls halves on opencl"
-    fallen = planned(write(GRAPH), None)
+    fallen = planned(graph_of(GRAPH), None)
     assert fallen.fallbacks == [f"half runs on numpy: opencl is preferred, but {ABSENT}"]
 
 

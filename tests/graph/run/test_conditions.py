@@ -5,10 +5,9 @@ from typing import Any
 import pytest
 
 from tactograph.graph import Cache, GraphError
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import Command, Write
+from tests.graph.conftest import Command, Write, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -35,8 +34,8 @@ outputs: {light: light, more: more, sum: sum, score: joined}
 """
 
 
-def opened(graph: str, backend: str = "numpy", cache: Cache | None = None) -> Pipeline:
-    return open_pipeline(graph, {}, backend=backend, cache=cache)
+def opened(text: str, backend: str = "numpy", cache: Cache | None = None) -> Pipeline:
+    return open_pipeline(graph_of(text), {}, backend=backend, cache=cache)
 
 
 def means(results: list[Any], name: str) -> list[float | None]:
@@ -46,9 +45,9 @@ def means(results: list[Any], name: str) -> list[float | None]:
 @pytest.mark.parametrize("cached", [False, True])
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
-    toys: list[str], write: Write, backend: str, cached: bool
+    toys: list[str], backend: str, cached: bool
 ) -> None:
-    pipeline = opened(write(TOUCHED), backend, Cache() if cached else None)
+    pipeline = opened(TOUCHED, backend, Cache() if cached else None)
     for _ in range(2):
         toys.clear()
         results = list(pipeline.items())
@@ -66,8 +65,8 @@ def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
         assert cached or all(results[0].times[name] == 0 for name in moved), "nothing is moved"
 
 
-def test_what_is_kept_follows_the_condition(toys: list[str], write: Write) -> None:
-    pipeline = opened(write(TOUCHED.replace("default: 3", "default: 1")), cache=Cache())
+def test_what_is_kept_follows_the_condition(toys: list[str]) -> None:
+    pipeline = opened(TOUCHED.replace("default: 3", "default: 1"), cache=Cache())
     (first,) = pipeline.items()
     assert first["light"] is None
     pipeline.set("found", above=0.5)
@@ -77,7 +76,7 @@ def test_what_is_kept_follows_the_condition(toys: list[str], write: Write) -> No
     assert toys.count("doubled") == 1
 
 
-def test_a_condition_of_a_group_is_one_of_all_its_nodes(write: Write) -> None:
+def test_a_condition_of_a_group_is_one_of_all_its_nodes() -> None:
     text = TOUCHED.replace(", when: found.pixel", "").replace(
         "  more:   {op: doubled, in: {image: light}}",
         "  twice:  {group: double, in: {image: light, when: found.pixel}}",
@@ -91,12 +90,12 @@ def test_a_condition_of_a_group_is_one_of_all_its_nodes(write: Write) -> None:
       more: {op: doubled, in: {image: image}}
     outputs: {more: more}
 nodes:"""
-    results = list(opened(write(text.replace("nodes:", group, 1))).items())
+    results = list(opened(text.replace("nodes:", group, 1)).items())
     assert means(results, "light") == [1, 2, 3]
     assert means(results, "more") == [None, 4, 6]
     group = group.replace("{image: image}}", "{image: image, when: image}}")
     with pytest.raises(GraphError, match="'twice', around it, has a condition already"):
-        read_graph(write(text.replace("nodes:", group, 1)))
+        graph_of(text.replace("nodes:", group, 1))
 
 
 @pytest.mark.parametrize(
@@ -110,9 +109,9 @@ nodes:"""
         ("nothing", "nothing"),
     ],
 )
-def test_what_is_no_condition_is_refused(write: Write, condition: str, message: str) -> None:
+def test_what_is_no_condition_is_refused(condition: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
-        opened(write(TOUCHED.replace("when: found.pixel", f"when: {condition}")))
+        opened(TOUCHED.replace("when: found.pixel", f"when: {condition}"))
 
 
 def test_explain_and_draw_show_it(tactograph: Command, write: Write) -> None:

@@ -10,7 +10,7 @@ from tactograph.graph import load, node
 from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.nodes import Light
 from tests.conftest import Calibration, Raytraced
-from tests.graph.conftest import Write
+from tests.graph.conftest import graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -56,56 +56,50 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.mark.parametrize("kind", IMAGES)
 @pytest.mark.parametrize("graph", [GRAPH, AND_THE_IMAGE, READ_AS_FRACTIONS])
 @pytest.mark.parametrize("bend", [0.0, 0.04])
-def test_light_is_the_same_with_and_without_a_device(
-    write: Write, graph: str, kind: str, bend: float
-) -> None:
-    found = [load(write(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
+def test_light_is_the_same_with_and_without_a_device(graph: str, kind: str, bend: float) -> None:
+    found = [load(graph_of(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
     for name in found[0]:
         np.testing.assert_allclose(found[1][name], found[0][name], atol=1e-4 if bend else 0)
         assert found[1][name].dtype == np.float32
 
 
-def test_without_a_lens_a_device_reads_the_cameras_bytes_themselves(
-    write: Write, launched: list[str]
-) -> None:
-    load(write(GRAPH), backend="opencl")(frames=IMAGES["u8"])
+def test_without_a_lens_a_device_reads_the_cameras_bytes_themselves(launched: list[str]) -> None:
+    load(graph_of(GRAPH), backend="opencl")(frames=IMAGES["u8"])
     assert launched == ["flat_field uint8"]
 
 
-def test_a_lens_has_to_be_undone(write: Write, launched: list[str]) -> None:
-    load(write(GRAPH), backend="opencl", bend=0.04)(frames=IMAGES["u8"])
+def test_a_lens_has_to_be_undone(launched: list[str]) -> None:
+    load(graph_of(GRAPH), backend="opencl", bend=0.04)(frames=IMAGES["u8"])
     assert launched == ["undistort uint8", "flat_field float32"]
 
 
-def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(
-    write: Write, launched: list[str]
-) -> None:
-    load(write(AND_THE_IMAGE), backend="opencl")(frames=IMAGES["u8"])
+def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(launched: list[str]) -> None:
+    load(graph_of(AND_THE_IMAGE), backend="opencl")(frames=IMAGES["u8"])
     assert launched == ["undistort uint8", "flat_field float32"]
 
 
-def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str], write: Write) -> None:
+def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str]) -> None:
     other = "  other:  {op: undistort, in: {image: frames.image, lens: lens}}\n  flat:"
     twice = GRAPH.replace("  flat:", other).replace(
         "{light: light}", "{light: light, other: other}"
     )
-    result = load(write(twice), backend="opencl")(frames=IMAGES["f4"])
+    result = load(graph_of(twice), backend="opencl")(frames=IMAGES["f4"])
     assert result.times["image"] == result.times["other"] == 0
     assert result.times["light"] > 0
     np.testing.assert_array_equal(result["other"], IMAGES["f4"])
 
 
-def test_a_lens_that_changes_is_noticed(write: Write) -> None:
+def test_a_lens_that_changes_is_noticed() -> None:
     """A buffer that was handed on is not written to by the next image."""
-    straight = load(write(GRAPH), backend="opencl")
+    straight = load(graph_of(GRAPH), backend="opencl")
     first = straight(frames=IMAGES["f4"])["light"].copy()
     again = straight(frames=IMAGES["f4"][:, ::-1])["light"]
     np.testing.assert_array_equal(again, first[:, ::-1])
 
 
-def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same(write: Write) -> None:
+def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
     """The first image has no glare that would be added."""
-    graph = write(
+    graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
         "  frames: {op: touches}\n"
         "  glare:  {op: glared, in: {image: frames.image}}\n"
@@ -122,10 +116,10 @@ def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same(write: Write)
 
 @pytest.mark.parametrize("level", [0.0, 0.25])
 @pytest.mark.parametrize("stray", ["low", "high"])
-def test_a_number_that_is_0_is_as_good_as_none(write: Write, stray: str, level: float) -> None:
+def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None:
     """Whichever of the two nodes reads it, and though each makes what the other need not."""
     reads = {name: ", stray: stray" if name == stray else "" for name in ("low", "high")}
-    graph = write(
+    graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
         "  frames: {op: touches}\n"
         f"  stray:  {{op: stray_light, with: {{level: {level}}}}}\n"
@@ -142,13 +136,13 @@ def test_a_number_that_is_0_is_as_good_as_none(write: Write, stray: str, level: 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_film_that_throws_no_light_on_film_makes_none(
-    raytraced: Raytraced, calibration: Calibration, write: Write, tmp_path: Path, backend: str
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path, backend: str
 ) -> None:
     """And where it throws some, that is read again: on a device too, nothing stays from before."""
     matt, bright = calibration("far28"), tmp_path / "bright.npz"
     with np.load(matt, allow_pickle=False) as known:
         np.savez(bright, **{**known, "albedo": np.float32(0.5)})
-    graph = write("format: 1\nextends: reconstruct\noutputs: {thrown: bounce, height: height}\n")
+    graph = graph_of("format: 1\nextends: reconstruct\noutputs: {thrown: bounce, height: height}\n")
     given: dict[str, Any] = {"capture": raytraced / "far28/sphere_film", "backend": backend}
     none, some = (next(iter(load(graph, calibration=c, **given).items())) for c in (matt, bright))
     assert none["thrown"] is None

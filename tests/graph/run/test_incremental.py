@@ -10,7 +10,7 @@ from tactograph.graph.cache.cache import Cache
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.conftest import Calibration, Raytraced
-from tests.graph.conftest import STREAM, Write
+from tests.graph.conftest import STREAM, Write, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -33,11 +33,9 @@ STACK = np.full((3, 4, 5), 0.5, np.float32)
 
 
 @BACKENDS
-def test_a_second_call_with_equal_arrays_computes_nothing(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_a_second_call_with_equal_arrays_computes_nothing(toys: list[str], backend: str) -> None:
     pipeline = load(
-        write(CHAIN.replace("before: previous.sum", "")), backend=backend, cache=Cache()
+        graph_of(CHAIN.replace("before: previous.sum", "")), backend=backend, cache=Cache()
     )
     first = pipeline(frames=STACK)
     second = pipeline(frames=STACK.copy())
@@ -51,9 +49,9 @@ def test_a_second_call_with_equal_arrays_computes_nothing(
 
 @BACKENDS
 def test_a_change_computes_what_depends_on_it_and_nothing_else(
-    toys: list[str], write: Write, backend: str
+    toys: list[str], backend: str
 ) -> None:
-    pipeline = load(write(CHAIN), backend=backend, cache=Cache())
+    pipeline = load(graph_of(CHAIN), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)
     result = pipeline.again()
@@ -61,15 +59,15 @@ def test_a_change_computes_what_depends_on_it_and_nothing_else(
     assert names - result.kept == {"high"}
     assert names - pipeline.again().kept == set()
     assert toys.count("doubled") == 1
-    fresh = load(write(CHAIN), backend=backend, changes={"high.above": 0.25})(frames=STACK)
+    fresh = load(graph_of(CHAIN), backend=backend, changes={"high.above": 0.25})(frames=STACK)
     for name in fresh:
         np.testing.assert_array_equal(result[name], fresh[name])
 
 
 @BACKENDS
-def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(write: Write, backend: str) -> None:
+def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(backend: str) -> None:
     text = CHAIN.replace("op: doubled", "op: passed_on")
-    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline = load(graph_of(text), backend=backend, cache=Cache())
     stack = STACK.copy()
     pipeline(frames=stack)
     stack[:] = 7
@@ -78,11 +76,9 @@ def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(write: Write, ba
 
 
 @BACKENDS
-def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
-    write: Write, backend: str
-) -> None:
+def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(backend: str) -> None:
     def sums(cache: Cache | None) -> list[float]:
-        graph = read_graph(write(CHAIN))
+        graph = graph_of(CHAIN)
         pipeline = open_pipeline(graph, {"count": 3}, backend=backend, cache=cache)
         found = []
         for item in pipeline.items():
@@ -95,8 +91,8 @@ def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(
 
 
 @BACKENDS
-def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(write: Write, backend: str) -> None:
-    pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
+def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(backend: str) -> None:
+    pipeline = load(graph_of(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     results = list(pipeline.items())
     assert pipeline.inspect("sum").max() == pipeline.again()["sum"].max() == 12
     assert pipeline.inspect("frames.name") == "touch3"
@@ -106,8 +102,8 @@ def test_a_stream_that_ended_can_be_looked_at_and_begun_anew(write: Write, backe
 
 
 @BACKENDS
-def test_a_stream_that_was_left_can_be_looked_at(write: Write, backend: str) -> None:
-    pipeline = load(write(CHAIN), {"count": 3}, backend=backend, cache=Cache())
+def test_a_stream_that_was_left_can_be_looked_at(backend: str) -> None:
+    pipeline = load(graph_of(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     stream = pipeline.items()
     results = [next(stream), next(stream)]
     stream.close()
@@ -115,8 +111,8 @@ def test_a_stream_that_was_left_can_be_looked_at(write: Write, backend: str) -> 
 
 
 @pytest.mark.parametrize("how", ["set", "aim"])
-def test_an_item_of_a_source_with_other_settings_is_not_there(write: Write, how: str) -> None:
-    pipeline = load(write(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
+def test_an_item_of_a_source_with_other_settings_is_not_there(how: str) -> None:
+    pipeline = load(graph_of(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
     list(pipeline.items())
     if how == "set":
         pipeline.set("frames", rows=4)
@@ -130,10 +126,10 @@ def test_an_item_of_a_source_with_other_settings_is_not_there(write: Write, how:
 
 
 @BACKENDS
-def test_a_cache_too_small_for_anything_changes_no_result(write: Write, backend: str) -> None:
+def test_a_cache_too_small_for_anything_changes_no_result(backend: str) -> None:
     small = Cache(megabytes=1e-4)
-    pipeline = load(write(CHAIN), backend=backend, cache=small)
-    fresh = load(write(CHAIN), backend=backend)
+    pipeline = load(graph_of(CHAIN), backend=backend, cache=small)
+    fresh = load(graph_of(CHAIN), backend=backend)
     for level in (0.5, 0.25, 0.5):
         found, expected = pipeline(frames=level * STACK), fresh(frames=level * STACK)
         for name in expected:
@@ -143,12 +139,10 @@ def test_a_cache_too_small_for_anything_changes_no_result(write: Write, backend:
 
 
 @BACKENDS
-def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(
-    write: Write, backend: str
-) -> None:
+def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(backend: str) -> None:
     text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
     text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
-    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)
     assert "rest" in pipeline.again().kept
@@ -163,16 +157,16 @@ def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Wr
     assert toys.count("doubled") == 1
 
 
-def test_device_and_host_do_not_stand_in_for_each_other(write: Write) -> None:
+def test_device_and_host_do_not_stand_in_for_each_other() -> None:
     cache = Cache()
     for backend in ("numpy", "opencl"):
-        result = load(write(CHAIN), backend=backend, cache=cache)(frames=STACK)
+        result = load(graph_of(CHAIN), backend=backend, cache=cache)(frames=STACK)
         assert "light" not in result.kept
 
 
-def test_a_run_that_failed_leaves_nothing_behind(write: Write) -> None:
+def test_a_run_that_failed_leaves_nothing_behind() -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: twice}}")
-    pipeline = load(write(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
+    pipeline = load(graph_of(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
     with pytest.raises(NodeError):
         pipeline(frames=STACK)
     pipeline.set("seen", at=9.0)
@@ -180,10 +174,8 @@ def test_a_run_that_failed_leaves_nothing_behind(write: Write) -> None:
 
 
 @BACKENDS
-def test_sinks_write_again_though_nothing_is_computed(
-    toys: list[str], write: Write, backend: str
-) -> None:
-    graph = read_graph(write(STREAM))
+def test_sinks_write_again_though_nothing_is_computed(toys: list[str], backend: str) -> None:
+    graph = graph_of(STREAM)
     pipeline = open_pipeline(graph, {"count": 1}, backend=backend, cache=Cache())
     (item,) = pipeline.items()
     pipeline = open_pipeline(graph, {"count": 1}, backend=backend, cache=Cache())
@@ -194,8 +186,8 @@ def test_sinks_write_again_though_nothing_is_computed(
 
 
 @BACKENDS
-def test_repeats_run_what_is_not_kept_so_often(toys: list[str], write: Write, backend: str) -> None:
-    graph = read_graph(write(CHAIN))
+def test_repeats_run_what_is_not_kept_so_often(toys: list[str], backend: str) -> None:
+    graph = graph_of(CHAIN)
     cache = Cache()
     for _ in range(2):
         pipeline = open_pipeline(graph, {"count": 2}, backend=backend, cache=cache)
@@ -205,11 +197,11 @@ def test_repeats_run_what_is_not_kept_so_often(toys: list[str], write: Write, ba
 
 
 @BACKENDS
-def test_a_value_from_inside_can_be_looked_at(toys: list[str], write: Write, backend: str) -> None:
+def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> None:
     text = CHAIN.replace(
         "outputs: {", "  half: {op: halves, in: {image: light}}\noutputs: {half: half.low, "
     )
-    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     np.testing.assert_array_equal(pipeline.inspect("twice"), 2 * STACK)
     unread = pipeline.inspect("half.high")
@@ -227,15 +219,15 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], write: Write, bac
         ("light.height", r"'light' makes light\.flat_field"),
     ],
 )
-def test_a_value_that_is_not_there_is_told(write: Write, reference: str, message: str) -> None:
-    pipeline = load(write(CHAIN), backend="numpy", cache=Cache())
+def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None:
+    pipeline = load(graph_of(CHAIN), backend="numpy", cache=Cache())
     pipeline(frames=STACK)
     with pytest.raises(InputError, match=message):
         pipeline.inspect(reference)
 
 
-def test_inspect_and_again_need_an_item(write: Write) -> None:
-    pipeline = load(write(CHAIN), backend="numpy")
+def test_inspect_and_again_need_an_item() -> None:
+    pipeline = load(graph_of(CHAIN), backend="numpy")
     pipeline(frames=STACK)
     with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
         pipeline.inspect("light")
@@ -243,8 +235,8 @@ def test_inspect_and_again_need_an_item(write: Write) -> None:
     np.testing.assert_array_equal(pipeline.inspect("light"), STACK)
 
 
-def test_a_wrong_setting_changes_nothing(write: Write) -> None:
-    pipeline = load(write(CHAIN), backend="numpy")
+def test_a_wrong_setting_changes_nothing() -> None:
+    pipeline = load(graph_of(CHAIN), backend="numpy")
     before = pipeline.plan.graph.hash
     for node, settings, message in (
         ("hihg", {"above": 1}, "there is no node 'hihg'; did you mean 'high'"),
@@ -259,11 +251,9 @@ def test_a_wrong_setting_changes_nothing(write: Write) -> None:
 
 
 @BACKENDS
-def test_of_a_change_only_what_is_asked_for_is_made(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_of_a_change_only_what_is_asked_for_is_made(toys: list[str], backend: str) -> None:
     text = CHAIN.replace("before: previous.sum", "")
-    pipeline = load(write(text), backend=backend, cache=Cache())
+    pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     toys.clear()
     pipeline.set("light", floor=0.5)
@@ -280,7 +270,7 @@ def test_of_a_change_only_what_is_asked_for_is_made(
     np.testing.assert_array_equal(found["light"], 2 * STACK)
 
 
-def test_a_group_is_set_in_one_use_or_in_all(write: Write) -> None:
+def test_a_group_is_set_in_one_use_or_in_all() -> None:
     cuts = """
 groups:
   cut:
@@ -294,7 +284,7 @@ nodes:
 """
     text = CHAIN.replace("\nnodes:\n", f"\n{cuts.strip()}\n")
     text = text.replace("\noutputs: {", "\noutputs: {one: one.light, two: two.light, ")
-    pipeline = load(write(text), backend="numpy", cache=Cache())
+    pipeline = load(graph_of(text), backend="numpy", cache=Cache())
 
     def lit() -> tuple[int, int]:
         found = pipeline.again(["one", "two"])
@@ -329,9 +319,9 @@ def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     assert found["metrics"] == expected["metrics"]
 
 
-def test_three_hundred_changes_take_no_more_memory_than_ten(write: Write) -> None:
+def test_three_hundred_changes_take_no_more_memory_than_ten() -> None:
     cache = Cache(megabytes=0.01)
-    pipeline = load(write(CHAIN), backend="opencl", cache=cache)
+    pipeline = load(graph_of(CHAIN), backend="opencl", cache=cache)
     pipeline(frames=STACK)
     most = 0
     for number in range(300):
@@ -345,8 +335,8 @@ def test_three_hundred_changes_take_no_more_memory_than_ten(write: Write) -> Non
     assert most <= early + 40
 
 
-def test_a_source_of_files_is_read_for_every_item(toys: list[str], write: Write) -> None:
-    graph = read_graph(write(CHAIN))
+def test_a_source_of_files_is_read_for_every_item(toys: list[str]) -> None:
+    graph = graph_of(CHAIN)
     pipeline = open_pipeline(graph, {"count": 2}, backend="numpy", cache=Cache())
     for _ in range(2):
         list(pipeline.items())
@@ -356,13 +346,11 @@ def test_a_source_of_files_is_read_for_every_item(toys: list[str], write: Write)
 
 @pytest.mark.parametrize("cached", [False, True], ids=["every step", "only what changed"])
 @BACKENDS
-def test_an_item_that_failed_is_not_the_item_before(
-    write: Write, backend: str, cached: bool
-) -> None:
+def test_an_item_that_failed_is_not_the_item_before(backend: str, cached: bool) -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: sum}}")
     text = text.replace("{op: summed, in: {image: seen,", "{op: summed, in: {image: light,")
     cache = Cache() if cached else None
-    pipeline = load(write(text), backend=backend, cache=cache, changes={"seen.at": 4.0})
+    pipeline = load(graph_of(text), backend=backend, cache=cache, changes={"seen.at": 4.0})
     one, three = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
     for stack, total in ((one, 1), (three, None), (one, 2)):
         if total is None:

@@ -12,7 +12,7 @@ from tactograph.graph import Cache, InputError, load
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.run.pipeline import Pipeline
 from tests.conftest import Calibration, Raytraced
-from tests.graph.conftest import SLOPES, WAITING, Write, added
+from tests.graph.conftest import SLOPES, WAITING, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -24,8 +24,8 @@ def level(value: float) -> NDArray[np.float32]:
     return np.full((3, 4, 5), value, np.float32)
 
 
-def opened(graph: str, **options: Any) -> Pipeline:
-    return load(graph, backend="opencl", to="device", **options)
+def opened(text: str, **options: Any) -> Pipeline:
+    return load(graph_of(text), backend="opencl", to="device", **options)
 
 
 def test_sensor_and_height_are_chained_without_a_transfer(
@@ -60,9 +60,9 @@ def test_sensor_and_height_are_chained_without_a_transfer(
 
 
 @pytest.mark.parametrize("cache", [None, Cache()], ids=["", "kept"])
-def test_an_array_on_the_device_is_the_callers_alone(write: Write, cache: Cache | None) -> None:
+def test_an_array_on_the_device_is_the_callers_alone(cache: Cache | None) -> None:
     """Whether it was handed in or out: either side may change it, and the other sees nothing."""
-    pipeline = opened(write(SUMMED), cache=cache)
+    pipeline = opened(SUMMED, cache=cache)
     buffer = to_device(pipeline.queue, level(0.25))
     first = pipeline(frames=buffer)
     buffer.set(level(0.5))
@@ -79,8 +79,8 @@ def test_an_array_on_the_device_is_the_callers_alone(write: Write, cache: Cache 
     assert third["flat"].get().max() < 9
 
 
-def test_memory_goes_back_to_the_pool_with_its_last_view(write: Write) -> None:
-    pipeline = opened(write(SUMMED))
+def test_memory_goes_back_to_the_pool_with_its_last_view() -> None:
+    pipeline = opened(SUMMED)
     for _ in range(3):
         view = pipeline(frames=level(1))["light"][2]
     count = pipeline.buffers
@@ -90,27 +90,27 @@ def test_memory_goes_back_to_the_pool_with_its_last_view(write: Write) -> None:
     assert view.get().max() == 1
 
 
-def test_a_slice_of_a_batch_is_read_where_it_begins(write: Write, height_file: str) -> None:
+def test_a_slice_of_a_batch_is_read_where_it_begins(height_file: str) -> None:
     height = np.load(height_file)
-    pipeline = opened(write(SLOPES))
+    pipeline = opened(SLOPES)
     both = to_device(pipeline.queue, np.stack([0 * height, height]))
-    expected = load(write(SLOPES), backend="opencl")(height=height)["height"]
+    expected = load(graph_of(SLOPES), backend="opencl")(height=height)["height"]
     for given in (both[1], height.astype(float), to_device(pipeline.queue, height.astype(float))):
         np.testing.assert_array_equal(pipeline(height=given)["height"].get(), expected)
     np.testing.assert_array_equal(pipeline(height=both)["height"].get()[1], expected)
 
 
-def test_on_a_cpu_what_the_host_sees_of_it_is_no_copy(write: Write, height_file: str) -> None:
-    result = opened(write(SLOPES))(height=np.load(height_file))
+def test_on_a_cpu_what_the_host_sees_of_it_is_no_copy(height_file: str) -> None:
+    result = opened(SLOPES)(height=np.load(height_file))
     seen, again = (np.from_dlpack(result["height"].map_to_host()) for _ in range(2))
     assert np.shares_memory(seen, again)
     assert repr(result).startswith("Result(height: float32 24 x 32,")
     assert result._repr_html_().count("<img") == 1
 
 
-def test_what_the_device_cannot_read_is_refused(write: Write, height_file: str) -> None:
+def test_what_the_device_cannot_read_is_refused(height_file: str) -> None:
     height = np.load(height_file)
-    pipeline = opened(write(SLOPES))
+    pipeline = opened(SLOPES)
     elsewhere = cl.CommandQueue(cl.Context([pipeline.queue.device]))
     bad = height.copy()
     bad[3, 4] = np.nan
@@ -118,12 +118,12 @@ def test_what_the_device_cannot_read_is_refused(write: Write, height_file: str) 
         (pipeline, to_device(elsewhere, height), "make it with pipeline.queue"),
         (pipeline, to_device(pipeline.queue, height)[:, ::2], "height lies with gaps"),
         (pipeline, to_device(pipeline.queue, bad), "holds NaN"),
-        (load(write(SLOPES), backend="numpy"), to_device(elsewhere, height), r"height\.get\(\)"),
+        (load(graph_of(SLOPES), backend="numpy"), to_device(elsewhere, height), r"height\.get\(\)"),
     ]
     for opened_graph, array, message in cases:
         with pytest.raises(InputError, match=message):
             opened_graph(height=array)
     with pytest.raises(InputError, match="none of its nodes runs on a device"):
-        load(write(SLOPES), backend="numpy", to="device")
+        load(graph_of(SLOPES), backend="numpy", to="device")
     with pytest.raises(InputError, match="to='gpu': 'host' or 'device'"):
-        load(write(SLOPES), to="gpu")  # type: ignore[call-overload]
+        load(graph_of(SLOPES), to="gpu")  # type: ignore[call-overload]

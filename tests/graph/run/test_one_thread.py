@@ -8,7 +8,7 @@ import pytest
 from tactograph.graph import InputError, load
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
+from tests.graph.conftest import STREAM, WAITING, added, graph_of, lit_by
 from tests.graph.toys import Gate
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -16,12 +16,12 @@ pytestmark = pytest.mark.usefixtures("toys")
 STACK = np.ones((3, 4, 5), np.float32)
 
 
-def opened(graph: str) -> Pipeline:
-    return open_pipeline(graph, {}, backend="numpy")
+def opened(text: str) -> Pipeline:
+    return open_pipeline(graph_of(text), {}, backend="numpy")
 
 
-def test_a_second_thread_is_refused_while_the_first_is_at_work(write: Write) -> None:
-    pipeline = load(write(lit_by("gated", WAITING)), backend="numpy")
+def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
+    pipeline = load(graph_of(lit_by("gated", WAITING)), backend="numpy")
     found: list[float] = []
     Gate.close()
     thread = threading.Thread(target=lambda: found.append(pipeline(frames=STACK)["light"].max()))
@@ -39,8 +39,8 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work(write: Write) -> 
 
 
 @pytest.mark.parametrize("use", ["call", "items", "aim", "forget"])
-def test_a_pipeline_that_was_closed_is_of_no_more_use(write: Write, use: str) -> None:
-    pipeline = opened(write(STREAM)) if use == "items" else load(write(WAITING), backend="numpy")
+def test_a_pipeline_that_was_closed_is_of_no_more_use(use: str) -> None:
+    pipeline = opened(STREAM) if use == "items" else load(graph_of(WAITING), backend="numpy")
     pipeline.close()
     pipeline.close()
     uses = {
@@ -53,8 +53,8 @@ def test_a_pipeline_that_was_closed_is_of_no_more_use(write: Write, use: str) ->
         uses[use]()
 
 
-def test_a_pipeline_goes_through_one_stream_at_a_time(write: Write) -> None:
-    pipeline = opened(write(STREAM))
+def test_a_pipeline_goes_through_one_stream_at_a_time() -> None:
+    pipeline = opened(STREAM)
     first = pipeline.items()
     next(first)
     with pytest.raises(InputError, match="going through its stream already"):
@@ -63,17 +63,17 @@ def test_a_pipeline_goes_through_one_stream_at_a_time(write: Write) -> None:
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_an_item_that_fails_leaves_the_pipeline_free(write: Write) -> None:
-    pipeline = load(write(WAITING), backend="numpy")
+def test_an_item_that_fails_leaves_the_pipeline_free() -> None:
+    pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError):
         pipeline(frames=np.ones((3, 9, 9), np.float32))
     assert pipeline(frames=STACK)["light"].max() == 1
 
 
 def test_what_runs_once_and_keeps_something_opens_it_again_with_each_stream(
-    toys: list[str], write: Write
+    toys: list[str],
 ) -> None:
-    pipeline = opened(write(added("  once: {op: opens_once}", "once: once")))
+    pipeline = opened(added("  once: {op: opens_once}", "once: once"))
     for _ in range(2):
         list(pipeline.items())
     diary = [line for line in toys if "once" in line or "diary" in line]

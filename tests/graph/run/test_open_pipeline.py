@@ -8,16 +8,15 @@ import pytest
 
 from tactograph.graph import GraphError, InputError, load
 from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.conftest import python
-from tests.graph.conftest import STREAM, WAITING, Write
+from tests.graph.conftest import STREAM, WAITING, Write, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str], write: Write) -> None:
-    load(write(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
+def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str]) -> None:
+    load(graph_of(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
     assert not [word for word in toys if word.startswith("noted")]
 
 
@@ -29,17 +28,17 @@ def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
         load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
 
 
-def test_a_fallback_is_in_the_plan(write: Write, no_device: None) -> None:
-    pipeline = open_pipeline(write(STREAM), {})
+def test_a_fallback_is_in_the_plan(no_device: None) -> None:
+    pipeline = open_pipeline(graph_of(STREAM), {})
     assert pipeline.plan.fallbacks == [
         "light runs on numpy: opencl is preferred, but no OpenCL device works"
     ]
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_a_loaded_pipeline_warns_of_a_fallback(write: Write, no_device: None) -> None:
+def test_a_loaded_pipeline_warns_of_a_fallback(no_device: None) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
-        load(write(WAITING))
+        load(graph_of(WAITING))
 
 
 def test_a_loaded_pipeline_does_not_list_many_nodes_in_its_warning(no_device: None) -> None:
@@ -54,40 +53,38 @@ def test_outputs_are_a_list_of_names(outputs: Any) -> None:
         load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
 
 
-def test_strict_refuses_a_fallback(write: Write, no_device: None) -> None:
+def test_strict_refuses_a_fallback(no_device: None) -> None:
     with pytest.raises(InputError, match="--strict: light runs on numpy: opencl is preferred"):
-        load(write(WAITING), strict=True)
+        load(graph_of(WAITING), strict=True)
 
 
-def test_strict_is_content_where_nothing_falls_back(write: Write) -> None:
-    load(write(WAITING), strict=True)
-    load(write(WAITING), strict=True, backend="numpy")
+def test_strict_is_content_where_nothing_falls_back() -> None:
+    load(graph_of(WAITING), strict=True)
+    load(graph_of(WAITING), strict=True, backend="numpy")
 
 
-def test_opencl_that_was_demanded_and_is_not_there_is_an_error(
-    write: Write, no_device: None
-) -> None:
+def test_opencl_that_was_demanded_and_is_not_there_is_an_error(no_device: None) -> None:
     with pytest.raises(InputError, match="--backend opencl: no OpenCL device works"):
-        load(write(WAITING), backend="opencl")
+        load(graph_of(WAITING), backend="opencl")
 
 
-def test_a_back_end_that_does_not_exist_is_refused(write: Write) -> None:
+def test_a_back_end_that_does_not_exist_is_refused() -> None:
     with pytest.raises(InputError, match="there is no back end 'cuda'"):
-        load(write(WAITING), backend="cuda")
+        load(graph_of(WAITING), backend="cuda")
 
 
-def test_a_device_that_does_not_exist_is_refused(write: Write) -> None:
+def test_a_device_that_does_not_exist_is_refused() -> None:
     with pytest.raises(InputError, match="no OpenCL device's name contains 'abacus'"):
-        load(write(WAITING), device="abacus")
+        load(graph_of(WAITING), device="abacus")
 
 
-def test_numpy_looks_for_no_device(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numpy_looks_for_no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tactograph.graph.backends.opencl.choose_device", None)
-    assert load(write(WAITING), backend="numpy").plan.device is None
+    assert load(graph_of(WAITING), backend="numpy").plan.device is None
 
 
-def test_changes_change_parameters_of_nodes(write: Write) -> None:
-    pipeline = load(write(WAITING), backend="numpy", changes={"cal.level": 0.5})
+def test_changes_change_parameters_of_nodes() -> None:
+    pipeline = load(graph_of(WAITING), backend="numpy", changes={"cal.level": 0.5})
     assert float(pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max()) == 2
 
 
@@ -99,9 +96,9 @@ def test_changes_change_parameters_of_nodes(write: Write) -> None:
         ("cal.", "--set cal.: write it as node.param=value"),
     ],
 )
-def test_a_change_of_what_is_not_there_is_refused(write: Write, target: str, message: str) -> None:
+def test_a_change_of_what_is_not_there_is_refused(target: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
-        with_changes(read_graph(write(STREAM)), {target: 1})
+        with_changes(graph_of(STREAM), {target: 1})
     assert str(caught.value) == message
 
 
@@ -113,10 +110,10 @@ def test_a_change_of_what_is_not_there_is_refused(write: Write, target: str, mes
     ],
 )
 def test_a_change_that_is_wrong_is_blamed_on_the_change(
-    write: Write, change: dict[str, Any], message: str
+    change: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(GraphError) as caught:
-        load(write(WAITING), backend="numpy", changes=change)
+        load(graph_of(WAITING), backend="numpy", changes=change)
     assert str(caught.value).startswith(message)
 
 
@@ -139,21 +136,25 @@ def test_a_graph_may_be_named_by_a_path(write: Write) -> None:
     assert pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max() == 1
 
 
-def test_params_of_any_name_can_be_given(write: Write) -> None:
-    pipeline = load(write(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
+def test_params_of_any_name_can_be_given() -> None:
+    pipeline = load(graph_of(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
     with pipeline:
         (result,) = pipeline.items()
     assert (result["one"].max(), result["two"].max()) == (2, 3)
     with pytest.raises(InputError, match="name is given twice"):
-        load(write(OWN_NAMES), {"device": 3, "name": 1}, name=2)
+        load(graph_of(OWN_NAMES), {"device": 3, "name": 1}, name=2)
 
 
 @pytest.mark.parametrize("make", [np.float32, np.float64, np.int64, np.array])
-def test_numbers_of_numpy_are_numbers(write: Write, make: Any) -> None:
-    pipeline = load(write(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)})
+def test_numbers_of_numpy_are_numbers(make: Any) -> None:
+    pipeline = load(
+        graph_of(OWN_NAMES), {"device": 1}, name=make(2), changes={"two.level": make(4)}
+    )
     (result,) = pipeline.items()
     assert (result["one"].max(), result["two"].max()) == (2, 4)
-    changed = load(write(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()})
+    changed = load(
+        graph_of(OWN_NAMES), {"device": 1}, name=2, changes={"two.level": make(4).item()}
+    )
     assert pipeline.plan.graph.hash == changed.plan.graph.hash
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeError, load
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import STREAM, WAITING, Write, added, lit_by
+from tests.graph.conftest import STREAM, WAITING, added, graph_of, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -18,8 +18,8 @@ SUM = "  sum: {op: summed, in: {image: light, before: previous.%s}}"
 SUMMED = added(SUM % "sum", "sum: sum, flat: cal.flat", WAITING)
 
 
-def opened(graph: str, backend: str = "numpy") -> Pipeline:
-    return open_pipeline(graph, {}, backend=backend)
+def opened(text: str, backend: str = "numpy") -> Pipeline:
+    return open_pipeline(graph_of(text), {}, backend=backend)
 
 
 def level(value: float) -> NDArray[np.float32]:
@@ -28,13 +28,13 @@ def level(value: float) -> NDArray[np.float32]:
 
 @BOTH
 @pytest.mark.parametrize("output", ["light", "sum", "flat"])
-def test_the_arrays_of_a_result_are_read_only(write: Write, backend: str, output: str) -> None:
-    result = load(write(SUMMED), backend=backend)(frames=level(1))
+def test_the_arrays_of_a_result_are_read_only(backend: str, output: str) -> None:
+    result = load(graph_of(SUMMED), backend=backend)(frames=level(1))
     with pytest.raises(ValueError, match="read-only"):
         result[output][...] = 100
 
 
-def test_a_neutral_constant_is_read_only(write: Write, height_file: str) -> None:
+def test_a_neutral_constant_is_read_only(height_file: str) -> None:
     text = """
 format: 1
 nodes:
@@ -46,17 +46,15 @@ outputs: {shadow: shadow}
     text = shape.replace("shadow_linear", "rest_at_border").replace(
         "light: frames.image", "height: frames"
     )
-    (result,) = opened(write(text)).items()
+    (result,) = opened(text).items()
     assert not result["shadow"].flags.writeable
 
 
 @BOTH
-def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
-    write: Write, backend: str
-) -> None:
+def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(backend: str) -> None:
     nodes = SUM % "frames.image" + "\n  same: {op: passed_on, in: {image: frames.image}}"
     text = added(nodes, "sum: sum, same: same", WAITING)
-    with load(write(text), backend=backend) as pipeline:
+    with load(graph_of(text), backend=backend) as pipeline:
         buffer = level(1)
         first = pipeline(frames=buffer)
         buffer[...] = 10
@@ -68,14 +66,14 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(
 
 
 @pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
-def test_whatever_the_caller_hands_in_is_not_what_comes_out(write: Write, make: Any) -> None:
+def test_whatever_the_caller_hands_in_is_not_what_comes_out(make: Any) -> None:
     buffer = level(1)
-    result = load(write(lit_by("passed_on", WAITING)), backend="numpy")(frames=make(buffer))
+    result = load(graph_of(lit_by("passed_on", WAITING)), backend="numpy")(frames=make(buffer))
     buffer[...] = 2
     assert result["light"].max() == 1
 
 
-def test_a_node_that_writes_into_its_input_is_named(write: Write) -> None:
+def test_a_node_that_writes_into_its_input_is_named() -> None:
     text = (
         WAITING.replace("op: noted", "op: scribbling")
         .replace("score: score}", "score: score, save: save}")
@@ -83,22 +81,22 @@ def test_a_node_that_writes_into_its_input_is_named(write: Write) -> None:
     )
     stack = level(1)
     with pytest.raises(NodeError, match=r"'save' \(scribbling\).*read-only"):
-        load(write(text), backend="numpy")(frames=stack)
+        load(graph_of(text), backend="numpy")(frames=stack)
     assert stack.max() == 1
 
 
-def test_figures_that_one_reader_changes_are_whole_for_the_others(write: Write) -> None:
+def test_figures_that_one_reader_changes_are_whole_for_the_others() -> None:
     nodes = """  changed: {op: scribbled, in: {figures: score}}
   last: {op: remembered, in: {figures: score, before: previous.score}}"""
     found = []
-    for result in opened(write(added(nodes, "changed: changed, last: last"))).items():
+    for result in opened(added(nodes, "changed: changed, last: last")).items():
         found.append((result["last"]["before"], result["last"]["now"], result["score"]["mean"]))
         result["score"]["mean"] = 100.0
     assert found == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
 
 
-def test_a_source_may_refill_its_own_buffer(write: Write) -> None:
+def test_a_source_may_refill_its_own_buffer() -> None:
     text = STREAM.replace("op: touches", "op: refilled_touches")
     text = added(SUM % "frames.image", "sum: sum", text)
-    results = [float(result["sum"].mean()) for result in opened(write(text)).items()]
+    results = [float(result["sum"].mean()) for result in opened(text).items()]
     assert results == [1, 3, 5]

@@ -15,41 +15,39 @@ from tactograph.graph.errors import DeviceError
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.source_stream import SourceStream
-from tests.graph.conftest import SLOPES, STREAM, WAITING, Write, added, lit_by
+from tests.graph.conftest import SLOPES, STREAM, WAITING, added, graph_of, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 BACKENDS = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 
 
-def opened(graph: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
-    return open_pipeline(graph, given, backend=backend)
+def opened(text: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
+    return open_pipeline(graph_of(text), given, backend=backend)
 
 
 @BACKENDS
-def test_a_source_may_yield_many_touches(write: Write, backend: str) -> None:
-    results = list(opened(write(STREAM), backend).items())
+def test_a_source_may_yield_many_touches(backend: str) -> None:
+    results = list(opened(STREAM, backend).items())
     assert [result["score"]["mean"] for result in results] == [1, 2, 3]
     assert [float(result["light"].mean()) for result in results] == [1, 2, 3]
 
 
 @BACKENDS
 def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
-    toys: list[str], write: Write, backend: str
+    toys: list[str], backend: str
 ) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
-    pipeline = opened(write(text), backend)
+    pipeline = opened(text, backend)
     with pytest.raises(KeyboardInterrupt):
         list(pipeline.items())
     found = [call for call in toys if call != "at_rest"]
     assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
 
 
-def test_nothing_is_being_done_while_a_source_waits(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_being_done_while_a_source_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
-    pipeline = opened(write(text), "opencl")
+    pipeline = opened(text, "opencl")
     stages: list[str] = []
     monkeypatch.setattr(SourceStream, "next", lambda stream: stages.append(pipeline.stage))
     assert list(pipeline.items()) == []
@@ -57,22 +55,18 @@ def test_nothing_is_being_done_while_a_source_waits(
 
 
 @BACKENDS
-def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(
-    write: Write, backend: str
-) -> None:
-    results = opened(write(STREAM), backend).items()
+def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(backend: str) -> None:
+    results = opened(STREAM, backend).items()
     assert [result["score"]["truth"] for result in results] == [1, -1, 3]
 
 
-def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next(
-    write: Write,
-) -> None:
+def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next() -> None:
     nodes = """  glare: {op: glared, in: {image: light}}
   whole: {op: failing, in: {image: light}, with: {at: 3}}
   sum: {op: summed, in: {image: whole, before: glare.glare}}
   save:"""
     text = WAITING.replace("  save:", nodes).replace("{light: light", "{light: sum")
-    pipeline = load(write(text), backend="opencl")
+    pipeline = load(graph_of(text), backend="opencl")
     dim, bright = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
     with pytest.raises(NodeError):
         pipeline(frames=bright)
@@ -80,52 +74,46 @@ def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next(
 
 
 @BACKENDS
-def test_what_does_not_depend_on_the_stream_runs_once(
-    toys: list[str], write: Write, backend: str
-) -> None:
-    list(opened(write(STREAM), backend).items())
+def test_what_does_not_depend_on_the_stream_runs_once(toys: list[str], backend: str) -> None:
+    list(opened(STREAM, backend).items())
     assert toys == ["at_rest", "touch 1", "noted 1", "touch 2", "noted 2", "touch 3", "noted 3"]
 
 
-def test_an_item_is_read_only_when_the_one_before_is_done(toys: list[str], write: Write) -> None:
-    next(opened(write(STREAM)).items())
+def test_an_item_is_read_only_when_the_one_before_is_done(toys: list[str]) -> None:
+    next(opened(STREAM).items())
     assert "touch 2" not in toys
 
 
 @BACKENDS
-def test_repeats_compute_an_item_often_and_write_it_once(
-    toys: list[str], write: Write, backend: str
-) -> None:
+def test_repeats_compute_an_item_often_and_write_it_once(toys: list[str], backend: str) -> None:
     text = STREAM.replace("image: light}}\noutputs", "image: more}}\noutputs").replace(
         "  save:", "  more: {op: doubled, in: {image: light}}\n  save:"
     )
-    results = list(opened(write(text), backend, count=2).items(repeats=3))
+    results = list(opened(text, backend, count=2).items(repeats=3))
     assert [result["score"]["mean"] for result in results] == [1, 2]
     assert toys.count("doubled") == 6
     assert [word for word in toys if word.startswith("noted")] == ["noted 2", "noted 4"]
 
 
 @BACKENDS
-def test_a_graph_without_a_stream_has_one_item(
-    write: Write, height_file: str, backend: str
-) -> None:
-    results = list(opened(write(SLOPES), backend, file=height_file).items())
+def test_a_graph_without_a_stream_has_one_item(height_file: str, backend: str) -> None:
+    results = list(opened(SLOPES, backend, file=height_file).items())
     assert len(results) == 1
     truth = np.load(height_file)
     found = results[0]["height"]
     np.testing.assert_allclose(found, truth - truth.mean(), atol=0.02)
 
 
-def test_every_step_of_the_plan_has_its_time(write: Write) -> None:
-    pipeline = opened(write(STREAM), "opencl")
+def test_every_step_of_the_plan_has_its_time() -> None:
+    pipeline = opened(STREAM, "opencl")
     for result in pipeline.items():
         computed = {step.name for step in pipeline.plan.steps}
         assert computed <= {*result.times}
         assert all(ms >= 0 for ms in result.times.values())
 
 
-def test_a_result_is_a_mapping_of_its_outputs(write: Write) -> None:
-    (result, *_) = opened(write(STREAM)).items()
+def test_a_result_is_a_mapping_of_its_outputs() -> None:
+    (result, *_) = opened(STREAM).items()
     assert set(result) == {"light", "score"}
     assert "height" not in result
     with pytest.raises(KeyError, match="no output 'height'; there are light, score"):
@@ -133,25 +121,25 @@ def test_a_result_is_a_mapping_of_its_outputs(write: Write) -> None:
 
 
 @BACKENDS
-def test_an_array_stands_in_for_a_source(toys: list[str], write: Write, backend: str) -> None:
-    pipeline = load(write(WAITING), backend=backend)
+def test_an_array_stands_in_for_a_source(toys: list[str], backend: str) -> None:
+    pipeline = load(graph_of(WAITING), backend=backend)
     for level in (0.25, 0.5):
         stack = np.full((3, 4, 5), level, np.float32)
         np.testing.assert_array_equal(pipeline(frames=stack)["light"], stack)
     assert toys == ["at_rest"]
 
 
-def test_a_result_is_not_overwritten_by_the_next_one(write: Write) -> None:
+def test_a_result_is_not_overwritten_by_the_next_one() -> None:
     for backend in ("numpy", "opencl"):
-        pipeline = load(write(WAITING), backend=backend)
+        pipeline = load(graph_of(WAITING), backend=backend)
         first = pipeline(frames=np.full((3, 4, 5), 0.5, np.float32))
         pipeline(frames=np.full((3, 4, 5), 0.25, np.float32))
         assert float(first["light"].max()) == 0.5
 
 
-def test_a_stack_may_be_a_view_in_any_order(write: Write) -> None:
+def test_a_stack_may_be_a_view_in_any_order() -> None:
     stack = np.random.default_rng(1).random((5, 4, 3)).astype(np.float32).T
-    found = load(write(WAITING), backend="opencl")(frames=stack)["light"]
+    found = load(graph_of(WAITING), backend="opencl")(frames=stack)["light"]
     np.testing.assert_array_equal(found, stack)
 
 
@@ -183,8 +171,8 @@ class OnAnotherDevice:
         (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
     ],
 )
-def test_a_stack_that_does_not_fit_is_refused(write: Write, stack: Any, message: str) -> None:
-    pipeline = load(write(WAITING), backend="numpy")
+def test_a_stack_that_does_not_fit_is_refused(stack: Any, message: str) -> None:
+    pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError, match=message):
         pipeline(frames=stack)
     good = np.ones((3, 4, 5), np.float32)
@@ -193,11 +181,11 @@ def test_a_stack_that_does_not_fit_is_refused(write: Write, stack: Any, message:
 
 @BACKENDS
 def test_any_source_of_one_array_is_stood_in_for_one_item_or_a_batch(
-    write: Write, height_file: str, backend: str
+    height_file: str, backend: str
 ) -> None:
     truth = np.load(height_file)
-    (from_file,) = load(write(SLOPES), file=height_file, backend=backend).items()
-    pipeline = load(write(SLOPES), backend=backend)
+    (from_file,) = load(graph_of(SLOPES), file=height_file, backend=backend).items()
+    pipeline = load(graph_of(SLOPES), backend=backend)
     np.testing.assert_array_equal(
         pipeline(height=truth.astype(float))["height"], from_file["height"]
     )
@@ -216,9 +204,9 @@ class OnlyDlpack:
         self.__dlpack__, self.__dlpack_device__ = array.__dlpack__, array.__dlpack_device__
 
 
-def test_an_array_may_come_by_dlpack(write: Write) -> None:
+def test_an_array_may_come_by_dlpack() -> None:
     height = np.ones((4, 5), np.float32)
-    assert load(write(SLOPES), backend="numpy")(height=OnlyDlpack(height))["mask"].all()
+    assert load(graph_of(SLOPES), backend="numpy")(height=OnlyDlpack(height))["mask"].all()
 
 
 @pytest.mark.parametrize(
@@ -232,11 +220,9 @@ def test_an_array_may_come_by_dlpack(write: Write) -> None:
         (np.full((2, 4, 5), 1e300), r"height\[0\]: holds a height beyond 10000 mm"),
     ],
 )
-def test_an_array_that_does_not_fit_its_source_is_refused(
-    write: Write, height: Any, message: str
-) -> None:
+def test_an_array_that_does_not_fit_its_source_is_refused(height: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        load(write(SLOPES), backend="numpy")(height=height)
+        load(graph_of(SLOPES), backend="numpy")(height=height)
 
 
 SHAPE = "  shape: {op: read_height, with: {file: $file}}\n  save:"
@@ -245,8 +231,8 @@ BOTH_HANDED_IN = BOTH_HANDED_IN.replace("prefer: [opencl, numpy]\n", "").replace
 BOTH_HANDED_IN = BOTH_HANDED_IN.replace("truth: frames.truth", "truth: shape")
 
 
-def test_a_batch_is_one_of_all_sources_and_its_items_follow_one_another(write: Write) -> None:
-    pipeline = load(write(BOTH_HANDED_IN), backend="numpy")
+def test_a_batch_is_one_of_all_sources_and_its_items_follow_one_another() -> None:
+    pipeline = load(graph_of(BOTH_HANDED_IN), backend="numpy")
     frames, heights = np.ones((2, 3, 4, 5)), np.arange(40.0).reshape(2, 4, 5)
     found = pipeline(frames=frames, shape=heights)
     assert [score["truth"] for score in found["score"]] == [heights[0].mean(), heights[1].mean()]
@@ -254,41 +240,37 @@ def test_a_batch_is_one_of_all_sources_and_its_items_follow_one_another(write: W
         pipeline(frames=frames, shape=heights[0])
 
 
-def test_a_graph_whose_stream_is_given_needs_its_other_files_too(write: Write) -> None:
+def test_a_graph_whose_stream_is_given_needs_its_other_files_too() -> None:
     with pytest.raises(InputError, match=r"graph needs file=\.\.\. \(a height\)"):
-        load(write(BOTH_HANDED_IN), count=2)
+        load(graph_of(BOTH_HANDED_IN), count=2)
 
 
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
-def test_exactly_the_sources_that_wait_are_stood_in_for(
-    write: Write, names: tuple[str, ...]
-) -> None:
-    pipeline = load(write(WAITING), backend="numpy")
+def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) -> None:
+    pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError, match=r"arrays are needed for \['frames'\]"):
         pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
 
 
-def test_a_pipeline_that_waits_for_arrays_has_no_items(write: Write) -> None:
+def test_a_pipeline_that_waits_for_arrays_has_no_items() -> None:
     with pytest.raises(InputError, match="call the pipeline with arrays for frames"):
-        next(load(write(WAITING), backend="numpy").items())
+        next(load(graph_of(WAITING), backend="numpy").items())
 
 
-def test_a_pipeline_with_a_stream_of_its_own_is_not_called(write: Write) -> None:
-    pipeline = load(write(WAITING), backend="numpy", count=2)
+def test_a_pipeline_with_a_stream_of_its_own_is_not_called() -> None:
+    pipeline = load(graph_of(WAITING), backend="numpy", count=2)
     with pytest.raises(InputError, match=r"'frames' yields a stream of its own; go through items"):
         pipeline()
     assert len(list(pipeline.items())) == 2
 
 
-def test_an_optional_input_of_a_stand_in_is_absent(write: Write) -> None:
-    found = load(write(WAITING), backend="opencl")(frames=np.ones((3, 4, 5), np.float32))
+def test_an_optional_input_of_a_stand_in_is_absent() -> None:
+    found = load(graph_of(WAITING), backend="opencl")(frames=np.ones((3, 4, 5), np.float32))
     assert found["score"]["truth"] == -1
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
-def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(
-    write: Write, backend: str
-) -> None:
+def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(backend: str) -> None:
     text = """
 format: 1
 nodes:
@@ -296,17 +278,17 @@ nodes:
   found:  {op: bright, in: {image: frames.image}}
 outputs: {pixel: found.pixel, light: found.light}
 """
-    results = list(open_pipeline(write(text), {}, backend=backend).items())
+    results = list(open_pipeline(graph_of(text), {}, backend=backend).items())
     assert [result["pixel"].tolist() for result in results] == [[], [*range(20)], [*range(20)]]
     assert [result["light"].tolist() for result in results] == [[], [2.0] * 20, [3.0] * 20]
 
 
 def test_a_steady_stream_allocates_nothing_after_its_first_item(
-    toys: list[str], write: Write, device: OpenCL
+    toys: list[str], device: OpenCL
 ) -> None:
     text = STREAM.replace("with: {count: $count}", "with: {count: $count, rows: 64, columns: 80}")
     text = text.replace("{op: at_rest}", "{op: at_rest, with: {rows: 64, columns: 80}}")
-    pipeline = opened(write(text), "opencl", count=200)
+    pipeline = opened(text, "opencl", count=200)
     pool = pipeline._device.pool  # type: ignore[union-attr]
     managed: list[int] = []
     blocks: list[int] = []
@@ -327,8 +309,8 @@ def test_a_steady_stream_allocates_nothing_after_its_first_item(
     assert memory[-1] - memory[20] < 5 * image, "180 items leave less than five images behind"
 
 
-def test_calls_with_arrays_allocate_nothing_after_the_first(write: Write) -> None:
-    pipeline = load(write(WAITING), backend="opencl")
+def test_calls_with_arrays_allocate_nothing_after_the_first() -> None:
+    pipeline = load(graph_of(WAITING), backend="opencl")
     stack = np.ones((3, 4, 5), np.float32)
     pool = pipeline._device.pool  # type: ignore[union-attr]
     managed = set()
@@ -338,7 +320,7 @@ def test_calls_with_arrays_allocate_nothing_after_the_first(write: Write) -> Non
     assert len(managed) == 1
 
 
-def test_another_size_of_image_is_taken_from_call_to_call(write: Write) -> None:
+def test_another_size_of_image_is_taken_from_call_to_call() -> None:
     text = """
 format: 1
 params: {folder: {kind: path}}
@@ -347,16 +329,14 @@ nodes:
   lit: {op: label_lit, in: {light: frames.image}}
 outputs: {lit: lit}
 """
-    pipeline = load(write(text), backend="opencl")
+    pipeline = load(graph_of(text), backend="opencl")
     for shape in ((3, 4, 5), (4, 9, 7), (3, 1, 1)):
         assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 
 @BACKENDS
-def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
-    write: Write, backend: str
-) -> None:
-    pipeline = load(write(WAITING), backend=backend)
+def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: str) -> None:
+    pipeline = load(graph_of(WAITING), backend=backend)
     good = np.ones((3, 4, 5), np.float32)
     for _ in range(2):
         assert float(pipeline(frames=good)["light"].min()) == 1
@@ -365,14 +345,14 @@ def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(
 
 
 @BACKENDS
-def test_nodes_of_one_kernel_keep_to_their_own_settings(write: Write, backend: str) -> None:
+def test_nodes_of_one_kernel_keep_to_their_own_settings(backend: str) -> None:
     more = "\n".join(
         f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
         for floor in (2, 4)
     )
     text = added(more, "half: n2, quarter: n4", WAITING)
-    pipeline = load(write(text), backend=backend)
+    pipeline = load(graph_of(text), backend=backend)
     for level in (1.0, 0.5):
         found = pipeline(frames=np.full((3, 4, 5), level, np.float32))
         shares = [float(found[name].max()) / level for name in ("light", "half", "quarter")]
@@ -381,18 +361,18 @@ def test_nodes_of_one_kernel_keep_to_their_own_settings(write: Write, backend: s
 
 @BACKENDS
 def test_a_calibration_of_another_size_than_the_capture_is_refused(
-    toys: list[str], write: Write, backend: str
+    toys: list[str], backend: str
 ) -> None:
     text = STREAM.replace("{op: at_rest}", "{op: at_rest, with: {rows: 7}}")
     with pytest.raises(
         InputError, match=r"the size H is 4 in frames.image but 7 in cal.flat; they have to be"
     ):
-        list(opened(write(text), backend).items())
+        list(opened(text, backend).items())
     assert not [word for word in toys if word.startswith("noted")]
 
 
-def test_a_once_only_step_that_failed_is_tried_afresh(write: Write, height_file: str) -> None:
-    pipeline = opened(write(SLOPES), file=height_file)
+def test_a_once_only_step_that_failed_is_tried_afresh(height_file: str) -> None:
+    pipeline = opened(SLOPES, file=height_file)
     good = np.load(height_file)
     np.save(height_file, np.full((3, 3), np.nan))
     with pytest.raises(InputError, match="NaN"):
@@ -412,34 +392,32 @@ def test_a_once_only_step_that_failed_is_tried_afresh(write: Write, height_file:
     ],
 )
 def test_a_node_that_fails_is_named(
-    toys: list[str], write: Write, op: str, kind: type[Exception], message: str
+    toys: list[str], op: str, kind: type[Exception], message: str
 ) -> None:
     with pytest.raises(kind, match=message):
-        list(opened(write(lit_by(op))).items())
+        list(opened(lit_by(op)).items())
     assert not [word for word in toys if word.startswith("noted")]
 
 
 @BACKENDS
-def test_only_the_caller_may_hand_in_a_cameras_integers(write: Write, backend: str) -> None:
+def test_only_the_caller_may_hand_in_a_cameras_integers(backend: str) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
     with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but made uint8"):
-        list(opened(write(text), backend).items())
+        list(opened(text, backend).items())
 
 
-def test_a_failure_is_not_tried_again_elsewhere(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failure_is_not_tried_again_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*args: object) -> None:
         raise RuntimeError("the device is gone")
 
-    pipeline = opened(write(STREAM), "opencl")
+    pipeline = opened(STREAM, "opencl")
     monkeypatch.setattr(Prepared, "launch", fail)
     with pytest.raises(NodeError, match=r"'light' \(flat_field\) failed: .* the device is gone"):
         next(pipeline.items())
 
 
-def test_pipelines_of_several_threads_do_not_disturb_one_another(write: Write) -> None:
-    file = write(WAITING)
+def test_pipelines_of_several_threads_do_not_disturb_one_another() -> None:
+    file = graph_of(WAITING)
 
     def work(level: float) -> bool:
         pipeline = load(file, backend="opencl")
@@ -452,7 +430,7 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another(write: Write) -
 
 
 def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
-    write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[np.dtype[Any]] = []
     upload = OpenCL.start_upload
@@ -463,7 +441,7 @@ def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
 
     monkeypatch.setattr(OpenCL, "start_upload", watched)
     text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
-    pipeline = load(write(text.replace(", score: score", "")), backend="opencl")
+    pipeline = load(graph_of(text.replace(", score: score", "")), backend="opencl")
     pipeline(frames=np.zeros((3, 4, 5), np.uint8))
     assert sent == [np.float32, np.float32, np.uint8]  # flat, dark, image
 
@@ -471,13 +449,13 @@ def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("op", ["flat_field", "doubled"])
 def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
-    write: Write, dtype: type, op: str
+    dtype: type, op: str
 ) -> None:
     text = WAITING.replace(
         "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
     )
     # With a reader on the host the integers cannot go to the device as they came.
-    graph = write(text if op == "doubled" else WAITING)
+    graph = graph_of(text if op == "doubled" else WAITING)
     stack = np.arange(60, dtype=dtype).reshape(3, 4, 5) * dtype(4)
     on_host = load(graph, backend="numpy")(frames=stack)["light"]
     on_device = load(graph, backend="opencl")(frames=stack)["light"]
@@ -486,9 +464,9 @@ def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
 
 
 @BACKENDS
-def test_images_of_another_type_are_taken_from_call_to_call(write: Write, backend: str) -> None:
+def test_images_of_another_type_are_taken_from_call_to_call(backend: str) -> None:
     text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
-    pipeline = load(write(text.replace(", score: score", "")), backend=backend)
+    pipeline = load(graph_of(text.replace(", score: score", "")), backend=backend)
     expected = np.linspace(0, 1, 60, dtype=np.float32).round().reshape(3, 4, 5)
     for dtype in (np.uint8, np.float32, np.uint16, np.uint8, np.uint32, np.float64):
         full = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
@@ -497,17 +475,17 @@ def test_images_of_another_type_are_taken_from_call_to_call(write: Write, backen
 
 
 @BACKENDS
-def test_labels_of_three_axes_are_no_fractions_of_full_scale(write: Write, backend: str) -> None:
+def test_labels_of_three_axes_are_no_fractions_of_full_scale(backend: str) -> None:
     nodes = """  labels: {op: labelled, in: {image: frames.image}}
   number: {op: bits, in: {labels: labels}}"""
-    pipeline = load(write(added(nodes, "number: number", WAITING)), backend=backend)
+    pipeline = load(graph_of(added(nodes, "number: number", WAITING)), backend=backend)
     stack = np.linspace(0, 1, 60, dtype=np.float32).reshape(3, 4, 5)
     np.testing.assert_array_equal(pipeline(frames=stack)["number"], stack > 0.5)
 
 
-def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(write: Write) -> None:
+def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item() -> None:
     text = added("  hit: {op: struck, in: {image: light}}", "hit: hit", WAITING)
-    pipeline = load(write(text), backend="opencl")
+    pipeline = load(graph_of(text), backend="opencl")
     one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
     with pytest.raises(DeviceError, match=r"failed at 'hit' \(struck\)"):
         pipeline(frames=two)
@@ -515,9 +493,9 @@ def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item(wr
 
 
 def test_a_device_without_memory_is_named_with_the_transfer(
-    write: Write, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    pipeline = load(write(WAITING), backend="opencl")
+    pipeline = load(graph_of(WAITING), backend="opencl")
 
     def full(self: OpenCL, array: Any) -> Any:
         raise cl.MemoryError("MEM_OBJECT_ALLOCATION_FAILURE")
@@ -528,17 +506,15 @@ def test_a_device_without_memory_is_named_with_the_transfer(
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
-def test_an_absent_input_with_a_size_of_its_own_is_nothing(write: Write, backend: str) -> None:
+def test_an_absent_input_with_a_size_of_its_own_is_nothing(backend: str) -> None:
     text = added("  more: {op: leaned, in: {image: light}}", "more: more", WAITING)
     stack = np.ones((3, 4, 5), np.float32)
-    found = load(write(text), backend=backend)(frames=stack)
+    found = load(graph_of(text), backend=backend)(frames=stack)
     np.testing.assert_array_equal(found["more"], stack)
 
 
 @pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
-def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
-    write: Write, maker: str, reader: str
-) -> None:
+def test_a_value_whose_size_only_the_data_tell_can_be_recalled(maker: str, reader: str) -> None:
     names = {"n": "numpy", "d": "opencl"}
     nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
   more:
@@ -547,7 +523,7 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
     backend: {names[reader]}
   save:"""
     text = STREAM.replace("  save:", nodes).replace("{light: light", "{light: more")
-    results = list(opened(write(text), None).items())
+    results = list(opened(text, None).items())
     assert [float(result["light"].max()) for result in results] == [1, 2, 43]
     assert [result.warnings for result in results] == [[], [], []]
 
@@ -556,8 +532,8 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(
     ("node", "error"), [("failing, with: {at: 2.0}", NodeError), ("refusing", InputError)]
 )
 def test_an_error_names_the_item_at_which_it_was_raised(
-    write: Write, node: str, error: type[InputError | NodeError]
+    node: str, error: type[InputError | NodeError]
 ) -> None:
     with pytest.raises(error, match=r"^touch\d: ") as told:
-        list(opened(write(lit_by(node))).items())
+        list(opened(lit_by(node)).items())
     assert str(told.value).startswith(f"{told.value.item}: ")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError, load
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.graph.conftest import STREAM, WAITING, Write, added
+from tests.graph.conftest import STREAM, WAITING, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -28,8 +28,8 @@ def refilled(count: int) -> Iterator[NDArray[np.float32]]:
 
 
 @BOTH
-def test_a_stream_gives_what_calls_give(write: Write, backend: str) -> None:
-    with load(write(SUMMED), backend=backend) as pipeline:
+def test_a_stream_gives_what_calls_give(backend: str) -> None:
+    with load(graph_of(SUMMED), backend=backend) as pipeline:
         called = [pipeline(frames=stack)["sum"] for stack in refilled(20)]
         pipeline.forget()
         streamed = [result["sum"] for result in pipeline.stream(refilled(20))]
@@ -37,8 +37,11 @@ def test_a_stream_gives_what_calls_give(write: Write, backend: str) -> None:
     assert streamed[-1].max() == sum(range(1, 21))
 
 
-def test_one_item_is_read_while_the_last_is_in_use_and_no_more(write: Write) -> None:
-    pipeline, begun = load(write(WAITING), backend="numpy"), [threading.Event() for _ in range(5)]
+def test_one_item_is_read_while_the_last_is_in_use_and_no_more() -> None:
+    pipeline, begun = (
+        load(graph_of(WAITING), backend="numpy"),
+        [threading.Event() for _ in range(5)],
+    )
 
     def items() -> Iterator[NDArray[np.float32]]:
         for event, stack in zip(begun, refilled(5), strict=True):
@@ -50,8 +53,8 @@ def test_one_item_is_read_while_the_last_is_in_use_and_no_more(write: Write) -> 
         assert not any(event.is_set() for event in begun[number + 2 :])
 
 
-def test_what_goes_wrong_is_told_in_its_items_place(write: Write) -> None:
-    pipeline, means = load(write(WAITING), backend="numpy"), []
+def test_what_goes_wrong_is_told_in_its_items_place() -> None:
+    pipeline, means = load(graph_of(WAITING), backend="numpy"), []
 
     def items() -> Iterator[NDArray[np.float32]]:
         yield from refilled(2)
@@ -71,8 +74,8 @@ def test_what_goes_wrong_is_told_in_its_items_place(write: Write) -> None:
         next(stream)
 
 
-def test_a_stream_that_is_left_waits_for_no_item(write: Write) -> None:
-    pipeline, gate = load(write(WAITING), backend="numpy"), threading.Event()
+def test_a_stream_that_is_left_waits_for_no_item() -> None:
+    pipeline, gate = load(graph_of(WAITING), backend="numpy"), threading.Event()
 
     def items() -> Iterator[NDArray[np.float32]]:
         yield from refilled(1)
@@ -88,12 +91,12 @@ def test_a_stream_that_is_left_waits_for_no_item(write: Write) -> None:
 
 @pytest.mark.parametrize("ahead", [False, True])
 def test_a_source_that_is_read_ahead_differs_by_nothing(
-    write: Write, monkeypatch: pytest.MonkeyPatch, *, ahead: bool
+    monkeypatch: pytest.MonkeyPatch, *, ahead: bool
 ) -> None:
     monkeypatch.setattr(find_node("cut_touches"), "ahead", ahead)
     text = added("  sum: {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
     text = text.replace("op: touches", "op: cut_touches")
-    with open_pipeline(write(text), {"count": 3}, backend="numpy") as pipeline:
+    with open_pipeline(graph_of(text), {"count": 3}, backend="numpy") as pipeline:
         trace = pipeline.trace()
         results = list(pipeline.items())
         assert pipeline.closing_warnings == ["cut short"]
@@ -103,10 +106,10 @@ def test_a_source_that_is_read_ahead_differs_by_nothing(
 
 
 def test_a_source_that_is_left_before_its_end_is_closed(
-    toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    toys: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(find_node("touches"), "ahead", True)
-    pipeline = open_pipeline(write(STREAM), {"count": 9}, backend="numpy")
+    pipeline = open_pipeline(graph_of(STREAM), {"count": 9}, backend="numpy")
     stream = pipeline.items()
     next(stream)
     stream.close()

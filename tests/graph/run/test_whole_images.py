@@ -11,7 +11,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.compare.stored_views import views_of
 from tactograph.graph.run.host_values import HostValues
-from tests.graph.conftest import Write
+from tests.graph.conftest import graph_of
 from tests.graph.toys import WHOLE
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -52,8 +52,8 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 @pytest.mark.parametrize("graph", [GRAPH, READ_BY_THE_HOST, AN_OUTPUT])
-def test_integers_count_as_fractions_of_full_scale(write: Write, graph: str, backend: str) -> None:
-    (result,) = load(write(graph), backend=backend).items()
+def test_integers_count_as_fractions_of_full_scale(graph: str, backend: str) -> None:
+    (result,) = load(graph_of(graph), backend=backend).items()
     expected = WHOLE / np.float32(255)
     np.testing.assert_allclose(result["light"], expected, atol=1e-6)
     for name, times in (("more", 2), ("image", 1)):
@@ -65,24 +65,22 @@ def test_integers_count_as_fractions_of_full_scale(write: Write, graph: str, bac
 @pytest.mark.parametrize(
     ("graph", "kind"), [(GRAPH, "uint8"), (READ_BY_THE_HOST, "float32"), (AN_OUTPUT, "float32")]
 )
-def test_a_source_is_told_who_reads_its_images(
-    write: Write, sent: list[str], graph: str, kind: str
-) -> None:
-    list(load(write(graph), backend="opencl").items())
+def test_a_source_is_told_who_reads_its_images(sent: list[str], graph: str, kind: str) -> None:
+    list(load(graph_of(graph), backend="opencl").items())
     assert sent == [kind]
 
 
 @pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
-    write: Write, monkeypatch: pytest.MonkeyPatch, backend: str
+    monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:
     monkeypatch.setattr(HostValues, "told_of_images", lambda *_: {"whole": True})
-    (result,) = load(write(READ_BY_THE_HOST), backend=backend).items()
+    (result,) = load(graph_of(READ_BY_THE_HOST), backend=backend).items()
     np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
 
 
-def test_whoever_looks_into_the_graph_sees_fractions(write: Write) -> None:
-    pipeline = load(write(GRAPH), backend="opencl", cache=Cache())
+def test_whoever_looks_into_the_graph_sees_fractions() -> None:
+    pipeline = load(graph_of(GRAPH), backend="opencl", cache=Cache())
     result = next(iter(pipeline.items()))
     (drawn,) = [view.array for view in views_of(result) if view.name == "image"]
     for seen in (drawn, pipeline.inspect("frames.image")):
