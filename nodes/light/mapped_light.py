@@ -38,7 +38,7 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
     return np.asarray(shown, np.float32) + 1
 
 
-mapped_light.opencl(grid="K H W")
+mapped_light.opencl(grid="K H W", lanes="rows")
 
 
 @mapped_light.example

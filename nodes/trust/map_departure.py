@@ -55,7 +55,7 @@ def map_departure(
     return LightDeparture(departs, seen / np.maximum(due, MIN_SQUARES) - 1)
 
 
-map_departure.opencl(grid="H W")
+map_departure.opencl(grid="H W", lanes="rows")
 
 
 @map_departure.example
