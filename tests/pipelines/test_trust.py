@@ -61,6 +61,18 @@ def interlaced(touch: Images, another: Images) -> Images:
     return both
 
 
+def torn(touch: Images, _: Images) -> Images:
+    """The lower tenth shows the next channel."""
+    rows = touch.shape[1] // 10
+    return np.concatenate([touch[:, :-rows], np.roll(touch, -1, 0)[:, -rows:]], axis=1)
+
+
+def every_fourth_line_mirrored(touch: Images, _: Images) -> Images:
+    lines = touch.copy()
+    lines[:, ::4] = lines[:, ::4, ::-1]
+    return lines
+
+
 WRONG: dict[str, Wrong] = {
     "the mean of two touches": mixed(0.3),
     "every other line of another touch": interlaced,
@@ -191,6 +203,12 @@ def test_rigid_walls_and_no_soft_ones_are_rims(
     assert any("hangs on rims" in line for line in found.warnings) == (least > 0)
 
 
+def test_labels_that_cost_nothing_are_not_found_twice(raytraced: Raytraced, opened: Opened) -> None:
+    """The checks judge the light by all labels: those of the last rough pass, on a matt film."""
+    times = opened("reconstruct", "far28")(frames=images(raytraced / "far28/sphere_film")).times
+    assert times["judged"] == 0 < times["pass_4.label"]
+
+
 @pytest.fixture
 def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
     """Captures: a right touch, one whose LEDs are swapped, one that is turned, a right one."""
@@ -242,6 +260,8 @@ COLOURS: dict[str, Wrong] = {
     "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
     "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
     "other light": lambda touch, _: np.minimum(touch, 250) + np.uint8(5),
+    "torn": torn,
+    "every fourth line mirrored": every_fourth_line_mirrored,
     "grey": lambda touch, _: np.repeat(touch.mean(axis=0, keepdims=True), 3, axis=0).astype(
         np.uint8
     ),
