@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -51,6 +52,7 @@ from tests.nodes.motion.test_track_pose import astray, way
 
 Row = tuple[str, str]
 FRAMES, STREAM_FRAMES = 30, 60
+BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 
 
@@ -135,25 +137,37 @@ def times() -> Iterator[Row]:
     yield f"drag_to_shear, {many}", milliseconds(partial(drag_to_shear, **gel), *dragged)
 
 
+class Rig:
+    """A simulated sensor, calibrated into `folder`."""
+
+    given: ClassVar = {"slant_deg": 33.0, "distance_mm": 60.0}
+
+    def __init__(self, folder: str) -> None:
+        moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
+        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
+        made = simulated_sensor(Path(folder), radius_mm=3.0, **size, **self.given)
+        self.calibration, self.lights = str(made / "cal.npz"), light_ring(**self.given)
+
+    def frame(self, motion: np.ndarray, seed: int) -> np.ndarray:
+        """What the camera sees of the dome."""
+        film = press(pressed(coin, motion).astype(np.float32), PIXEL)
+        return expose(render(film, PIXEL, self.lights).light, seed=seed).image
+
+
 def streams() -> Iterator[Row]:
     """`reconstruct` without and with the pose, in turns on frames of a dome that moves."""
-    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
-    rig = {"slant_deg": 33.0, "distance_mm": 60.0}
-    lights, frames, motions = light_ring(**rig), [], []
-    for n in range(STREAM_FRAMES):
-        # To and fro on a circle, leaning and turning.
-        t = 2 * np.pi * n / STREAM_FRAMES
-        motions.append(moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t)))
-        film = press(pressed(coin, motions[-1]).astype(np.float32), PIXEL)
-        frames.append(expose(render(film, PIXEL, lights).light, seed=n).image)
+    # To and fro on a circle, leaning and turning.
+    motions = [
+        moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t))
+        for t in 2 * np.pi * np.arange(STREAM_FRAMES) / STREAM_FRAMES
+    ]
+    names, poses = ("reconstruct", "reconstruct_pose"), []
+    took: list[list[tuple[float, float]]] = [[], []]
     with tempfile.TemporaryDirectory() as folder:
-        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
-        cal = str(simulated_sensor(Path(folder), radius_mm=3.0, **size, **rig) / "cal.npz")
-        names = "reconstruct", "reconstruct_pose"
-        pipelines = [load(name, calibration=cal) for name in names]
-        took: list[list[tuple[float, float]]] = [[], []]
-        poses = []
-        for frame in frames:
+        rig = Rig(folder)
+        pipelines = [load(name, calibration=rig.calibration) for name in names]
+        for number, motion in enumerate(motions):
+            frame = rig.frame(motion, number)
             for each, pipeline in zip(took, pipelines, strict=True):
                 start = time.process_time(), time.perf_counter()
                 found = pipeline(frames=frame)
@@ -169,6 +183,31 @@ def streams() -> Iterator[Row]:
         for pose, motion in zip(poses, motions, strict=True)
     ]
     yield "stream of moving frames: largest error of the pose", largest(off)
+
+
+def bands() -> Iterator[Row]:
+    """Short streams of `reconstruct` that jump by up to 2 mm, 3 degrees of tilt and 12 of turn."""
+    rng, apart, sure, off = np.random.default_rng(3), [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(folder)
+        for stream in range(BAND_STREAMS):
+            pipeline = load("reconstruct_pose", calibration=rig.calibration)
+            for number in range(BAND_FRAMES):
+                motion = moved(*(rng.uniform(-1, 1, 6) * [0.8, 0.8, 0.03, 1.2, 1.2, 6]))
+                found = pipeline(frames=rig.frame(motion, BAND_FRAMES * stream + number))
+                if number == 0:
+                    first = np.linalg.inv(motion)
+                    continue
+                pose = moved(*found["pose"]) @ np.linalg.inv(motion @ first)
+                off.append(moved_objects.shift_and_turn(pose))
+                apart.append(off[-1] / np.sqrt(np.diag(found["covariance"])))
+                sure.append(found["metrics"]["pose_sure"])
+    shares = " ".join(f"{100 * share:.0f}" for share in np.mean(np.abs(apart) < 1.645, axis=0))
+    yield f"{len(off)} jumps: truths in the 90 % band, x, y, z, turns", f"{shares} %"
+    wrong = np.hypot(*np.array(off)[:, :2].T) > WRONG_MM
+    told = f"{wrong.sum()}, {(wrong & (np.array(sure) > 0)).sum()} of them said to be sure"
+    yield f"{len(off)} jumps: wrong by more than {1e3 * WRONG_MM:.0f} um", told
+    yield f"{len(off)} jumps: largest error", largest([np.abs(each) for each in off])
 
 
 class Pressed(SimulatedColourSensor):
@@ -239,6 +278,7 @@ PARTS = {
     "forces": forces,
     "times": times,
     "streams": streams,
+    "bands": bands,
     "one_shot": one_shot,
 }
 
