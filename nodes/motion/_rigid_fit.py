@@ -44,8 +44,9 @@ MIN_STEP_VARIANCE = 0.5
 """Square of a step in its deviations; a shorter one is the last."""
 SURE_LIKENESS, SURE_WAY_CELLS = 0.85, 4
 """Likeness of a sure fit, and how far at most from its guess: texture may fit elsewhere."""
-SURE_VARIANCES = 4
-"""Variance of the residual slopes over the stated one, below which a fit is sure anyhow."""
+SURE_VARIANCES, SURE_OVERLAP = 4, 0.6
+"""Variance of the residual slopes over the stated one below which a fit is sure at any distance,
+and the overlap above which also without a texture in common."""
 MIN_PAIRS = 30
 OPEN_SHARE = 0.25
 """Share of the information on a motion above which noise alone gives it: the motion is open."""
@@ -225,13 +226,15 @@ def fit_motion(
     Fit
         None where too little is touched in both.
     """
-    key, best = _key(first, rings=rings), None
-    for guess in guesses if key else ():
+    key = _key(first, rings=rings)
+    if key is None:
+        return None
+    best = None
+    for guess in guesses:
         fit = _fitted(key, second, guess)
-        if fit and (best is None or fit.sure or fit.likeness > best.likeness):
-            best = fit
-        if best and best.sure:
-            break
+        if fit is not None and fit.sure:
+            return fit
+        best = max((f for f in (best, fit) if f), key=lambda f: f.likeness, default=None)
     return best
 
 
@@ -251,7 +254,10 @@ def _fitted(key: _Key, now: Surface, guess: F8) -> Fit | None:
     overlap = np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched)
     covariance = spread @ (covariance + _held_back(key, motion)) @ spread.T
     likeness = _likeness(key, seen)
-    sure = _is_noise(key, now, seen) or (likeness > SURE_LIKENESS and _is_near(key, motion, guess))
+    alike = likeness > SURE_LIKENESS
+    sure = (alike and _is_near(key, motion, guess)) or (
+        (alike or overlap > SURE_OVERLAP) and _is_noise(key, now, seen)
+    )
     return Fit(motion, covariance, is_open, overlap, likeness, sure)
 
 

@@ -63,7 +63,7 @@ def track_pose(
     memory: Memory | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
-    margin_px: Annotated[int, Interval(ge=0, le=100)] = 6,
+    margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     least_overlap: Annotated[float, Interval(ge=0.1, le=1)] = 0.6,
 ) -> TrackedPose:
     """Track the rigid motion of the object that presses against the film.

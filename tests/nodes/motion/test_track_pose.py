@@ -111,9 +111,9 @@ def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
     assert np.mean(np.abs(apart) < 1.645, axis=0).min() > 0.85
 
 
-@pytest.mark.parametrize("shift", [(1.2, -0.9), (-1.5, 0.6)])
-def test_a_jump_is_found_or_told(shift: tuple[float, float]) -> None:
-    """Of twice the finest waves, and turned."""
+@pytest.mark.parametrize("shift", [(1.2, -0.9), (-1.5, 0.6), (5.0, 0)])
+def test_a_jump_is_found(shift: tuple[float, float]) -> None:
+    """Farther than the finest waves, and turned."""
     motions = [np.eye(4), moved(*shift, 0, 0.5, -0.5, 10)]
     found = pose_of_film(motions, np.random.default_rng(5), STATED)
     assert np.abs(astray(found, motions[1]))[:2].max() < 0.01
@@ -166,18 +166,17 @@ def test_a_touch_that_ends_begins_anew() -> None:
     assert [each.figures["pose_sd_x_mm"] > 10 for each in found] == [False, False, True, False]
 
 
-def test_a_jump_begins_anew() -> None:
-    surfaces = [pressed(coin, moved(x, 0, 0, 0, 0, 0)) for x in (-3.5, 3.5)]
+def test_a_jump_to_another_part_of_the_object_begins_anew() -> None:
+    surfaces = [pressed(plate, moved(x, 0, 0, 0, 0, 0)) for x in (-20, 20)]
     _, second = track(surfaces)
-    assert second.figures["pose_frames"] == 1
-    assert not second.pose.any()
+    assert second.figures["pose_frames"] == 1 or second.figures["pose_sure"] == 0
 
 
-@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "record", "live_oneshot"])
+@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "live_oneshot", "paper"])
 def test_the_overlay_fits(graph: str) -> None:
     posed = with_overlays(read_graph(graph), ["pose"])
     assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
-    assert "pose" in posed.nodes["figures"].inputs
+    assert "pose" in posed.nodes["score" if graph == "paper" else "figures"].inputs
 
 
 @pytest.mark.slow
