@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
+import cv2
 import numpy as np
 
 from tactograph.graph import load
@@ -54,6 +55,7 @@ Row = tuple[str, str]
 FRAMES, STREAM_FRAMES = 30, 60
 BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
+REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
 
 
 def poses() -> Iterator[Row]:
@@ -190,24 +192,57 @@ def bands() -> Iterator[Row]:
     rng, apart, sure, off = np.random.default_rng(3), [], [], []
     with tempfile.TemporaryDirectory() as folder:
         rig = Rig(folder)
-        for stream in range(BAND_STREAMS):
-            pipeline = load("reconstruct_pose", calibration=rig.calibration)
-            for number in range(BAND_FRAMES):
-                motion = moved(*(rng.uniform(-1, 1, 6) * [0.8, 0.8, 0.03, 1.2, 1.2, 6]))
-                found = pipeline(frames=rig.frame(motion, BAND_FRAMES * stream + number))
-                if number == 0:
-                    first = np.linalg.inv(motion)
-                    continue
-                pose = moved(*found["pose"]) @ np.linalg.inv(motion @ first)
-                off.append(moved_objects.shift_and_turn(pose))
-                apart.append(off[-1] / np.sqrt(np.diag(found["covariance"])))
-                sure.append(found["metrics"]["pose_sure"])
+        pipeline = load("reconstruct_pose", calibration=rig.calibration)
+        for number in range(BAND_STREAMS * BAND_FRAMES):
+            if number % BAND_FRAMES == 0:
+                # Nothing touches, so the next frame begins anew.
+                pipeline(frames=rig.frame(moved(0, 0, -5, 0, 0, 0), number))
+            motion = moved(*(rng.uniform(-1, 1, 6) * [0.8, 0.8, 0.03, 1.2, 1.2, 6]))
+            found = pipeline(frames=rig.frame(motion, number))
+            if number % BAND_FRAMES == 0:
+                first = np.linalg.inv(motion)
+                continue
+            pose = moved(*found["pose"]) @ np.linalg.inv(motion @ first)
+            off.append(moved_objects.shift_and_turn(pose))
+            apart.append(off[-1] / np.sqrt(np.diag(found["covariance"])))
+            sure.append(found["metrics"]["pose_sure"])
     shares = " ".join(f"{100 * share:.0f}" for share in np.mean(np.abs(apart) < 1.645, axis=0))
     yield f"{len(off)} jumps: truths in the 90 % band, x, y, z, turns", f"{shares} %"
     wrong = np.hypot(*np.array(off)[:, :2].T) > WRONG_MM
     told = f"{wrong.sum()}, {(wrong & (np.array(sure) > 0)).sum()} of them said to be sure"
     yield f"{len(off)} jumps: wrong by more than {1e3 * WRONG_MM:.0f} um", told
     yield f"{len(off)} jumps: largest error", largest([np.abs(each) for each in off])
+
+
+def grain() -> Iterator[Row]:
+    """Whether the texture of real bare film tells where film at rest is, by phase correlation."""
+    mini, six = REAL / "gelsight_mini_balls", REAL / "gelsight_six_led"
+    films = {
+        "Mini": (mini / "background.png", sorted(mini.glob("*/*/gelsight.png"))),
+        "bench, LED 1": (six / "flat/led1.png", sorted(six.glob("balls_?/led1.png"))),
+    }
+    window = cv2.createHanningWindow((GRAIN_PX, GRAIN_PX), cv2.CV_32F)
+    for name, (flat, touches) in films.items():
+        first, near = textured(flat) if touches else None, []
+        for plane in map(textured, touches):
+            for y, x in GRAIN_PX * np.argwhere(np.ones(np.floor_divide(SIZE, GRAIN_PX))):
+                patch = np.s_[y : y + GRAIN_PX, x : x + GRAIN_PX]
+                shift, sure = cv2.phaseCorrelate(first[patch].copy(), plane[patch].copy(), window)
+                near.append((np.hypot(*shift) < 1, sure > 0.4))
+        if near:
+            found, sure = np.array(near).T
+            value = f"{100 * found.mean():.0f} % of the patches, {100 * found[sure].mean():.0f} % of the "
+            value += (
+                f"response above 0.5, {100 * found[sure].mean() if any(sure) else 0:.0f} % of them"
+            )
+            yield f"texture of a real film ({name}): found at rest within 1 px", value
+
+
+def textured(file: Path) -> np.ndarray:
+    """Logarithm of an image, less what is wider than 3 px."""
+    light = cv2.imread(str(file)).astype(np.float32).mean(axis=2)
+    logs = np.log(np.maximum(cv2.resize(light, SIZE[::-1], interpolation=cv2.INTER_AREA), 1))
+    return logs - cv2.GaussianBlur(logs, (0, 0), 3)
 
 
 class Pressed(SimulatedColourSensor):
@@ -279,6 +314,7 @@ PARTS = {
     "times": times,
     "streams": streams,
     "bands": bands,
+    "grain": grain,
     "one_shot": one_shot,
 }
 
