@@ -56,6 +56,7 @@ FRAMES, STREAM_FRAMES = 30, 60
 BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
+SURE_RESPONSE = 0.5
 
 
 def poses() -> Iterator[Row]:
@@ -228,13 +229,12 @@ def grain() -> Iterator[Row]:
             for y, x in GRAIN_PX * np.argwhere(np.ones(np.floor_divide(SIZE, GRAIN_PX))):
                 patch = np.s_[y : y + GRAIN_PX, x : x + GRAIN_PX]
                 shift, sure = cv2.phaseCorrelate(first[patch].copy(), plane[patch].copy(), window)
-                near.append((np.hypot(*shift) < 1, sure > 0.4))
+                near.append((np.hypot(*shift) < 1, sure > SURE_RESPONSE))
         if near:
             found, sure = np.array(near).T
-            value = f"{100 * found.mean():.0f} % of the patches, {100 * found[sure].mean():.0f} % of the "
-            value += (
-                f"response above 0.5, {100 * found[sure].mean() if any(sure) else 0:.0f} % of them"
-            )
+            among = 100 * found[sure].mean() if sure.any() else 0
+            value = f"{100 * found.mean():.0f} % of the patches; response above "
+            value += f"{SURE_RESPONSE} in {100 * sure.mean():.0f} %, {among:.0f} % of them found"
             yield f"texture of a real film ({name}): found at rest within 1 px", value
 
 
