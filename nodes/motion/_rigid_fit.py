@@ -251,7 +251,7 @@ def _fitted(key: _Key, now: Surface, guess: F8) -> Fit | None:
             break
         still = is_open
     spread = carried(motion) @ key.to_middle
-    overlap = np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched)
+    overlap = float(np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched))
     covariance = spread @ (covariance + _held_back(key, motion)) @ spread.T
     likeness = _likeness(key, seen)
     alike = likeness > SURE_LIKENESS
