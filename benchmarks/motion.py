@@ -16,7 +16,9 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
+import cv2
 import numpy as np
 
 from tactograph.graph import load
@@ -51,7 +53,10 @@ from tests.nodes.motion.test_track_pose import astray, way
 
 Row = tuple[str, str]
 FRAMES, STREAM_FRAMES = 30, 60
+BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
+REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
+SURE_RESPONSE = 0.5
 
 
 def poses() -> Iterator[Row]:
@@ -135,25 +140,37 @@ def times() -> Iterator[Row]:
     yield f"drag_to_shear, {many}", milliseconds(partial(drag_to_shear, **gel), *dragged)
 
 
+class Rig:
+    """A simulated sensor, calibrated into `folder`."""
+
+    given: ClassVar = {"slant_deg": 33.0, "distance_mm": 60.0}
+
+    def __init__(self, folder: str) -> None:
+        moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
+        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
+        made = simulated_sensor(Path(folder), radius_mm=3.0, **size, **self.given)
+        self.calibration, self.lights = str(made / "cal.npz"), light_ring(**self.given)
+
+    def frame(self, motion: np.ndarray, seed: int) -> np.ndarray:
+        """What the camera sees of the dome."""
+        film = press(pressed(coin, motion).astype(np.float32), PIXEL)
+        return expose(render(film, PIXEL, self.lights).light, seed=seed).image
+
+
 def streams() -> Iterator[Row]:
     """`reconstruct` without and with the pose, in turns on frames of a dome that moves."""
-    moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
-    rig = {"slant_deg": 33.0, "distance_mm": 60.0}
-    lights, frames, motions = light_ring(**rig), [], []
-    for n in range(STREAM_FRAMES):
-        # To and fro on a circle, leaning and turning.
-        t = 2 * np.pi * n / STREAM_FRAMES
-        motions.append(moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t)))
-        film = press(pressed(coin, motions[-1]).astype(np.float32), PIXEL)
-        frames.append(expose(render(film, PIXEL, lights).light, seed=n).image)
+    # To and fro on a circle, leaning and turning.
+    motions = [
+        moved(np.sin(t), 1 - np.cos(t), 0, np.sin(t), 0, 8 * np.sin(t))
+        for t in 2 * np.pi * np.arange(STREAM_FRAMES) / STREAM_FRAMES
+    ]
+    names, poses = ("reconstruct", "reconstruct_pose"), []
+    took: list[list[tuple[float, float]]] = [[], []]
     with tempfile.TemporaryDirectory() as folder:
-        size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
-        cal = str(simulated_sensor(Path(folder), radius_mm=3.0, **size, **rig) / "cal.npz")
-        names = "reconstruct", "reconstruct_pose"
-        pipelines = [load(name, calibration=cal) for name in names]
-        took: list[list[tuple[float, float]]] = [[], []]
-        poses = []
-        for frame in frames:
+        rig = Rig(folder)
+        pipelines = [load(name, calibration=rig.calibration) for name in names]
+        for number, motion in enumerate(motions):
+            frame = rig.frame(motion, number)
             for each, pipeline in zip(took, pipelines, strict=True):
                 start = time.process_time(), time.perf_counter()
                 found = pipeline(frames=frame)
@@ -169,6 +186,63 @@ def streams() -> Iterator[Row]:
         for pose, motion in zip(poses, motions, strict=True)
     ]
     yield "stream of moving frames: largest error of the pose", largest(off)
+
+
+def bands() -> Iterator[Row]:
+    """Short streams of `reconstruct` that jump by up to 2 mm, 3 degrees of tilt and 12 of turn."""
+    rng, apart, sure, off = np.random.default_rng(3), [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(folder)
+        pipeline = load("reconstruct_pose", calibration=rig.calibration)
+        for number in range(BAND_STREAMS * BAND_FRAMES):
+            if number % BAND_FRAMES == 0:
+                # Nothing touches, so the next frame begins anew.
+                pipeline(frames=rig.frame(moved(0, 0, -5, 0, 0, 0), number))
+            motion = moved(*(rng.uniform(-1, 1, 6) * [0.8, 0.8, 0.03, 1.2, 1.2, 6]))
+            found = pipeline(frames=rig.frame(motion, number))
+            if number % BAND_FRAMES == 0:
+                first = np.linalg.inv(motion)
+                continue
+            pose = moved(*found["pose"]) @ np.linalg.inv(motion @ first)
+            off.append(moved_objects.shift_and_turn(pose))
+            apart.append(off[-1] / np.sqrt(np.diag(found["covariance"])))
+            sure.append(found["metrics"]["pose_sure"])
+    shares = " ".join(f"{100 * share:.0f}" for share in np.mean(np.abs(apart) < 1.645, axis=0))
+    yield f"{len(off)} jumps: truths in the 90 % band, x, y, z, turns", f"{shares} %"
+    wrong = np.hypot(*np.array(off)[:, :2].T) > WRONG_MM
+    told = f"{wrong.sum()}, {(wrong & (np.array(sure) > 0)).sum()} of them said to be sure"
+    yield f"{len(off)} jumps: wrong by more than {1e3 * WRONG_MM:.0f} um", told
+    yield f"{len(off)} jumps: largest error", largest([np.abs(each) for each in off])
+
+
+def grain() -> Iterator[Row]:
+    """Whether the texture of real bare film tells where film at rest is, by phase correlation."""
+    mini, six = REAL / "gelsight_mini_balls", REAL / "gelsight_six_led"
+    films = {
+        "Mini": (mini / "background.png", sorted(mini.glob("*/*/gelsight.png"))),
+        "bench, LED 1": (six / "flat/led1.png", sorted(six.glob("balls_?/led1.png"))),
+    }
+    window = cv2.createHanningWindow((GRAIN_PX, GRAIN_PX), cv2.CV_32F)
+    for name, (flat, touches) in films.items():
+        first, near = textured(flat) if touches else None, []
+        for plane in map(textured, touches):
+            for y, x in GRAIN_PX * np.argwhere(np.ones(np.floor_divide(SIZE, GRAIN_PX))):
+                patch = np.s_[y : y + GRAIN_PX, x : x + GRAIN_PX]
+                shift, sure = cv2.phaseCorrelate(first[patch].copy(), plane[patch].copy(), window)
+                near.append((np.hypot(*shift) < 1, sure > SURE_RESPONSE))
+        if near:
+            found, sure = np.array(near).T
+            among = 100 * found[sure].mean() if sure.any() else 0
+            value = f"{100 * found.mean():.0f} % of the patches; response above "
+            value += f"{SURE_RESPONSE} in {100 * sure.mean():.0f} %, {among:.0f} % of them found"
+            yield f"texture of a real film ({name}): found at rest within 1 px", value
+
+
+def textured(file: Path) -> np.ndarray:
+    """Logarithm of an image, less what is wider than 3 px."""
+    light = cv2.imread(str(file)).astype(np.float32).mean(axis=2)
+    logs = np.log(np.maximum(cv2.resize(light, SIZE[::-1], interpolation=cv2.INTER_AREA), 1))
+    return logs - cv2.GaussianBlur(logs, (0, 0), 3)
 
 
 class Pressed(SimulatedColourSensor):
@@ -239,6 +313,8 @@ PARTS = {
     "forces": forces,
     "times": times,
     "streams": streams,
+    "bands": bands,
+    "grain": grain,
     "one_shot": one_shot,
 }
 

@@ -8,7 +8,7 @@ so the six columns of the Jacobian are the planes (m, X x m).  The residual is a
 second surface pulled back onto the first, less the first.  Errors of integrated slopes are white in
 the slopes, so what is squared are the differences between neighbours of residual minus Jacobian
 (the normals), at a weight that falls for large ones (Cauchy); their mean tells the shift along z.
-The Jacobian is the first surface's alone, so a step costs a product of matrices.  Coarse to fine.
+The Jacobian is the first surface's alone, so a step costs a product of matrices.
 
 A motion is open where the residual surface, which is noise, would tell as much of it as the shape
 does (R2): a ball turns unseen, a cylinder slides.
@@ -16,6 +16,7 @@ does (R2): a ball turns unseen, a cylinder slides.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import cv2
@@ -24,20 +25,28 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.motion._surface import Surface, carried, normals, pulled_back, small_motion
+from tactograph.nodes.motion._surface import (
+    Surface,
+    carried,
+    normals,
+    pulled_back,
+    six_numbers,
+    small_motion,
+)
 
 CAUCHY_SIGMAS = 2.4
 """Standard deviations beyond which a slope loses weight (Cauchy)."""
 CAUCHY_VARIANCE_SHARE = 0.7965
 """Share of its variance that Gaussian noise has when weighted by its own deviation (Cauchy)."""
-MAX_STEPS = 6
-"""Most Gauss-Newton steps of a level."""
+MAX_STEPS = 10
+"""Most Gauss-Newton steps."""
 MIN_STEP_VARIANCE = 0.5
-"""Square of a step in its deviations; a shorter one ends a level."""
-SURE_LIKENESS = 0.9
-"""Likeness of a fit that needs no other."""
-COARSE_FACTORS = 4, 2
-"""Sides of coarse cells in fine ones."""
+"""Square of a step in its deviations; a shorter one is the last."""
+SURE_LIKENESS, SURE_WAY_CELLS = 0.85, 4
+"""Likeness of a sure fit, and how far at most from its guess: texture may fit elsewhere."""
+SURE_VARIANCES, SURE_OVERLAP = 4, 0.6
+"""Variance of the residual slopes over the stated one below which a fit is sure at any distance,
+and the overlap above which also without a texture in common."""
 MIN_PAIRS = 30
 OPEN_SHARE = 0.25
 """Share of the information on a motion above which noise alone gives it: the motion is open."""
@@ -45,11 +54,14 @@ OPEN_MM = 100.0
 """Standard deviation of an open motion."""
 TURN_COST = 30.0
 """Weight of a turn against a shift; among motions that differ by an open one the least is taken."""
-ZERO_MM = 0.01
+ZERO_MM = 0.007
 """Standard deviation of a height's zero."""
 SLOPE_VARIANCE_RATIO = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
+HELD_BACK_SHARE = 0.04
+"""Share of a tilt that the fit misses (standard deviation): film that hangs over a contact's rim
+and valleys follows a tilt in part."""
 RIM_RINGS = 16
 """Rings of cells along the contact's rim whose deviations are found apart."""
 BLOCK_CELLS = 16
@@ -66,14 +78,14 @@ class Fit(NamedTuple):
     """6 x k, orthonormal: the motions that leave no trace."""
     overlap: float
     """Share of the first surface's touched cells that the second has, too."""
-    misfit: float
-    """Standard deviation of the residual slopes away from the contact's rim."""
     likeness: float
     """Correlation of the slopes, their mean taken out."""
+    sure: bool
+    """Whether the surfaces differ by no more than their errors, or are alike near the guess."""
 
 
 class _Key(NamedTuple):
-    """A level of the first surface; steps are in the units of `to_middle`."""
+    """The first surface; steps are in the units of `to_middle`."""
 
     surface: Surface
     touched: NDArray[np.bool_]
@@ -90,7 +102,7 @@ class _Key(NamedTuple):
     """H x W, how many cells it is to the contact's rim, at most `RIM_RINGS` - 1."""
 
 
-def _key(surface: Surface, to_middle: F8 | None = None, *, rings: bool = False) -> _Key | None:
+def _key(surface: Surface, *, rings: bool) -> _Key | None:
     """Return None where too little is touched."""
     surface = surface.cropped()
     whole = surface.touched.view(np.uint8)
@@ -101,11 +113,10 @@ def _key(surface: Surface, to_middle: F8 | None = None, *, rings: bool = False) 
     z, steepness = (np.where(touched, p, np.float32(0)) for p in (surface.height, steepness))
     place = *surface.places(), z
     ring = np.zeros(touched.shape, np.intp)
-    if to_middle is None:
-        to_middle = _to_middle(place, touched)
     if rings:
         away = cv2.distanceTransform(touched.view(np.uint8), cv2.DIST_L2, 3)
         ring = np.minimum(away, RIM_RINGS - 1).astype(np.intp)
+    to_middle = _to_middle(place, touched)
     jacobian = _jacobian(place, steepness, 1.0, to_middle)
     slopes = _slopes(jacobian, surface.side).reshape(6, -1)
     return _Key(surface, touched, place, steepness, to_middle, jacobian, slopes, ring)
@@ -196,12 +207,7 @@ def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None
 
 
 def fit_motion(
-    first: Surface,
-    second: Surface,
-    guess: F8,
-    factors: tuple[int, ...] = COARSE_FACTORS,
-    *,
-    rings: bool = True,
+    first: Surface, second: Surface, guesses: Iterable[F8], *, rings: bool = True
 ) -> Fit | None:
     """Find the rigid motion that takes the first surface to the second.
 
@@ -209,10 +215,9 @@ def fit_motion(
     ----------
     first, second
         On cells of one size.
-    guess
-        4 x 4; an open motion stays as in the guess.
-    factors
-        Sides of the coarse cells that are tried where the fine ones do not fit.
+    guesses
+        4 x 4, the likeliest first: tried until one leads to a sure fit; else the most alike is
+        taken.  An open motion stays as in the guess.
     rings
         Whether rings along the contacts' rims count by what they err.
 
@@ -224,28 +229,20 @@ def fit_motion(
     key = _key(first, rings=rings)
     if key is None:
         return None
-    fine = [(key, second)]
-    # A small motion needs no coarse cells, on which a fine texture may be taken for its repeat.
-    fit = _fitted(fine, guess)
-    if fit is not None and (fit.likeness > SURE_LIKENESS or _is_noise(fit, first, second)):
-        return fit
-    coarse = ((_key(first.coarser(n), key.to_middle), second.coarser(n)) for n in factors)
-    other = _fitted([(one, now) for one, now in coarse if one] + fine, guess)
-    return max((f for f in (fit, other) if f), key=lambda f: f.likeness, default=None)
+    best = None
+    for guess in guesses:
+        fit = _fitted(key, second, guess)
+        if fit is not None and fit.sure:
+            return fit
+        best = max((f for f in (best, fit) if f), key=lambda f: f.likeness, default=None)
+    return best
 
 
-def _is_noise(fit: Fit, first: Surface, second: Surface) -> bool:
-    """Return whether the residual is no larger than the stated errors of both surfaces."""
-    if first.variance is None or second.variance is None:
-        return False
-    return SLOPE_VARIANCE_RATIO * fit.misfit**2 < 2 * (first.variance + second.variance)
-
-
-def _fitted(levels: list[tuple[_Key, Surface]], guess: F8) -> Fit | None:
-    """The motion, coarse to fine; once more without those that turn out open."""
-    still, key = np.zeros((6, 0)), levels[-1][0]
+def _fitted(key: _Key, now: Surface, guess: F8) -> Fit | None:
+    """The motion; found once more without those that turn out open."""
+    still = np.zeros((6, 0))
     while True:
-        descent = _descend(levels, guess, still)
+        descent = _descend(key, now, guess, still)
         if descent is None:
             return None
         motion, seen = descent
@@ -254,28 +251,53 @@ def _fitted(levels: list[tuple[_Key, Surface]], guess: F8) -> Fit | None:
             break
         still = is_open
     spread = carried(motion) @ key.to_middle
-    overlap = np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched)
-    covariance = spread @ covariance @ spread.T
-    return Fit(motion, covariance, is_open, overlap, float(seen.levels[-1]), _likeness(key, seen))
+    overlap = float(np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched))
+    covariance = spread @ (covariance + _held_back(key, motion)) @ spread.T
+    likeness = _likeness(key, seen)
+    alike = likeness > SURE_LIKENESS
+    sure = (alike and _is_near(key, motion, guess)) or (
+        (alike or overlap > SURE_OVERLAP) and _is_noise(key, now, seen)
+    )
+    return Fit(motion, covariance, is_open, overlap, likeness, sure)
 
 
-def _descend(levels: list[tuple[_Key, Surface]], motion: F8, still: F8) -> tuple[F8, _Seen] | None:
-    """Gauss-Newton, coarse to fine, without the motions `still`, 6 x k and orthonormal."""
+def _is_noise(key: _Key, now: Surface, seen: _Seen) -> bool:
+    """Return whether the residual is about as large as the stated errors of both surfaces."""
+    if key.surface.variance is None or now.variance is None:
+        return False
+    stated = key.surface.variance + now.variance
+    return bool(SLOPE_VARIANCE_RATIO * seen.levels[-1] ** 2 < SURE_VARIANCES * stated)
+
+
+def _is_near(key: _Key, motion: F8, guess: F8) -> bool:
+    """Return whether the contact has moved by few cells in the film's plane."""
+    x, y, *_, turn = np.linalg.solve(key.to_middle, six_numbers(np.linalg.inv(guess) @ motion))
+    return bool(np.hypot(x, y) + abs(turn) / TURN_COST < SURE_WAY_CELLS * key.surface.side)
+
+
+def _held_back(key: _Key, motion: F8) -> F8:
+    """Covariance of what hanging film holds back of a tilt about the contact's middle."""
+    lean = np.zeros(6)
+    lean[3:5] = HELD_BACK_SHARE * six_numbers(motion)[3:5] / key.to_middle[3, 3]
+    return np.outer(lean, lean)
+
+
+def _descend(key: _Key, now: Surface, motion: F8, still: F8) -> tuple[F8, _Seen] | None:
+    """Gauss-Newton without the motions `still`, 6 x k and orthonormal."""
     seen, free = None, null_space(still.T) if still.size else np.eye(6)
-    for key, now in levels:
-        # No residual is known yet: all slopes count alike.
-        deviations = None
-        for _ in range(MAX_STEPS):
-            seen = _see(key, now, motion, deviations)
-            if seen is None:
-                break
-            matrix, gradient = seen.equations(key)
-            matrix += np.eye(6) / OPEN_MM**2
-            step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
-            motion = motion @ small_motion(key.to_middle @ step)
-            if deviations is not None and step @ gradient < MIN_STEP_VARIANCE:
-                break
-            deviations = seen.levels
+    # No residual is known yet: all slopes count alike.
+    deviations = None
+    for _ in range(MAX_STEPS):
+        seen = _see(key, now, motion, deviations)
+        if seen is None:
+            return None
+        matrix, gradient = seen.equations(key)
+        matrix += np.eye(6) / OPEN_MM**2
+        step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
+        motion = motion @ small_motion(key.to_middle @ step)
+        if deviations is not None and step @ gradient < MIN_STEP_VARIANCE:
+            break
+        deviations = seen.levels
     return None if seen is None else (motion, seen)
 
 

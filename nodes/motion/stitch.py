@@ -176,10 +176,7 @@ def _matched(
         least = least_overlap * min(sizes[first], sizes[second]) / sizes[first]
         guesses = likely_motions(coarse[first], coarse[second], turn_deg, least_overlap)
         # Contacts of a few cells, as of small balls, have no ring that is sure.
-        fits = [
-            fit_motion(cells[first], cells[second], guess, (MATCHED_CELLS,), rings=False)
-            for guess in guesses
-        ]
+        fits = [fit_motion(cells[first], cells[second], [guess], rings=False) for guess in guesses]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))

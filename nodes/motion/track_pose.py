@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import cv2
@@ -10,10 +11,12 @@ from annotated_types import Interval
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
+from tactograph.nodes.motion._match_shifts import likely_motions
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
     IN_DEGREES,
     POSE_AXES,
+    Surface,
     carried,
     six_numbers,
     small_motion,
@@ -32,6 +35,10 @@ MAX_CELLS = 15_000
 """Touched cells from which larger ones do."""
 SPARSE_PX = 3
 """Distance of the pixels whose stated variances are looked at."""
+JUMP_CELLS, MAX_JUMPS = 2, 2
+"""Side of the cells on which a jump is looked for, in fine ones, and how many are tried."""
+MAX_JUMP_DEG, MIN_JUMP_OVERLAP = 15.0, 0.3
+"""Largest turn of a jump about z, and the least share of the smaller contact seen after it."""
 OPEN_SHARE = 0.3
 """Share of an axis that lies in the open motions."""
 
@@ -97,7 +104,8 @@ def track_pose(
     TrackedPose
         The pose 6 and its covariance 6 x 6, and figures: ``pose_x_mm``, ``pose_turn_x_deg``,
         ``pose_sd_x_mm`` and so on; ``pose_open``, how many motions are open, and which, as
-        ``pose_open/turn_x``; ``pose_overlap``; ``pose_frames`` since tracking began;
+        ``pose_open/turn_x``; ``pose_overlap``; ``pose_sure``, 0 where frame and key frame differ
+        by more than both err, which is also told; ``pose_frames`` since tracking began;
         ``pose_keys``.
     """
     rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
@@ -122,7 +130,12 @@ def track_pose(
         key = heights
     else:
         kept = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
-    return _tracked(pose, covariance, key, kept, fit.open, shared)
+    if not (fit.sure or fit.open.size):
+        warn(
+            "track_pose: the touched surface differs from the key frame's by more than both err; "
+            "where the figure 'pose_sure' is 0 the pose may be wrong"
+        )
+    return _tracked(pose, covariance, key, kept, fit.open, shared, sure=fit.sure)
 
 
 def _fit(
@@ -134,8 +147,16 @@ def _fit(
     finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
     first = surface_of(key, float(memory[ROW_COUNTS, 2]) or None, pixel).coarser(finest)
     second = surface_of(heights, stated or None, pixel).coarser(finest)
-    fit = fit_motion(first, second, small_motion(memory[ROW_SINCE].astype(np.float64)))
+    fit = fit_motion(first, second, _guesses(first, second, memory[ROW_SINCE]))
     return fit, min(1.0, fit.overlap * before / max(fewest, 1)) if fit else 0.0
+
+
+def _guesses(first: Surface, second: Surface, since: F4) -> Iterator[F8]:
+    """The motion so far, and where the surfaces may be after a jump."""
+    yield small_motion(since.astype(np.float64))
+    one, other = (surface.coarser(JUMP_CELLS) for surface in (first, second))
+    if one.touched.any() and other.touched.any():
+        yield from likely_motions(one, other, MAX_JUMP_DEG, MIN_JUMP_OVERLAP)[:MAX_JUMPS]
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:
@@ -148,11 +169,11 @@ def _begin(heights: F4, stated: float) -> TrackedPose:
     counts = np.array([begins, begins, stated, 0, 0, 0], np.float32)
     memory = _memory(zero, zero[0], zero[0], counts)
     unknown = zero if begins else OPEN_MM**2 * np.eye(6)
-    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), float(begins))
+    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), float(begins), sure=True)
 
 
 def _tracked(
-    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, shared: float
+    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, shared: float, *, sure: bool
 ) -> TrackedPose:
     """The pose in mm and degrees with its figures, and a warning of open motions."""
     pose = IN_DEGREES * six_numbers(motion)
@@ -168,7 +189,7 @@ def _tracked(
     for axis, share in zip(POSE_AXES, np.square(is_open).sum(axis=1), strict=True):
         if share > OPEN_SHARE:
             figures[f"pose_open/{axis.rpartition('_')[0]}"] = 1.0
-    figures["pose_overlap"] = shared
+    figures["pose_overlap"], figures["pose_sure"] = shared, float(sure)
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])
     if is_open.size:
         # The same words in each frame, so that a stream says it once.

@@ -75,25 +75,59 @@ def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
     assert last.figures["pose_sd_x_mm"] < 0.01 * length
 
 
-def test_film_that_hangs_beside_the_contact_holds_no_tilt_back() -> None:
-    motions, state = [moved(0.3 * n, 0.1 * n, 0, 2.0 * n, 0, 3.0 * n) for n in range(2)], ()
+def pose_of_film(
+    motions: list[F8], rng: np.random.Generator | None, variance: F4 | None
+) -> TrackedPose:
+    """The pose after the second of two motions of the coin, through a film that hangs beside it."""
+    state: tuple[F4, ...] = ()
     for motion in motions:
         film = press(pressed(coin, motion).astype(np.float32), PIXEL)
-        found = track_pose(film, find_contact(film), PIXEL, None, *state)
+        if rng is not None:
+            film = seen(film, rng)[0]
+        found = track_pose(film, find_contact(film), PIXEL, variance, *state)
         state = found[2:4]
+    return found
+
+
+def test_film_that_hangs_beside_the_contact_holds_no_tilt_back() -> None:
+    motions = [moved(0.3 * n, 0.1 * n, 0, 2.0 * n, 0, 3.0 * n) for n in range(2)]
+    found = pose_of_film(motions, None, None)
     assert np.all(np.abs(astray(found, motions[1])) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
 
 
 @pytest.mark.parametrize("variance", [STATED, None], ids=["stated", "not stated"])
 def test_the_covariance_is_that_of_the_error(variance: F4 | None) -> None:
-    (_, motion), (first, second) = way(coin, STEP, 1)
-    rng, kept, found = np.random.default_rng(5), [0, 1, 3, 4, 5], []
+    """Film hangs over the contact's rim and valleys, and moves by up to a millimetre and 8 degrees.
+
+    A height's zero is known better here than in general.
+    """
+    rng, kept, apart = np.random.default_rng(5), [0, 1, 3, 4, 5], []
     for _ in range(40):
-        key = track_pose(*seen(first, rng), PIXEL, variance)
-        now = track_pose(*seen(second, rng), PIXEL, variance, *key[2:4])
-        error, spread = astray(now, motion)[kept], now.covariance[np.ix_(kept, kept)]
-        found.append(error @ np.linalg.solve(spread, error) / len(kept))
-    assert 0.5 < np.mean(found) < 1.5
+        motions = [moved(*(rng.uniform(-1, 1, 6) * [0.5, 0.5, 0.02, 1, 1, 4])) for _ in range(2)]
+        found = pose_of_film(motions, rng, variance)
+        off = astray(found, motions[1] @ np.linalg.inv(motions[0]))
+        apart.append((off / np.sqrt(np.diag(found.covariance)))[kept])
+    assert 0.4 < np.mean(np.square(apart)) < 1.4
+    assert np.mean(np.abs(apart) < 1.645, axis=0).min() > 0.85
+
+
+@pytest.mark.parametrize("shift", [(1.2, -0.9), (-1.5, 0.6), (5.0, 0)])
+def test_a_jump_is_found(shift: tuple[float, float]) -> None:
+    """Farther than the finest waves, and turned."""
+    motions = [np.eye(4), moved(*shift, 0, 0.5, -0.5, 10)]
+    found = pose_of_film(motions, np.random.default_rng(5), STATED)
+    assert np.abs(astray(found, motions[1]))[:2].max() < 0.01
+    assert found.figures["pose_sure"] == 1
+
+
+def test_another_object_is_told() -> None:
+    rng, told = np.random.default_rng(5), list[str]()
+    key = track_pose(*seen(pressed(plate, np.eye(4)), rng), PIXEL, STATED)
+    other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)
+    with collect_warnings(told):
+        found = track_pose(*other, PIXEL, STATED, *key[2:4])
+    assert found.figures["pose_sure"] == 0 or found.figures["pose_open"] > 0
+    assert told
 
 
 @pytest.mark.parametrize(
@@ -132,18 +166,17 @@ def test_a_touch_that_ends_begins_anew() -> None:
     assert [each.figures["pose_sd_x_mm"] > 10 for each in found] == [False, False, True, False]
 
 
-def test_a_jump_begins_anew() -> None:
-    surfaces = [pressed(coin, moved(x, 0, 0, 0, 0, 0)) for x in (-3.5, 3.5)]
+def test_a_jump_to_another_part_of_the_object_begins_anew() -> None:
+    surfaces = [pressed(plate, moved(x, 0, 0, 0, 0, 0)) for x in (-20, 20)]
     _, second = track(surfaces)
-    assert second.figures["pose_frames"] == 1
-    assert not second.pose.any()
+    assert second.figures["pose_frames"] == 1 or second.figures["pose_sure"] == 0
 
 
-@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "record", "live_oneshot"])
+@pytest.mark.parametrize("graph", ["precise", "live", "replay", "ros2", "live_oneshot", "paper"])
 def test_the_overlay_fits(graph: str) -> None:
     posed = with_overlays(read_graph(graph), ["pose"])
     assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
-    assert "pose" in posed.nodes["figures"].inputs
+    assert "pose" in posed.nodes["score" if graph == "paper" else "figures"].inputs
 
 
 @pytest.mark.slow
