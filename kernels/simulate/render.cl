@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "extent.clh"
 #define reals float
 #include "coat.clh"
 
@@ -223,34 +224,12 @@ float offset(const int i, const int n)
     return ((float)i + 0.5f) / (float)n - 0.5f;
 }
 
-// The highest point of each row.
-__kernel void row_tops(__global const float *restrict height, __global float *restrict rows,
-                       const int H, const int W)
-{
-    GRID_1(y, H)
-    float top = height[y * W];
-    for (int x = 1; x < W; x++)
-        top = fmax(top, height[y * W + x]);
-    rows[y] = top;
-}
-
-// The highest point of all rows; there are few, so a single work-item suffices.
-__kernel void highest(__global const float *restrict rows, __global float *restrict top,
-                      const int H)
-{
-    GRID_1(i, 1)
-    float found = rows[0];
-    for (int y = 1; y < H; y++)
-        found = fmax(found, rows[y]);
-    top[i] = found;
-}
-
 // The image under each LED, and the labels of those that do not reach the pixel.
 __kernel void render(
     __global const float *restrict height,
     const float pixel,
     __global const float *restrict lights,
-    __global const float *restrict top,
+    __global const float *restrict extent,
     __global float *restrict light,
     __global uchar *restrict labels,
     const int H, const int W, const int K,
@@ -260,7 +239,7 @@ __kernel void render(
     const float albedo, const float camera_mm)
 {
     GRID_2(y, x, H, W)
-    const Surface surface = {height, H, W, pixel, top[0]};
+    const Surface surface = {height, H, W, pixel, extent[0]};
     const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm};
     const float gain = exposure(surface, lights, K, distant, level);
     const int points = led_size_mm > 0.0f ? rays : 1;

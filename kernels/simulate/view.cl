@@ -1,4 +1,5 @@
 #include "common.clh"
+#include "extent.clh"
 
 #define BISECTION_STEPS 24
 
@@ -46,33 +47,6 @@ int met(const Scene s, const float u, const float v, const float z)
 {
     const float2 at = place_at(s, u, v, z);
     return bilinear(s.height, between(at.x, at.y, s.H, s.W), s.W) >= z;
-}
-
-// The highest and the lowest point of each row.
-__kernel void row_ends(
-    __global const float *restrict height, __global float *restrict rows, const int H, const int W)
-{
-    GRID_1(y, H)
-    float top = height[y * W], bottom = top;
-    for (int x = 1; x < W; ++x) {
-        top = fmax(top, height[y * W + x]);
-        bottom = fmin(bottom, height[y * W + x]);
-    }
-    rows[y] = top;
-    rows[H + y] = bottom;
-}
-
-// The extremes of all rows; there are few, so a single work-item suffices.
-__kernel void ends(__global const float *restrict rows, __global float *restrict out, const int H)
-{
-    GRID_1(i, 1)
-    float top = rows[0], bottom = rows[H];
-    for (int y = 1; y < H; ++y) {
-        top = fmax(top, rows[y]);
-        bottom = fmin(bottom, rows[H + y]);
-    }
-    out[0] = top;
-    out[1] = bottom;
 }
 
 // Images and ground truth as seen by a camera with a pupil and a lens.

@@ -216,13 +216,13 @@ def render(
 def _launch(launch: Launch) -> None:
     size = launch.sizes["H"], launch.sizes["W"]
     height, pixel, lights = (launch.inputs[name] for name in ("height", "pixel", "lights"))
-    rows, top = launch.scratch(size[:1]), launch.scratch((1,))
-    launch.kernel("row_tops", size[:1], height, rows, *size)
-    launch.kernel("highest", (1,), rows, top, size[0])
+    rows, ends = launch.scratch((2 * size[0],)), launch.scratch((2,))
+    launch.kernel("row_ends", size[:1], height, rows, *size)
+    launch.kernel("ends", (1,), rows, ends, size[0])
     images = launch.outputs["light"], launch.outputs["labels"]
     sizes = *size, launch.sizes["K"]
     settings = (launch.settings[name] for name in render.parameters)
-    launch.kernel("render", size, height, pixel, lights, top, *images, *sizes, *settings)
+    launch.kernel("render", size, height, pixel, lights, ends, *images, *sizes, *settings)
 
 
 @render.example
