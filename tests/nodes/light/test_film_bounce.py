@@ -283,3 +283,12 @@ def test_without_the_bounce_a_ray_tracer_s_film_is_the_one_without(scene: str, m
     calm = (cells(steep) == 0) & (cells(height) > 0.02)
     assert rms(seen - alone) > 5 * most
     assert rms(seen - bounced - alone) < most
+
+
+def test_drawn_from_above_a_matt_film_is_lit_as_under_a_distant_camera() -> None:
+    height = bump()
+    near, far = film(0.7)._replace(camera=1 / 30), film(0.7)
+    found = film_bounce(ones(height), height, near, PIXEL, from_above=True)
+    np.testing.assert_array_equal(found, film_bounce(ones(height), height, far, PIXEL))
+    seen = film_bounce(ones(height), height, near, PIXEL)
+    assert np.abs(seen - found).max() > 0.02 * found.max()
