@@ -2,10 +2,12 @@
 
     python benchmarks/bench.py --out bench
     python benchmarks/bench.py --graphs paper,reconstruct --sizes 640x480 --tables 117000
-    python benchmarks/bench.py --films all --graphs paper,reconstruct --sizes 640x480 --tables 0
+    python benchmarks/bench.py --films all --sizes 320x240,640x480 --tables 0 --devices Portable \
+        --graphs paper,reconstruct,precise,precise:height+error+shadow+confidence
     python benchmarks/bench.py --films soft,hand --graphs see_touch --sizes 640x480 --tables 0
 
-Times are from host images in memory to host height in memory.  Captures are simulated; tables
+Times are from host images in memory to host height in memory, or to the outputs that stand after a
+graph's name; of a stream, how many a second.  Captures are simulated; tables
 are drawn from the calibration's own entries, or extended by jittered copies (0: as they are).
 Time hangs on film, noise and table, and on how many pixels need LEDs left out: there are several
 films, and each row has the share of pixels in shadow.  Each case runs in its own process, in
@@ -31,6 +33,7 @@ import click
 import cv2
 import numpy as np
 from literal import Literal
+from precise import HARD, calibrated, enlarged, prepare
 
 from tactograph.graph import load
 from tactograph.graph.backends.devices import find_devices
@@ -78,6 +81,7 @@ class Film(NamedTuple):
     sensor: Mapping[str, float] = {}
 
 
+NEAR = "near_cat"
 HAND = {"rise_mm": 2.0, "lens_at_corner": 0.0}
 FILMS = {
     "noisy": Film(),
@@ -92,9 +96,11 @@ FILMS = {
         pressed={"film.reach_mm": 0.0, "film.skin_mm": 0.0},
         sensor={"camera_mm": 65.0},
     ),
+    NEAR: Film(),
 }
 """Half balls that stand uncovered: with a camera's noise, a sixth of a grey level, and 0.7 without
-a flat frame; a ball pressed into soft film; one pressed into a coated film that lights itself."""
+a flat frame; a ball pressed into soft film; one pressed into a coated film that lights itself.  A
+rigid cat under near LEDs, of 640 x 480, is that of `precise.py`."""
 
 
 @click.command()
@@ -122,8 +128,11 @@ def main(
         print(json.dumps(measure(**json.loads(one))))
         return
     names = graphs.split(",") if graphs else takers()
+    out.mkdir(exist_ok=True)
     rows = former(out / "bench.json")
     for film, size in product(FILMS if films == "all" else films.split(","), sizes.split(",")):
+        if film == NEAR and size != "640x480":
+            continue
         stack = capture(out, film, size)
         for table in map(int, tables.split(",")):
             file = calibration(out, film, size, table)
@@ -180,6 +189,9 @@ def simulated(
 def capture(out: Path, film: str, size: str) -> str:
     """A capture of a film, as an array file; large ones enlarged, noise drawn anew."""
     width, height = map(int, size.split("x"))
+    if film == NEAR:
+        prepare(HARD, out)
+        return str(out / "frames.npy")
     rendered = size if width * height <= MOST_RENDERED else "640x480"
     folder = simulated(out / f"{film}_{rendered}", film, rendered, 3, FILMS[film].capture)
     images = [cv2.imread(str(f), cv2.IMREAD_UNCHANGED) for f in sorted(folder.glob("led*.png"))]
@@ -190,17 +202,11 @@ def capture(out: Path, film: str, size: str) -> str:
     return str(out / f"{film}_{size}.npy")
 
 
-def enlarged(image: Any, size: tuple[int, int], rng: np.random.Generator) -> Any:
-    """An image with more pixels and as much noise in each."""
-    level = np.diff(image[:40].astype(np.float32), axis=1).std() / np.sqrt(2)
-    smooth = cv2.resize(cv2.GaussianBlur(image, (0, 0), 2), size).astype(np.float32)
-    noisy = smooth + level * rng.standard_normal(smooth.shape, np.float32)
-    return np.clip(np.round(noisy), 0, np.iinfo(image.dtype).max).astype(image.dtype)
-
-
 def calibration(out: Path, film: str, size: str, entries: int) -> str:
     """The calibration of 640 x 480 with another table, its flat image brought to `size`."""
     first, made = out / f"cal_{film}.npz", FILMS[film]
+    if film == NEAR:
+        return str(calibrated(HARD, out))
     if not first.is_file():
         presses = out / f"{film}_presses"
         for number, place in enumerate(made.places, start=1):
@@ -215,8 +221,11 @@ def calibration(out: Path, film: str, size: str, entries: int) -> str:
         }
         if made.has_flat:
             given["flat"] = str(simulated(out / f"{film}_flat", film, "640x480", 2))
+        start = time.process_time()
         for _ in open_pipeline("calibrate", given).items():
             pass
+        spent = time.process_time() - start
+        print(f"{film:>8} calibrate: {spent:.1f} s of the processor", flush=True)
     with np.load(first, allow_pickle=False) as found:
         cal = dict(found)
     rng = np.random.default_rng(0)
@@ -251,10 +260,12 @@ def in_own_process(case: dict[str, Any], seconds: float) -> dict[str, Any]:
 def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict[str, Any]:
     """Milliseconds of one case: on the wall, and of the processor by the cores there are."""
     images = np.load(stack)
+    graph, _, more = graph.partition(":")
     start = time.perf_counter()
     where = {"backend": device} if device == "numpy" else {"device": device}
     forwards = graph == "see_touch"
-    pipeline = load(graph, calibration=file, outputs=["image" if forwards else "height"], **where)
+    outputs = more.split("+") if more else ["image" if forwards else "height"]
+    pipeline = load(graph, calibration=file, outputs=outputs, **where)
     given = {"frames": images}
     if forwards:
         given = {"height": np.load(Path(stack).with_suffix("") / "truth_height_mm.npy")}
@@ -275,7 +286,10 @@ def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict
             settle(lambda: pipeline(**given))
         for _ in range(5 if literal or forwards else 1):
             ours.append(timed(lambda: nodes.append(pipeline(**given).times)))
+    many = 2 + int(1e3 / median(wall for wall, _ in ours))
+    stream, _ = timed(lambda: list(pipeline.stream(given for _ in range(many))))
     row: dict[str, Any] = {
+        "per_second": 1e3 * many / stream,
         "first_ms": first,
         "peak_mib": peak,
         "buffers": [allocated, pipeline.buffers],
@@ -318,6 +332,7 @@ def as_line(row: dict[str, Any]) -> str:
     ratio = f", {row['ratio']:.1f} x ({row['cpu_ratio']:.1f} x by CPU)" if "ratio" in row else ""
     return (
         f"{head}: {row['ms']:.1f} ms ({row['cpu_ms']:.1f} by CPU){ratio}, "
+        f"{row['per_second']:.0f} /s, "
         f"{row.get('shadow_percent', 0):.0f} % in shadow, "
         f"first {row['first_ms']:.0f} ms, {row['peak_mib']:.0f} MiB"
     )

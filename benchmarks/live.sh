@@ -1,7 +1,8 @@
 #!/bin/sh
 # A sensor made of software, pressed by a moving ball, reconstructed as it runs: 640 x 480
 # pixels, 30 camera frames a second, or RATE.  live.sh FOLDER [SECONDS]; without SECONDS until
-# Ctrl-C.
+# Ctrl-C.  COAT=1 takes the time of a coated film that lights itself; heights are wrong then, since
+# the camera shows a matt one.
 set -e
 tactograph=${TACTOGRAPH:-tactograph}
 out=$1
@@ -16,6 +17,14 @@ if [ ! -f "$out/cal.npz" ]; then
     $tactograph run calibrate capture="$out/ball" flat="$out/flat" ball_radius_mm=7 \
         pixel_size_mm=0.0357142857 out="$out/cal.npz" --quiet
 fi
+calibration="$out/cal.npz"
+if [ -n "$COAT" ]; then
+    calibration="$out/coat.npz"
+    ${PYTHON:-python} -c "
+import numpy as np
+coat = dict(base=0.7, roughness=0.2, refraction=1.5, albedo=0.7, rim=2, camera=1 / 65)
+np.savez('$calibration', **dict(np.load('$out/cal.npz')) | {n: np.float32(v) for n, v in coat.items()})"
+fi
 echo "--- live: LEDs flash, the camera runs, a ball moves; Ctrl-C ends it"
-exec $tactograph run live calibration="$out/cal.npz" camera="$camera" port=simulated \
+exec $tactograph run live calibration="$calibration" camera="$camera" port=simulated \
     rate="${RATE:-30}" seconds="${2:-null}" out="$out" --quiet

@@ -123,7 +123,8 @@ def prepare(name: str, folder: Path) -> None:
     """Write a capture at twice its size."""
     rng = np.random.default_rng(5)
     files = sorted((DATA / name).glob("led*.png"))
-    np.save(folder / "frames.npy", np.stack([twice(cv2.imread(str(f), -1), rng) for f in files]))
+    images = [enlarged(cv2.imread(str(f), -1), (640, 480), rng) for f in files]
+    np.save(folder / "frames.npy", np.stack(images))
 
 
 def calibrated(name: str, folder: Path) -> Path:
@@ -144,10 +145,11 @@ def calibrated(name: str, folder: Path) -> Path:
     return file
 
 
-def twice(image: Any, rng: np.random.Generator) -> Any:
-    """An image with twice as many pixels along both axes, and as much noise in each."""
+def enlarged(image: Any, size: tuple[int, int], rng: np.random.Generator) -> Any:
+    """An image with more pixels along both axes, and as much noise in each."""
     level = np.diff(image[:40].astype(np.float32), axis=1).std() / np.sqrt(2)
-    smooth = cv2.resize(cv2.GaussianBlur(image, (0, 0), 1), None, fx=2, fy=2).astype(np.float32)
+    smooth = cv2.GaussianBlur(image, (0, 0), size[0] / image.shape[1] / 2)
+    smooth = cv2.resize(smooth, size).astype(np.float32)
     noisy = smooth + level * rng.standard_normal(smooth.shape, np.float32)
     return np.clip(np.round(noisy), 0, np.iinfo(image.dtype).max).astype(image.dtype)
 

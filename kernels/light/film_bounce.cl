@@ -1,4 +1,5 @@
 #include "common.clh"
+#pragma OPENCL FP_CONTRACT ON
 #include "lanes.clh"
 #include "group.clh"
 #include "near_light.clh"

@@ -26,7 +26,7 @@ from tactograph.nodes.optics.radiosity import (
     larger_cells,
     means,
 )
-from tactograph.nodes.optics.sweep import arriving, matt
+from tactograph.nodes.optics.sweep import arriving, azimuth_directions, matt
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -180,11 +180,14 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
         work = run.in_lanes(every)
         run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     bounced = run.scratch((count, grid.rows, grid.columns))
+    ways = run.keep(
+        ("azimuths", grid.azimuths), lambda: run.upload(azimuth_directions(grid.azimuths))
+    )
     run.kernel(
         "throw_light", run.in_row_lanes(grid.rows, grid.columns),
         table, sources, bounced, *coat,
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
-        camera, grid.azimuths, inputs["film.albedo"], larger,
+        camera, ways, grid.azimuths, inputs["film.albedo"], larger,
         local=(run.group,), constants=constants,
     )  # fmt: skip
     return bounced

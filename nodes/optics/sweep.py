@@ -16,7 +16,6 @@ a plane is a line of the image.  ``kernels/headers/sweep.clh`` holds the same.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -95,10 +94,15 @@ class _Looking(NamedTuple):
 def _seen(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
     """Return the pairs of cells that see one another along one of the grid's azimuths."""
     frame = slice(None), *grid.frame
-    turn = 2 * math.pi * (number + 0.5) / grid.azimuths
-    azimuth = math.cos(turn), math.sin(turn)
-    on = _looking(cells.at[frame], cells.normal[frame], azimuth, camera)
-    return _sight(on, grid, _steps(grid, *azimuth), np.float32(camera))
+    x, y = azimuth_directions(grid.azimuths)[number]
+    on = _looking(cells.at[frame], cells.normal[frame], (x, y), camera)
+    return _sight(on, grid, _steps(grid, x, y), np.float32(camera))
+
+
+def azimuth_directions(count: int) -> F4:
+    """Return x and y of the azimuths that cells look along: count x 2."""
+    turn = 2 * np.pi * (np.arange(count) + 0.5) / count
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
 
 
 def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) -> _Looking:
