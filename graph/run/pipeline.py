@@ -1,11 +1,9 @@
 """A graph that is ready to run: called with arrays, or gone through item by item."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import repeat
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -344,9 +342,7 @@ class Pipeline:
     @property
     def stage(self) -> str:
         """The step that runs now, for another thread to show; "" between items."""
-        name = self._runner.stage
-        task = self.plan.tasks.get(name)
-        return name if task is None else f"{name} ({task.node.name})"
+        return self._runner.stage_in_words
 
     @property
     def endless(self) -> bool:
@@ -393,7 +389,7 @@ class Pipeline:
             if running is not None:
                 stack.callback(running.close)
 
-    def __enter__(self) -> Pipeline:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -51,6 +51,16 @@ class StepRunner:
         self.trace: Trace | None = None
         self._sized: dict[str, Sized] = {}
 
+    @property
+    def stage_in_words(self) -> str:
+        """The step that runs now, counted if it is one outside the stream."""
+        name, plan = self.stage, self.plan
+        if name not in plan.tasks:
+            return name
+        once = [step.name for step in plan.steps if step.kind == "run" and not step.stream]
+        place = f", {once.index(name) + 1} of {len(once)}" if name in once else ""
+        return f"{name} ({plan.tasks[name].node.name}){place}"
+
     def walk(
         self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
     ) -> Known:

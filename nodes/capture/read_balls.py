@@ -113,7 +113,7 @@ def read_balls(
     ]
     known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
-        np.concatenate([capture.image for capture in captures], axis=1),
+        np.concatenate([each.image for each in captures], axis=1) if captures[1:] else first,
         first,
         np.asarray(radii, np.float32),
         np.asarray(known, np.float32),

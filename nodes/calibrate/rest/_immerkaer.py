@@ -2,9 +2,9 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve
 
 from tactograph.nodes import F4
 
@@ -18,7 +18,7 @@ def responses(plane: F4, apart: int = 1) -> F4:
     """Magnitude of the mask's response to an image (H x W), with its taps `apart` pixels apart."""
     taps = np.zeros(2 * apart + 1, np.float32)
     taps[::apart] = MASK_TAPS
-    return np.abs(convolve(plane, np.outer(taps, taps), mode="nearest"))
+    return np.abs(cv2.sepFilter2D(plane, -1, taps, taps, borderType=cv2.BORDER_REPLICATE))
 
 
 def variances(left: F4) -> NDArray[Any]:

@@ -33,7 +33,7 @@ def estimate_noise(image: Light) -> Noise:
         Length 2.
     """
     left = np.stack([responses(plane) for plane in image])
-    number = np.digitize(image, LIGHT_LEVELS)
+    number = np.stack([np.digitize(plane, LIGHT_LEVELS).astype(np.uint8) for plane in image])
     rows, squares, weights = [], [], []
     for level in range(1, len(LIGHT_LEVELS)):
         chosen = number == level

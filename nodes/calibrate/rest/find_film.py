@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import cv2
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, U1, Light, Mask
@@ -62,8 +63,10 @@ def find_film(
             f"the film fills {area.mean():.0%} of the frame: pixels without light are left out "
             "(crop=x0,y0,x1,y1 would keep the images small)"
         )
-    continued = np.stack([_continued(plane, area) for plane in flat])
-    return FilmArea(np.where(area != 0, flat, continued), area)
+    continued = flat.copy()
+    for plane in continued:
+        plane[area == 0] = _continued(plane, area)
+    return FilmArea(continued, area)
 
 
 def _area(flat: Light, dark: float, margin_px: int) -> U1:
@@ -88,18 +91,21 @@ def _area(flat: Light, dark: float, margin_px: int) -> U1:
 
 
 def _continued(plane: F4, area: U1) -> F4:
-    """The light of an LED over the whole frame, continued from the film."""
-    height, width = plane.shape
-    y, x = np.mgrid[:height, :width] / np.float64(max(height, width)) - 0.5
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    """The light of an LED where there is no film, continued from the film."""
     inside = np.flatnonzero(area)
     inside = inside[:: 1 + inside.size // MAX_FIT_PIXELS]
     light = plane.ravel()[inside]
     low, high = np.percentile(light, [1, 99])
     logs = np.log(np.clip(light, max(low, 1e-4), None))
-    coefficients = np.linalg.lstsq(terms.reshape(6, -1)[:, inside].T, logs, rcond=None)[0]
-    logs = np.tensordot(coefficients, terms, axes=1)
+    coefficients = np.linalg.lstsq(_terms(inside, area.shape).T, logs, rcond=None)[0]
+    logs = coefficients @ _terms(np.flatnonzero(area == 0), area.shape)
     light = np.exp(
         np.clip(logs, *np.log([max(low, 1e-4) / MAX_CONTINUED_RATIO, high * MAX_CONTINUED_RATIO]))
     )
     return np.asarray(light, np.float32)
+
+
+def _terms(places: NDArray[np.intp], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """The polynomial's terms at places of the frame, counted row by row."""
+    y, x = (each / max(shape) - 0.5 for each in np.unravel_index(places, shape))
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])

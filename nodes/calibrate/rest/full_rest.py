@@ -52,4 +52,5 @@ def full_rest(
         size = (columns, rows)
         model = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in binned]
         return Rest(np.stack(model), dark + ambient)
-    return Rest(np.maximum(flat - ambient, np.float32(0)), dark + ambient)
+    above = flat - ambient
+    return Rest(np.maximum(above, np.float32(0), out=above), dark + ambient)

@@ -62,11 +62,11 @@ def noise_correlation(
     black = np.zeros(flat.shape[1:], np.float32)
     ratios = []
     for press in cut(image, flat.shape[1]):
-        light, sigma = flat_field(press, flat, black), light_noise(press, flat, noise)
-        for seen, relative, camera in zip(press, light, sigma, strict=True):
-            lit = _in_tiles((seen > LIGHT_LEVELS[0]) & (seen < LIGHT_LEVELS[-1]), TILE_PX).all(
-                axis=1
-            )
+        for seen, rest in zip(press[:, None], flat[:, None], strict=True):
+            (relative,), (camera,) = flat_field(seen, rest, black), light_noise(seen, rest, noise)
+            lit = _in_tiles(
+                (seen[0] > LIGHT_LEVELS[0]) & (seen[0] < LIGHT_LEVELS[-1]), TILE_PX
+            ).all(axis=1)
             asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MAX_TILES]
             alone = camera**2 + (grain * relative) ** 2
             expected = _in_tiles(alone, TILE_PX)[asked].mean(axis=1)

@@ -15,6 +15,7 @@ from tactograph.graph.errors import DeviceError
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.source_stream import SourceStream
+from tactograph.graph.run.step_runner import StepRunner
 from tests.graph.conftest import SLOPES, STREAM, WAITING, added, graph_of, lit_by
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -52,6 +53,22 @@ def test_nothing_is_being_done_while_a_source_waits(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(SourceStream, "next", lambda stream: stages.append(pipeline.stage))
     assert list(pipeline.items()) == []
     assert stages == [""]
+
+
+def test_a_step_outside_the_stream_is_counted_where_it_is_shown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    still = "  still: {op: untouched_film, in: {flat: cal.flat}}"
+    pipeline = opened(added(still, "still: still.height"))
+    stages: list[str] = []
+    call = StepRunner._call
+    monkeypatch.setattr(StepRunner, "_call", lambda *of: stages.append(pipeline.stage) or call(*of))
+    next(pipeline.items())
+    assert stages[:3] == [
+        "cal (at_rest), 1 of 2",
+        "still (untouched_film), 2 of 2",
+        "light (flat_field)",
+    ]
 
 
 @BACKENDS

@@ -1,9 +1,14 @@
 """What neighbouring pixels share of the noise, on images whose noise is known."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rest.estimate_noise import estimate_noise
+from tactograph.nodes.calibrate.rest.find_film import find_film
+from tactograph.nodes.calibrate.rest.full_rest import full_rest
 from tactograph.nodes.calibrate.rest.noise_correlation import noise_correlation
 
 SIGMA = 0.004
@@ -67,3 +72,22 @@ def test_black_and_saturated_film_says_nothing(light: float) -> None:
 def test_an_image_of_few_tiles_says_nothing(rows: int, columns: int) -> None:
     image = (FLAT + shared_by_two(white()))[:, :rows, :columns]
     assert noise_correlation(image, FLAT[:, :rows, :columns], OWN, 0.0) == 1
+
+
+def test_megapixels_take_little_memory_beside_themselves() -> None:
+    """What is held at most, in multiples of the image, and who holds it."""
+    image = np.random.default_rng(0).normal(0.5, 0.01, (6, 512, 512)).astype(np.float32)
+    housed, dark, small = image.copy(), 0 * image[0], image[:, ::4, ::4].copy()
+    housed[:, :, :80] = 0.001
+    runs = {
+        3.7: lambda: estimate_noise(image),
+        2.4: lambda: find_film(housed),
+        1.7: lambda: noise_correlation(image, image, np.float32([0, 1e-4]), 0.0),
+        1.6: lambda: full_rest(image, dark, small, 0 * small[0]),
+    }
+    for most, run in runs.items():
+        tracemalloc.start()
+        run()
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < most * image.nbytes, most
