@@ -189,8 +189,12 @@ def _moved(place: F8, cells: _Cells, table: tuple[F8, ...]) -> tuple[F8, F8]:
     """The way of M places in mm by shears of 1 kPa, 2 M x 2 N, and pressures, 2 M x N."""
     away = place[:, None] - cells.place
     distance = np.hypot(away[..., 0], away[..., 1])
+    # Squares of an even scale are the table's distances: one search for all columns.
+    row = np.sqrt(distance / table[0][-1]) * (TABLE_STEPS - 1)
+    row = np.minimum(row.astype(np.intp), TABLE_STEPS - 2)
+    share = (distance - table[0][row]) / np.diff(table[0])[row]
     near, turned, aside = (
-        np.interp(distance, table[0], column) * cells.area for column in table[1:]
+        (column[row] + share * np.diff(column)[row]) * cells.area for column in table[1:]
     )
     u, v = np.moveaxis(away, 2, 0) / np.maximum(distance, 1e-9)
     both = 2 * turned * u * v
@@ -216,17 +220,20 @@ def _likeliest(answer: F8, drag: F8, cells: _Cells, sums: F8, error: float) -> t
     radius = np.sqrt(np.bincount(cells.number, cells.area) / np.pi)[cells.number]
     alike = np.exp(-apart / radius) * (cells.number[:, None] == cells.number)
 
-    def prior(rows: F8) -> F8:
-        return np.asarray((rows.reshape(-1, len(alike)) @ alike).reshape(rows.shape))
+    root = np.linalg.cholesky(alike)
 
-    carried = prior(answer)
-    spread = carried @ answer.T
+    def rooted(rows: F8) -> F8:
+        return np.asarray((rows.reshape(-1, len(root)) @ root).reshape(rows.shape))
+
+    carried, summed = rooted(answer), rooted(sums)
+    spread = carried @ carried.T
     noise = error**2 * len(drag)
     # Less than the noise may feign is not told from none.
     size = max(drag @ drag - noise, noise * np.sqrt(2 / len(drag))) / np.trace(spread)
     factor = cho_factor(size * spread + error**2 * np.eye(len(drag)), overwrite_a=True)
-    known = size * carried @ sums.T
+    known = size * carried @ summed.T
     solved = cho_solve(factor, np.column_stack([drag, known]))
     misfit = max(1.0, float(drag @ solved[:, 0]) / len(drag))
-    left = size * np.sum(prior(sums) * sums, axis=1) - np.sum(known * solved[:, 1:], axis=0)
-    return size * solved[:, 0] @ carried, np.sqrt(misfit * left)
+    left = size * np.sum(summed**2, axis=1) - np.sum(known * solved[:, 1:], axis=0)
+    shear = size * (solved[:, 0] @ carried).reshape(2, -1) @ root.T
+    return shear.ravel(), np.sqrt(misfit * left)

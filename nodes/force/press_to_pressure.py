@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
+from scipy.sparse.linalg import LinearOperator, cg
 
 from tactograph.graph import Port, node, warn
 from tactograph.graph.cores import cores
@@ -21,6 +22,8 @@ Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 Array = NDArray[np.float64]
 NEWTONS_PER_KPA_MM2 = 1e-3
 """A kPa mm^2 in newtons."""
+ENOUGH_SHARE = 1e-6
+"""Share of the load that is left when conjugate gradients end early."""
 MAX_STRAIN = 0.3
 """Depth over thickness above which a linear layer is too soft."""
 MAX_BORDER_SHARE = 0.01
@@ -134,19 +137,13 @@ def _solve(load: F4, weight: F4, inside: F4, steps: int) -> F4:
 
     `inside` is each cell's share of contact.
     """
-    plane, left = np.zeros_like(load), load.copy()
-    direction, square = left.copy(), float(np.sum(left * left))
-    enough = 1e-12 * square
-    for _ in range(steps):
-        if square <= enough:
-            break
-        moved = inside * _filtered(inside * direction, weight)
-        length = square / float(np.sum(direction * moved))
-        plane += length * direction
-        left -= length * moved
-        before, square = square, float(np.sum(left * left))
-        direction = left + square / before * direction
-    return plane
+
+    def moved(plane: F4) -> F4:
+        return inside * _filtered(inside * plane.reshape(load.shape), weight)
+
+    operator = LinearOperator((load.size, load.size), moved, dtype=np.float32)
+    plane, _ = cg(operator, load.ravel(), rtol=ENOUGH_SHARE, maxiter=steps)
+    return np.asarray(plane.reshape(load.shape), np.float32)
 
 
 def _deviation(sensitivity: F4, k: Array) -> float:

@@ -36,13 +36,7 @@ def likely_motions(
     for turn in np.arange(-turns, turns + 1) * STEP_DEG:
         one = [plane.conj() for plane in _transforms(first, float(turn), size)]
         overlap, alike, mine, its = (
-            irfft2(a * b, size)
-            for a, b in (
-                (one[0], others[0]),
-                (one[1], others[1]),
-                (one[2], others[0]),
-                (one[0], others[2]),
-            )
+            irfft2(one[a] * others[b], size) for a, b in ((0, 0), (1, 1), (2, 0), (0, 2))
         )
         # Correlation times the root of what overlaps: how unlikely it is by chance.
         sure = alike / np.sqrt(np.maximum(mine * its, 1e-9)) * np.sqrt(np.maximum(overlap, 0))
