@@ -44,6 +44,8 @@ MIN_STEP_VARIANCE = 0.5
 """Square of a step in its deviations; a shorter one is the last."""
 SURE_LIKENESS, SURE_WAY_CELLS = 0.85, 4
 """Likeness of a sure fit, and how far at most from its guess: texture may fit elsewhere."""
+JUMP_LIKENESS = 0.5
+"""Likeness below which only the first guess leads anywhere."""
 SURE_VARIANCES, SURE_OVERLAP = 4, 0.6
 """Variance of the residual slopes over the stated one below which a fit is sure at any distance,
 and the overlap above which also without a texture in common."""
@@ -217,7 +219,7 @@ def fit_motion(
         On cells of one size.
     guesses
         4 x 4, the likeliest first: tried until one leads to a sure fit; else the most alike is
-        taken.  An open motion stays as in the guess.
+        taken, or the first where none is alike.  An open motion stays as in the guess.
     rings
         Whether rings along the contacts' rims count by what they err.
 
@@ -229,12 +231,14 @@ def fit_motion(
     key = _key(first, rings=rings)
     if key is None:
         return None
-    best = None
+    best, least = None, -np.inf
     for guess in guesses:
         fit = _fitted(key, second, guess)
         if fit is not None and fit.sure:
             return fit
-        best = max((f for f in (best, fit) if f), key=lambda f: f.likeness, default=None)
+        if fit is not None and fit.likeness > least:
+            best = fit
+        least = max(best.likeness if best else least, JUMP_LIKENESS)
     return best
 
 
