@@ -30,7 +30,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.real_film import PIXEL_MM, ROOT, measure, row, run
+from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure, row, run
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
@@ -53,7 +53,6 @@ COIN, COIN_MODEL = (
     SCANS / "handheld/japanese-coin-001",
     SCANS / "handheld/model-test1.yaml",
 )
-RADIUS_MM = {"balls_1": 0.2465, "balls_2": 0.2475}
 FIELD_MM, FIELD_RADIUS_MM = 0.015, 6.3
 """How far the coin's field lies from its plane at most, and how far it reaches."""
 DEVICES = "series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"
@@ -92,7 +91,7 @@ def show_balls(_: Path | None) -> None:
                 capture=GRIDS / other,
                 flat=GRIDS / "flat",
                 start=MODEL,
-                ball_radius_mm=RADIUS_MM[other],
+                ball_radius_mm=RADIUS_MM,
                 ball_pitch_mm=1.0,
                 out=file,
             )
