@@ -5,8 +5,6 @@ python benchmarks/scale.py --out scale --captures 200  # a quick look
 python benchmarks/scale.py --out truths --truths       # captures with their truth beside them
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os
@@ -22,7 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -200,7 +198,7 @@ class Machines:
         self.scheduler = self._scheduler()
         self.workers = [self._worker() for _ in range(workers)]
 
-    def __enter__(self) -> Machines:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

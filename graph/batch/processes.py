@@ -1,13 +1,11 @@
 """Workers on this machine: a pool of processes that survives the death of any of them."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import chain, islice
-from typing import Any
+from typing import Any, Self
 
 from tactograph.graph.batch.fork_server import hand_over, start_processes, stop_processes
 from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
@@ -37,7 +35,7 @@ class Processes:
         self._idle = idle
         self.name = f"{number} processes"
 
-    def __enter__(self) -> Processes:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -4,13 +4,11 @@ Its PIO programs run cycle by cycle, so that steps, on-times and pulses are know
 microsecond.
 """
 
-from __future__ import annotations
-
 import builtins
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -182,7 +180,7 @@ class Pin(int):
 
     OUT = 1
 
-    def __new__(cls, number: int, mode: int = 0, value: int = 0) -> Pin:
+    def __new__(cls, number: int, mode: int = 0, value: int = 0) -> Self:
         return super().__new__(cls, number)
 
 

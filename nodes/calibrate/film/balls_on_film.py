@@ -1,10 +1,8 @@
 """Samples of balls pressed into a film, and their light by equation F1."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +42,7 @@ class Balls:
         """The unit for holding out samples: their ball, or the slice of a single ball."""
         return self.ball if len(self.centre) > 1 else self.sector
 
-    def only(self, chosen: NDArray[np.bool_]) -> Balls:
+    def only(self, chosen: NDArray[np.bool_]) -> Self:
         """Return some of the samples; balls without samples remain."""
         return replace(
             self,
@@ -114,7 +112,7 @@ class Fitted(NamedTuple):
     shifts: F8
     scale: float
 
-    def with_leds(self, leds: F8) -> Fitted:
+    def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
         ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
         lights = ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM)

@@ -6,9 +6,7 @@ the shared unknowns, so the shifts are eliminated ball by ball (Schur's compleme
 as for a hundred.
 """
 
-from __future__ import annotations
-
-from typing import NamedTuple, cast
+from typing import NamedTuple, Self, cast
 
 import numpy as np
 
@@ -78,7 +76,7 @@ class _Problem(NamedTuple):
         """Weight of a sample."""
         return min(1, MAX_INDEPENDENT_SAMPLES / max(self.balls.u.size, 1))
 
-    def judged(self, now: Fitted) -> _Problem:
+    def judged(self, now: Fitted) -> Self:
         """Return the problem with the standard deviations of the residuals of `now`."""
         certain = LIGHT_DEVIATION
         if self.rest is not None:

@@ -1,11 +1,10 @@
 """Convert host time to the controller's clock, and find which LED is lit then."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Self
 
 WINDOW_S = 10.0
 """Seconds for which bounds on the controller's clock are used."""
@@ -88,6 +87,6 @@ class Course:
             return self.order[0]
         return self.order[math.floor((time - self.start) / self.step) % len(self.order)]
 
-    def moved(self, start: float) -> Course:
+    def moved(self, start: float) -> Self:
         """The same course with a cycle that began at `start`."""
         return replace(self, start=start)

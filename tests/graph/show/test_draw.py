@@ -1,11 +1,9 @@
 """Pictures of a plan: DOT, Mermaid and SVG."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
-from typing import NamedTuple
+from typing import NamedTuple, Self
 from xml.etree import ElementTree
 
 import pytest
@@ -154,11 +152,11 @@ class Box(NamedTuple):
     def bottom(self) -> float:
         return self.y + self.height
 
-    def holds(self, other: Box) -> bool:
+    def holds(self, other: Self) -> bool:
         across = self.x <= other.x and other.right <= self.right
         return across and self.y <= other.y and other.bottom <= self.bottom
 
-    def meets(self, other: Box) -> bool:
+    def meets(self, other: Self) -> bool:
         across = self.x < other.right and other.x < self.right
         return across and self.y < other.bottom and other.y < self.bottom
 
