@@ -113,8 +113,7 @@ def drag_to_shear(
     side_px = int(np.ceil(np.sqrt(np.count_nonzero(contact) / MAX_CELLS)))
     cells = _cells(height, contact, pressure, pixel, view or View(), side_px)
     place, rest = markers.place[seen, :2], markers.rest[seen]
-    reach = pixel * float(np.hypot(*height.shape))
-    table = _table(thickness_mm, poisson, side_px * pixel, reach)
+    table = _table(thickness_mm, poisson, side_px * pixel, pixel * float(np.hypot(*height.shape)))
     by_shear, by_pressure = _moved(place, cells, table)
     drag = (place - rest).T.ravel() - by_pressure @ cells.pressure / modulus_kpa
     numbers, sums = _sums(cells)
@@ -189,12 +188,11 @@ def _moved(place: F8, cells: _Cells, table: tuple[F8, ...]) -> tuple[F8, F8]:
     """The way of M places in mm by shears of 1 kPa, 2 M x 2 N, and pressures, 2 M x N."""
     away = place[:, None] - cells.place
     distance = np.hypot(away[..., 0], away[..., 1])
-    # Squares of an even scale are the table's distances: one search for all columns.
-    row = np.sqrt(distance / table[0][-1]) * (TABLE_STEPS - 1)
-    row = np.minimum(row.astype(np.intp), TABLE_STEPS - 2)
-    share = (distance - table[0][row]) / np.diff(table[0])[row]
+    # The table is even in the root of the distance.
+    at = np.sqrt(distance / table[0][-1]) * (TABLE_STEPS - 1)
+    row = np.minimum(at.astype(np.intp), TABLE_STEPS - 2)
     near, turned, aside = (
-        (column[row] + share * np.diff(column)[row]) * cells.area for column in table[1:]
+        (column[row] + (at - row) * np.diff(column)[row]) * cells.area for column in table[1:]
     )
     u, v = np.moveaxis(away, 2, 0) / np.maximum(distance, 1e-9)
     both = 2 * turned * u * v
@@ -219,13 +217,8 @@ def _likeliest(answer: F8, drag: F8, cells: _Cells, sums: F8, error: float) -> t
     apart = np.hypot(*(cells.place[:, None] - cells.place).transpose(2, 0, 1))
     radius = np.sqrt(np.bincount(cells.number, cells.area) / np.pi)[cells.number]
     alike = np.exp(-apart / radius) * (cells.number[:, None] == cells.number)
-
     root = np.linalg.cholesky(alike)
-
-    def rooted(rows: F8) -> F8:
-        return np.asarray((rows.reshape(-1, len(root)) @ root).reshape(rows.shape))
-
-    carried, summed = rooted(answer), rooted(sums)
+    carried, summed = ((m.reshape(-1, len(root)) @ root).reshape(m.shape) for m in (answer, sums))
     spread = carried @ carried.T
     noise = error**2 * len(drag)
     # Less than the noise may feign is not told from none.
