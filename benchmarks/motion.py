@@ -7,8 +7,6 @@ Objects, noise and truths are those of the tests.  Times are of the processor, m
 of 320 x 240 pixels.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

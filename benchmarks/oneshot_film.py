@@ -6,8 +6,6 @@ A ball is pressed into the film and rolled around, 30 frames a second, each a JP
 this kind sends it.  The film is that of ``camera=simulated`` with a preset of this size.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -12,8 +12,6 @@ frame size leaves of the others' light.  The captures belong to GelSight (sdkdem
 gssim).
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """Calibrations of sensors, kept on disk by what makes them."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable

@@ -7,8 +7,6 @@ or the `recipe` of a calibration; a `surface` and a `sensor` are made from nothi
 images together with another true height.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

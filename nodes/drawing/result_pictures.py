@@ -1,7 +1,5 @@
 """The pictures of a result, for people."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 ``kernels/error/height_error.cl`` holds the same.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

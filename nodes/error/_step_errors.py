@@ -3,8 +3,6 @@
 ``kernels/error/height_error.cl`` holds the same (err_steps, err_kinks, bends).
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

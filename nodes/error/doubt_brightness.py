@@ -1,7 +1,5 @@
 """State how much of a height hangs on the brightness of film that rests nowhere."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node, warn

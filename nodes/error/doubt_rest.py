@@ -1,7 +1,5 @@
 """State how far film that is taken to be at rest may be from rest."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bring the height's standard deviation from the ideal grid back to the pixels of the camera."""
 
-from __future__ import annotations
-
 from tactograph.graph import Close, node
 from tactograph.nodes import HeightError, Lens
 from tactograph.nodes.optics.bilinear import bilinear

@@ -1,7 +1,5 @@
 """Where a pixel sees two sides of an edge, and its height is that of one of them."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import cv2

@@ -4,8 +4,6 @@ That software writes YAML by hand: keys without a value (``fov:      : 5``), Win
 sizes as ``[a, b]`` or ``(a, b)``.  A scan lists its images in the order of the LEDs.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path, PureWindowsPath

@@ -4,8 +4,6 @@ LeRobot keeps pictures of three channels of 8 bits.  So a height is the picture 
 levels (`height_picture`), and three lights are the channels of one picture.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The shear that drags the film, and the shear force and torque on every contact."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from itertools import product
 from typing import Annotated, Any, NamedTuple

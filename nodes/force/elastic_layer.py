@@ -15,8 +15,6 @@ wave.  Where k h is large they are those of a half-space; where it is small the 
 a whole, h (1 + nu) (1 - 2 nu) / (E (1 - nu)), and sheared as a whole, 2 h (1 + nu) / E.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

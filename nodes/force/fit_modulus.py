@@ -1,7 +1,5 @@
 """The modulus of a gel, and how thick it is, from presses under known weights."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """The pressure that presses the film in, and the force on every contact."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 

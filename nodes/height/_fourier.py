@@ -1,7 +1,5 @@
 """Transforms on the device by VkFFT, shared by the integrators."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import numpy as np

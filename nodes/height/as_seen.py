@@ -1,7 +1,5 @@
 """Bring a height from the ideal grid back to the pixels of the camera."""
 
-from __future__ import annotations
-
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, Lens
 from tactograph.nodes.optics.bicubic import between_pixels

@@ -1,7 +1,5 @@
 """Bring a coarse height back to full resolution."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import CoarseHeight, Height, Light
 from tactograph.nodes.optics.between_cells import between_cells

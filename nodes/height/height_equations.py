@@ -1,7 +1,5 @@
 """The equations for the height as a record, and a height's departures from them."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np

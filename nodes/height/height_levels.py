@@ -3,8 +3,6 @@
 The host lays them out; `height_networks` and `height_solver` compute on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 `height_solver` finds the heights at which they rest.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ cosine transform: weights differ by orders of magnitude, and with a precondition
 them conjugate gradients do not converge.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

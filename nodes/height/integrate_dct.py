@@ -4,8 +4,6 @@ On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cos
 frequency leaves a tridiagonal system along the rows.  So all of `reconstruct` stays on the device.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

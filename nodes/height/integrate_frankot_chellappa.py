@@ -1,7 +1,5 @@
 """Integrate slopes by Frankot and Chellappa's projection in the frequency domain."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Level the film at rest where slopes have a smooth error over the frame."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any
 

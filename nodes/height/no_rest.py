@@ -1,7 +1,5 @@
 """No film is known to be at rest: for sensors whose light drifts too much to find it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -1,7 +1,5 @@
 """Set the height of the frame's border, which shows the film at rest, to zero."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

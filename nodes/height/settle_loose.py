@@ -1,7 +1,5 @@
 """Correct single pixels that stand out where the slopes are uncertain."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

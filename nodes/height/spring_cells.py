@@ -6,8 +6,6 @@ and both rows are in parallel, so that cells move as their pixels do on average.
 ``kernels/headers/spring_cells.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

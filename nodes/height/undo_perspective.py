@@ -1,7 +1,5 @@
 """The film's height, from the height that a camera near the film sees."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import Close, node

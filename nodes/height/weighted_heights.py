@@ -1,7 +1,5 @@
 """Heights by weighted least squares of many slopes on one small grid, solved exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Light that comes from several places at once."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import Light
 

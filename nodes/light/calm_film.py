@@ -1,7 +1,5 @@
 """Find the pixels that look like the untouched film."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Coarsen an image: the means of square cells."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The dark level of a coarser image."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, Dark
 from tactograph.nodes.light.coarsen import coarsen

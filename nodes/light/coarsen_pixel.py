@@ -1,7 +1,5 @@
 """The pixel of a coarser image."""
 
-from __future__ import annotations
-
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.optics.cell_side import CellSide, cell_side

@@ -1,7 +1,5 @@
 """Replace a missing flat frame by the smooth part of the touch's own images."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

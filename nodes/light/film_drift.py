@@ -3,8 +3,6 @@
 Long because calm cells and drift are found in turn, here and in launches on the device.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """Divide every image by the untouched film under the same LED."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

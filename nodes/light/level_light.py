@@ -1,7 +1,5 @@
 """Remove the drift of the LEDs from the light."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node

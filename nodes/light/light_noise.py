@@ -1,7 +1,5 @@
 """State the uncertainty of each light."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

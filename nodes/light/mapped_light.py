@@ -1,7 +1,5 @@
 """Light of a film whose dependence on slope varies over the film."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

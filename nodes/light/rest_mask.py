@@ -1,7 +1,5 @@
 """The film at rest: calm, and joined to the border of the frame."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """Remove parts of a calibrated film model, for ablations."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import Film
 from tactograph.nodes.optics.film import FilmPart, matt_film

@@ -1,7 +1,5 @@
 """Take some noise out of the light before it becomes slope."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import Close, node

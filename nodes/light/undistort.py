@@ -1,7 +1,5 @@
 """Resample images to a regular grid on the film, as a camera without distortion sees it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import Close, node

@@ -1,7 +1,5 @@
 """Bring the dark image onto the ideal grid."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import Dark, Lens
 from tactograph.nodes.light.undistort import undistort

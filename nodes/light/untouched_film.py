@@ -1,7 +1,5 @@
 """The surface before any measurement: the film at rest."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

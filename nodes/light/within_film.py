@@ -1,7 +1,5 @@
 """Images in which pixels that show no film, such as a housing, look like film at rest."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

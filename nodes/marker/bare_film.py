@@ -1,7 +1,5 @@
 """The film that no marker covers."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """The variance of slopes on bare film and under markers."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fill the markers of every press."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

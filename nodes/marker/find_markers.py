@@ -1,7 +1,5 @@
 """Find the markers that are printed on a film."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

@@ -1,7 +1,5 @@
 """Where markers are: in the image, and on the film in mm."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

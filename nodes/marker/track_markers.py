@@ -1,7 +1,5 @@
 """Follow the markers of a film under a touch."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

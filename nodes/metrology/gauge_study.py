@@ -1,7 +1,5 @@
 """Repeatability and reproducibility of a measured step: a gauge R&R study."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal

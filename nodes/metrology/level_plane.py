@@ -1,7 +1,5 @@
 """Turn and shift a height map until its level parts lie in the plane z = 0."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A picture of a groove or step as ISO 5436-1 measures it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

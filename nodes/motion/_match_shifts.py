@@ -4,8 +4,6 @@ D. Padfield, "Masked object registration in the Fourier domain", 2012.  Curvatur
 when a surface turns about z or is shifted; turns are tried one by one.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """Poses of many touches from the motions between pairs: a pose graph, by least squares."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

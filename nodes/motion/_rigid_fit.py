@@ -14,8 +14,6 @@ A motion is open where the residual surface, which is noise, would tell as much 
 does (R2): a ball turns unseen, a cylinder slides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 

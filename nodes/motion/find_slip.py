@@ -1,7 +1,5 @@
 """Markers that move over the object that presses on them."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import cv2

@@ -1,7 +1,5 @@
 """Contacts that keep their number from frame to frame."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple

@@ -3,8 +3,6 @@
 Long because pairs, poses and the fused height are three steps that nothing else needs.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Annotated, NamedTuple
 

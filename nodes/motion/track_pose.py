@@ -1,7 +1,5 @@
 """Motion of the touched object since the touch began."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 

@@ -1,7 +1,5 @@
 """Write a surface that was put together from touches."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Values of cells interpolated at pixels, linearly between the cells' centres."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ convolution interpolation for digital image processing", 1981, with a = -1/2.  A
 surface is reproduced exactly.  Beyond the frame the border repeats.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

@@ -1,7 +1,5 @@
 """Interpolate an array between its pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

@@ -1,7 +1,5 @@
 """Sums over square blocks of pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

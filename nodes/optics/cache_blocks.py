@@ -1,7 +1,5 @@
 """Long chains of array operations, on as many pixels at a time as fit into the cache."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Width in pixels of the cells of a coarser image; `cell_side.clh` is the same."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Interval

@@ -20,8 +20,6 @@ included in what the camera sees.
 ``kernels/headers/coated_bounce.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

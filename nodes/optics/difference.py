@@ -1,7 +1,5 @@
 """Differences between neighbouring pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

@@ -25,8 +25,6 @@ remains.  P_0 is the film at rest that the same pixel sees.
 ``kernels/headers/film.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, Literal
 

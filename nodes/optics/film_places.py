@@ -5,8 +5,6 @@ where it sees the place (u, v) of the film at rest.  Its lens moves that place i
 (`optics.lens`).  Places are in pixels of the ideal image, from the image's middle.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One Gauss-Newton step for a slope: the normal's derivatives, and a step of limited length."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

@@ -14,8 +14,6 @@ The lens is the array (k1, k2, cx, cy, a, b, gx, gy).  With eight zeros (x, y) =
 that are not square are a lens of `a` alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -6,8 +6,6 @@ terms of A count twice; an eleventh coefficient scales the others.  u and v are 
 middle of the frame, in units of its shorter side.
 """
 
-from __future__ import annotations
-
 from itertools import combinations_with_replacement
 from typing import Annotated, NamedTuple
 

@@ -9,8 +9,6 @@ the flat frame.  Their ratio does not depend on albedo, strength or vignetting::
 and has no unknown scale left: |n| = 1.  ``kernels/headers/near_light.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -8,8 +8,6 @@ The kernel of `label_lights` sums w v v' = A and w m v once, and has the product
 near any normal from these: J'WJ = T'AT.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 ``kernels/headers/radiosity.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -10,8 +10,6 @@ rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height 
 is a polynomial of degree 4 in x and y.  ``kernels/slope/solve_reflectance_map.cl`` holds the same.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

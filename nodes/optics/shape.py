@@ -1,7 +1,5 @@
 """Common parts of the shape nodes: the record they return and the grid they fill."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

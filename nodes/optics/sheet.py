@@ -5,8 +5,6 @@ one press is that capture.  Only steps that depend on a pixel's position on the 
 sheet.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from numpy.typing import NDArray

@@ -14,8 +14,6 @@ Whatever rises from the camera's ray at P appears in its image in order, near or
 a plane is a line of the image.  ``kernels/headers/sweep.clh`` holds the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """A ROS 2 node for the messages of `ros_messages`; it only needs rclpy."""
 
-from __future__ import annotations
-
 import importlib
 from array import array
 from collections import deque

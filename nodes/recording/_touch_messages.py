@@ -4,8 +4,6 @@ Lengths are in metres, angles in radians.  The origin lies in the middle of the 
 the film at rest: x right, y down, z towards the camera.
 """
 
-from __future__ import annotations
-
 import time as clock
 
 import numpy as np

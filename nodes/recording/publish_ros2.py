@@ -1,7 +1,5 @@
 """Publish touches on ROS 2 topics."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Ge

@@ -1,7 +1,5 @@
 """Read touches from a LeRobot dataset."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Read touches from a ROS 2 topic on which a camera driver publishes images."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from pathlib import Path

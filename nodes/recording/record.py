@@ -1,7 +1,5 @@
 """Record the camera's raw frames, so that they can be replayed through any graph."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write touches as an episode of a LeRobot dataset, which robot policies are trained on."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write touches as an MCAP file of ROS 2 messages, for Foxglove, Rerun and ``ros2 bag``."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

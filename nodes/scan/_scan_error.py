@@ -1,7 +1,5 @@
 """The standard deviation of a scan's height, from what the light leaves unexplained."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

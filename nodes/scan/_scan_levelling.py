@@ -5,8 +5,6 @@ frame, and steep film is measured worst.  Integrated as they are, such slopes be
 of balls on flat film by 25 um, a coin by 150 um.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Slope and brightness of every pixel from all LEDs, by a light model."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

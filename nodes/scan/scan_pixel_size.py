@@ -1,7 +1,5 @@
 """The side of a pixel on the film, from the user, the scan or its light model."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from annotated_types import Interval

@@ -1,7 +1,5 @@
 """The threshold of the paper's shadow test that is best on the calibration's own press."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import InputError, node

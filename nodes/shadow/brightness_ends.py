@@ -1,7 +1,5 @@
 """The two ends of what may be known of a film's brightness."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from tactograph.graph import node

@@ -8,8 +8,6 @@ quarters around the LED's foot: down, up, right and left, so that a line goes on
 column, at a time.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import cv2

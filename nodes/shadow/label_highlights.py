@@ -1,7 +1,5 @@
 """Find where the film mirrors an LED, and exclude that light."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np

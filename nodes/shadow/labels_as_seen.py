@@ -1,7 +1,5 @@
 """Bring labels from the ideal grid back to the pixels of the camera."""
 
-from __future__ import annotations
-
 from tactograph.graph import Flips, node
 from tactograph.nodes import Labels, Lens
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal

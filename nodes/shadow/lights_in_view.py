@@ -1,7 +1,5 @@
 """The positions of the LEDs for shadows as a camera near the film sees them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -1,7 +1,5 @@
 """Remove labels of single pixels that disagree with their neighbours."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

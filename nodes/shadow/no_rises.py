@@ -1,7 +1,5 @@
 """No heights from shadows: for sensors whose LED positions are not known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

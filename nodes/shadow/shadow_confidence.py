@@ -1,7 +1,5 @@
 """The probability that a pixel's shadow labels are right."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's shadow test: linear dependence of the four intensities."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The content of a calibration of either kind, or of that of a camera's lens."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 from typing import Any

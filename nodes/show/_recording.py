@@ -1,7 +1,5 @@
 """The content of a recording."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

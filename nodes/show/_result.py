@@ -1,7 +1,5 @@
 """The content of a result's folder."""
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

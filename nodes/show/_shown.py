@@ -1,7 +1,5 @@
 """The lines and pictures that are shown of a file."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 Long because calibrations, recordings, stores and results are each told by a module of their own.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -4,8 +4,6 @@ A solid maps points to their distance from its surface, negative inside.  Distan
 underestimated but hardly overestimated, because `relief` walks towards the surface by them.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

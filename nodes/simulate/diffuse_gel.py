@@ -1,7 +1,5 @@
 """Simulate a gel that diffuses part of the LEDs' light before it reaches the film."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

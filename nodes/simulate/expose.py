@@ -1,7 +1,5 @@
 """Simulate the camera: lens, ambient light, noise, quantisation."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -6,8 +6,6 @@ the seed and the number of the image, the counter the number of the pixel, and e
 words makes two normal deviates (Box and Muller 1958).
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The light of a calibrated film of any shape: the model that a calibration holds, forwards."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

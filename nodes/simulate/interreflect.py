@@ -1,7 +1,5 @@
 """Add the light reflected from film to film to that of the LEDs."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """LED positions of a simulated sensor."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

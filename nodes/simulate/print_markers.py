@@ -1,7 +1,5 @@
 """Print markers on a simulated film that is dragged sideways."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

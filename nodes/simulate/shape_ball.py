@@ -1,7 +1,5 @@
 """A ball: a hemisphere on the plane, a full ball lying on it, or a spherical cap."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import InputError, node

@@ -1,7 +1,5 @@
 """A sitting cat, seen from the front and lying on its back, half sunk into the plane."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, stretched, turned
 from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union, without

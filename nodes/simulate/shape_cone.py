@@ -1,7 +1,5 @@
 """A cone or frustum standing on the plane."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The untouched film."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.graph import node

@@ -1,7 +1,5 @@
 """A patch of parallel ridges."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np

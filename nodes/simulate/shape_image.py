@@ -1,7 +1,5 @@
 """A height map from a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

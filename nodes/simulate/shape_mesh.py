@@ -1,7 +1,5 @@
 """Any mesh file, laid on the plane and seen from above."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

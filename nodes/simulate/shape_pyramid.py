@@ -1,7 +1,5 @@
 """A pyramid with a regular base."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

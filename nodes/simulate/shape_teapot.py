@@ -1,7 +1,5 @@
 """A teapot lying on its side, half sunk into the plane."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, stretched, turned
 from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union

@@ -1,7 +1,5 @@
 """Raised letters."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import cv2

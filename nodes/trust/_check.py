@@ -1,7 +1,5 @@
 """The outcome of one check of a touch."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Check whether the slopes of a touch are those of one surface."""
 
-from __future__ import annotations
-
 from tactograph.nodes.trust._check import Check
 from tactograph.nodes.trust._curl_evidence import CurlFigures
 

@@ -1,7 +1,5 @@
 """What the curl of a touch's slopes comes to."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

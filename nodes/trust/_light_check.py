@@ -1,7 +1,5 @@
 """Check whether the light of a touch is that of any surface."""
 
-from __future__ import annotations
-
 import math
 
 from tactograph.nodes.trust._check import MIN_CELLS, Check

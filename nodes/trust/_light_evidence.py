@@ -1,7 +1,5 @@
 """What the light of a touch comes to, against the slopes that were found."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import cv2

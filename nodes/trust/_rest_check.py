@@ -1,7 +1,5 @@
 """Check whether the film at rest of a touch is that of the calibration."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tactograph.nodes import F4

@@ -1,7 +1,5 @@
 """What the film beside a touch looks like, against the flat frame."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Light that was added to a touch, the same everywhere."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import numpy as np

@@ -3,8 +3,6 @@
 Long because each check says in words what may be wrong and what to look at.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, NamedTuple
 

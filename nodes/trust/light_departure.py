@@ -1,7 +1,5 @@
 """Departure of each pixel's light from what its slope predicts."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Rows that differ from those beside them as no surface does."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np

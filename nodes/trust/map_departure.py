@@ -1,7 +1,5 @@
 """Departure of each pixel's light from what a one-shot sensor's reflectance map predicts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cells whose height light cannot measure."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

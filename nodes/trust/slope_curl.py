@@ -1,7 +1,5 @@
 """Contradictions between slopes: no surface has a gradient that curls."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 import numpy as np

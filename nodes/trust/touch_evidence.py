@@ -1,7 +1,5 @@
 """What the verdict on a touch rests on: its curl, light and film at rest, in a few figures."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np

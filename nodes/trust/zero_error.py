@@ -1,7 +1,5 @@
 """Error of the height's zero where no film is left at rest."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 from tactograph.nodes import ZeroError
 from tactograph.nodes.trust._rest_check import MIN_CALM

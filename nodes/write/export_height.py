@@ -1,7 +1,5 @@
 """Write a height map for other people's tools."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

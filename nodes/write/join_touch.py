@@ -1,7 +1,5 @@
 """Join all that a graph knows of a touch."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 from tactograph.graph import Port, node

@@ -1,7 +1,5 @@
 """Read a known height map: a result, or a calibration object's shape."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

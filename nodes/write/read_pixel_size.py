@@ -1,7 +1,5 @@
 """The side of a pixel of a stored height map: given, or as its file or its result states it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Write the shifts of a film's markers, as a table and as arrows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Write a touch: arrays for programs, pictures for people, and the provenance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal

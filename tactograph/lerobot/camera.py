@@ -1,7 +1,5 @@
 """A sensor's heights or lights as a camera of LeRobot's."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """Report what the presses cover and what to press next."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

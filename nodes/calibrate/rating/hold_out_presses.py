@@ -1,7 +1,5 @@
 """Measure each press with a calibration that has not seen it."""
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

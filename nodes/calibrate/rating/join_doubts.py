@@ -1,7 +1,5 @@
 """All that speaks against a calibration, in one list."""
 
-from __future__ import annotations
-
 from tactograph.graph import node
 
 

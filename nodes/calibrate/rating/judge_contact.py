@@ -1,7 +1,5 @@
 """Errors of slope and height in a contact with a ball of known radius."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

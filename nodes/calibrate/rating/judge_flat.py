@@ -1,7 +1,5 @@
 """Tell a flat frame that is not one of untouched film."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Measure on the presses what leaving shadowed LEDs out gains."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

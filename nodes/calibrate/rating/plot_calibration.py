@@ -3,8 +3,6 @@
 Long because it draws up to six pictures on one page.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Long because each figure that is bad says in words what may be wrong and what to check.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, NamedTuple
 
 import numpy as np

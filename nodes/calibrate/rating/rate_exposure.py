@@ -1,7 +1,5 @@
 """Tell presses that were taken under other light than the flat frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

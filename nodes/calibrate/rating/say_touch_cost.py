@@ -1,7 +1,5 @@
 """Say what the parts of a film cost each touch afterwards."""
 
-from __future__ import annotations
-
 import sys
 import time
 import warnings

@@ -1,7 +1,5 @@
 """Doubts and verdicts that both kinds of calibration share."""
 
-from __future__ import annotations
-
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
