@@ -88,25 +88,8 @@ def _bands(plane: F4) -> tuple[list[F4], F4]:
     trend = _trend(plane)
     left = plane - trend
     scales = [s for s in SCALES_PX if MIN_SIDE_DEVIATIONS * s < min(plane.shape)]
-    levels = [left]
-    for known, scale in pairwise((0.0, *scales)):
-        levels.append(_blurred(levels[-1], known, scale))
+    levels = [left, *(cv2.GaussianBlur(left, (0, 0), scale) for scale in scales)]
     return [fine - coarse for fine, coarse in pairwise(levels)], trend + levels[-1]
-
-
-def _blurred(plane: F4, known: float, scale: float) -> F4:
-    """Return a plane that is blurred by `known` px blurred further, to `scale` px.
-
-    The means of cells of half the width of what it is blurred by tell all but 0.5 % of it.
-    """
-    rows, columns = plane.shape
-    side = max(1, int(known / 2))
-    size = columns // side, rows // side
-    cells = cv2.resize(plane, size, interpolation=cv2.INTER_AREA) if side > 1 else plane
-    spread = np.sqrt(scale**2 - known**2 - (side**2 - 1) / 12) / side
-    cells = cv2.GaussianBlur(cells, (0, 0), spread, borderType=cv2.BORDER_REFLECT)
-    wide = cv2.resize(cells, (columns, rows), interpolation=cv2.INTER_CUBIC) if side > 1 else cells
-    return np.asarray(wide, np.float32)
 
 
 def _trend(plane: F4) -> F4:
