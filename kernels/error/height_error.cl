@@ -25,10 +25,10 @@
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
 #define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
-#define MAX_LEDS LEDS
+#define LED_SLOTS LEDS
 #else
 #define EACH_LED(k) for (int k = 0; k < K; ++k)
-#define MAX_LEDS 8
+#define LED_SLOTS 8
 #endif
 
 // The hash of nodes/error/_random_errors.py, drawn, of one number or of several in lanes.
@@ -65,7 +65,7 @@ static floats drawn_from(const uint number, const uint key)
 
 // What a small change of each LED's light does to p and to q.
 typedef struct {
-    floats by_p[MAX_LEDS], by_q[MAX_LEDS];
+    floats by_p[LED_SLOTS], by_q[LED_SLOTS];
 } Response;
 
 // Nothing on the film at rest.
@@ -76,7 +76,7 @@ static Response respond(
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
     const ints one_more = 1, nothing = 0;
-    floats told_a[MAX_LEDS], told_b[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
+    floats told_a[LED_SLOTS], told_b[LED_SLOTS], shown[LED_SLOTS], weight[LED_SLOTS];
     floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
     ints leds = 0;
     EACH_LED(k) {
@@ -202,7 +202,7 @@ LANED __kernel void err_slopes(
     const floats whole = 1.0f, by_tilt = slant / FULL_MISFIT_SLOPE;
     const floats by_led = (refraction != 1.0f ? COATED_LEVEL_BOUNCE_ERROR : LEVEL_BOUNCE_ERROR)
         * (1.0f - LESS_OF(by_tilt, whole));
-    floats noise[MAX_LEDS];
+    floats noise[LED_SLOTS];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
     const ints free_ = load_bytes(state + i, count) == 0;
     const Response response = respond(

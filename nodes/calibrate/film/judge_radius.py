@@ -312,16 +312,33 @@ def _left(fitted: Metrics) -> float:
 def _try(
     balls: Balls, rest: Rest | None, start: Fitted, factor: float, shift_mm: float, width_mm: float
 ) -> Tried:
-    """Fit the plain film to balls of other radii and the same contacts."""
+    """Fit the plain film to balls of other radii and the same contacts.
+
+    A fit that leaves more of the flat frame than of the balls has given the flat frame up, since
+    what it leaves there counts as the flat frame's own error.  Then one that begins with a matt
+    film may depart less.
+    """
     radius = balls.radius * factor
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
-    fitted = fit(thinned(other, MAX_SAMPLES), rest, PLAIN_PARTS, start, shift_mm, width_mm)
-    flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
-    departure = float(np.hypot(fitted.scale, flat))
-    distance = float(np.linalg.norm(fitted.film.lights, axis=1).mean())
-    pattern = float(np.hypot(light_pattern(other, fitted), flat))
-    diffuse = float(fitted.film.diffuse.mean())
-    return Tried(factor, departure, fitted.scale, distance, diffuse, pattern)
+    samples = thinned(other, MAX_SAMPLES)
+
+    def fitted_from(start: Fitted, parts: frozenset[str] = PLAIN_PARTS) -> Fitted:
+        return fit(samples, rest, parts, start, shift_mm, width_mm)
+
+    def flat_left(fitted: Fitted) -> float:
+        return 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
+
+    def departure(fitted: Fitted) -> float:
+        return float(np.hypot(fitted.scale, flat_left(fitted)))
+
+    best = fitted_from(start)
+    if flat_left(best) > best.scale:
+        matt = fitted_from(start, frozenset())
+        best = min(best, fitted_from(matt), key=departure)
+    distance = float(np.linalg.norm(best.film.lights, axis=1).mean())
+    pattern = float(np.hypot(light_pattern(other, best), flat_left(best)))
+    diffuse = float(best.film.diffuse.mean())
+    return Tried(factor, departure(best), best.scale, distance, diffuse, pattern)
 
 
 def _start(lights: F4, strength: F4, count: int, width_mm: float) -> Fitted:
