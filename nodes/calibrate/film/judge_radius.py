@@ -64,6 +64,8 @@ MIN_PATTERN, MAX_PATTERN_RATIO = 0.005, 0.7
 below which the smaller one is believed."""
 RADIUS_TOLERANCE = 0.02
 """Relative difference of two radii that counts as none."""
+GIVEN_UP_RATIO = np.sqrt(2)
+"""Departure over that on the balls, above which most of it is left of the flat frame."""
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 
@@ -322,23 +324,22 @@ def _try(
     other = replace(balls, radius=radius, rim=np.minimum(balls.rim, radius))
     samples = thinned(other, MAX_SAMPLES)
 
-    def fitted_from(start: Fitted, parts: frozenset[str] = PLAIN_PARTS) -> Fitted:
+    def fitted(start: Fitted, parts: frozenset[str]) -> Fitted:
         return fit(samples, rest, parts, start, shift_mm, width_mm)
 
-    def flat_left(fitted: Fitted) -> float:
-        return 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, fitted)).mean()))
+    def tried(start: Fitted) -> Tried:
+        found = fitted(start, PLAIN_PARTS)
+        flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, found)).mean()))
+        departure = float(np.hypot(found.scale, flat))
+        distance = float(np.linalg.norm(found.film.lights, axis=1).mean())
+        pattern = float(np.hypot(light_pattern(other, found), flat))
+        diffuse = float(found.film.diffuse.mean())
+        return Tried(factor, departure, found.scale, distance, diffuse, pattern)
 
-    def departure(fitted: Fitted) -> float:
-        return float(np.hypot(fitted.scale, flat_left(fitted)))
-
-    best = fitted_from(start)
-    if flat_left(best) > best.scale:
-        matt = fitted_from(start, frozenset())
-        best = min(best, fitted_from(matt), key=departure)
-    distance = float(np.linalg.norm(best.film.lights, axis=1).mean())
-    pattern = float(np.hypot(light_pattern(other, best), flat_left(best)))
-    diffuse = float(best.film.diffuse.mean())
-    return Tried(factor, departure(best), best.scale, distance, diffuse, pattern)
+    first = tried(start)
+    if first.departure < GIVEN_UP_RATIO * first.on_balls:
+        return first
+    return _best([first, tried(fitted(start, frozenset()))])
 
 
 def _start(lights: F4, strength: F4, count: int, width_mm: float) -> Fitted:
