@@ -31,7 +31,7 @@ from tactograph.graph.tune.tuning import Tuning
 
 SLIDERS = {
     "reconstruct": (("label", "price", 6.0), ("pass_1.label", "price", 6.0)),
-    "precise": (("pass_3.system", "robust", 3.0), ("coarse_1.label", "price", 6.0)),
+    "precise": (("pass_4.system", "robust", 3.0), ("coarse_1.label", "price", 6.0)),
 }
 SIZE = {"width_px": 640, "height_px": 480, "pixel_size_mm": 0.0357}
 
