@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Height, HeightError, Metrics, PixelSize
+from tactograph.nodes.files.image_files import Crop
 
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
@@ -115,8 +116,7 @@ def measure_step(
     spread = float(np.std(depths, ddof=1))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
     if parts is not None:
-        small = cv2.resize(height, parts.shape[:0:-1], interpolation=cv2.INTER_AREA)
-        depth, *others = mean_depths(small.astype(np.float32), parts, pixel, along, edges)
+        depth, *others = depths_with(parts, height, pixel, along, edges)
         stated = 1e3 * float(np.linalg.norm(np.array(others) - depth))
     figures = {
         "step_depth_um": float(np.median(depths)),
@@ -164,13 +164,23 @@ def step_profiles(
     return profiles
 
 
-def mean_depths(
-    height: Height, parts: ErrorParts, pixel: float, along: str, edges: int
+def depths_with(
+    parts: ErrorParts, height: Height, pixel: float, along: str, edges: int
 ) -> list[float]:
-    """The depth by a height, and by the height with each of such errors; all of cells."""
-    heights = height, *(height + each for each in parts)
+    """The mean depth by a height on cells, and by it with each part of its error."""
+    small = cv2.resize(height, parts.shape[:0:-1], interpolation=cv2.INTER_AREA)
+    heights = small, *(small + each for each in parts)
     profiles = (step_profiles(z, pixel, None, along, edges, 1) for z in heights)
     return [float(np.mean([profile.depth for profile in each])) for each in profiles]
+
+
+def parts_within(parts: ErrorParts, crop: Crop | None, shape: tuple[int, ...]) -> ErrorParts:
+    """The cells of a part of a height of that shape."""
+    x0, y0, x1, y1 = crop or (0, 0, *shape[::-1])
+    down, across = np.divide(parts.shape[1:], shape)
+    rows = slice(int(y0 * down), int(np.ceil(y1 * down)))
+    columns = slice(int(x0 * across), int(np.ceil(x1 * across)))
+    return np.asarray(parts[:, rows, columns], np.float32)
 
 
 def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:

@@ -12,19 +12,12 @@ from tactograph.graph import Port, SizeLimit, node, warn
 from tactograph.nodes import F4, UM_PER_MM, Height, HeightError, Metrics, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.metrology.measure_step import ErrorParts
-from tactograph.nodes.metrology.scale_height import StepScale
+from tactograph.nodes.metrology.scale_height import Scale
 from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan._scan_error import scan_errors
 from tactograph.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.nodes.scan.judge_untouched import MAX_LEAN
-
-
-class KnownStep(NamedTuple):
-    """What a step of known depth says of other scans; nothing without one."""
-
-    scale: StepScale | None = None
-    errors: Annotated[F4, Port("E", "1", low=-0.01, high=0.01)] | None = None
-    """What its depth errs by in each part of the error, as a share of it."""
+from tactograph.nodes.scan.known_step import KnownStep
 
 
 class ScanLevel(NamedTuple):
@@ -33,7 +26,9 @@ class ScanLevel(NamedTuple):
     bend: Height
     error: HeightError
     metrics: Metrics
-    parts: ErrorParts | None = None
+    parts: ErrorParts
+    settled: ErrorParts | None = None
+    """The parts where a step of known depth settled them."""
 
 
 @node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
@@ -46,6 +41,7 @@ def level_scan(
     pixel: PixelSize,
     known: KnownStep | None = None,
     *,
+    scale: Scale | None = None,
     level: str = "flat",
     cell: Annotated[int, Interval(ge=1, le=64)] = 16,
     seed: Annotated[int, Ge(0)] = 1,
@@ -70,6 +66,8 @@ def level_scan(
     known
         What a known step settles: heights will be scaled, so each part of the error is less what
         the step's depth has of it, and the factor's uncertainty is one more.
+    scale
+        As for `scale_height`, instead of a known step.
     level
         ``flat``: most of the surface is a plane, which tells drift and plane.  ``plane``: most of
         it is level, but may bend; nothing but a plane is taken off.  ``rest``: the frame's border
@@ -84,8 +82,8 @@ def level_scan(
     -------
     ScanLevel
         H x W in mm; the standard deviation of the height, H x W in mm; ``level_bow_um``, from the
-        lowest to the highest place of the bow that the drift would be; where a
-        step is known, the parts of the error.
+        lowest to the highest place of the bow that the drift would be, and the known step's
+        figures; the parts of the error, E x H x W.
 
     Raises
     ------
@@ -105,11 +103,14 @@ def level_scan(
             "(level=plane leaves it)"
         )
     errors, inside = scan_errors(slope, residual, single, levelling, cell, seed)
-    parts, factor = None, 1.0
-    if known is not None and known.scale is not None:
-        factor, uncertain = known.scale
-        of_step = 0 if known.errors is None else known.errors[:, None, None] * height
+    parts, factor, settled = errors, 1.0, None
+    figures: Metrics = {"level_bow_um": bow}
+    said = scale if known is None else known.scale
+    if said is not None:
+        factor, uncertain = said
+        of_step = 0 if known is None else known.errors[:, None, None] * height
         parts = np.concatenate([factor * (errors - of_step), [uncertain * height]])
-        errors = parts = parts.astype(np.float32)
-    error = np.sqrt(np.square(errors).sum(axis=0) + factor**2 * inside).astype(np.float32)
-    return ScanLevel(np.asarray(bend, np.float32), error, {"level_bow_um": bow}, parts)
+        settled = parts = parts.astype(np.float32)
+    error = np.sqrt(np.square(parts).sum(axis=0) + factor**2 * inside).astype(np.float32)
+    figures |= known.metrics if known else {}
+    return ScanLevel(np.asarray(bend, np.float32), error, figures, parts, settled)

@@ -9,7 +9,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import HeightError
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop, read_numbers
-from tactograph.nodes.metrology.measure_step import ErrorParts
+from tactograph.nodes.metrology.measure_step import ErrorParts, parts_within
 from tactograph.nodes.write.read_height import checked_heights
 
 ERROR_FILE, PARTS_FILE = "error.npy", "error_parts.npy"
@@ -55,8 +55,4 @@ def read_error(*, height: Path, crop: Crop | None = None) -> StatedError:
     parts = read_numbers(of_parts)
     if parts.ndim != 3 or not parts.size or not np.isfinite(parts).all():
         raise InputError(f"{of_parts}: is damaged; run the reconstruction again")
-    x0, y0, x1, y1 = crop or (0, 0, *stated.shape[::-1])
-    down, across = np.divide(parts.shape[1:], stated.shape)
-    rows = slice(int(y0 * down), int(np.ceil(y1 * down)))
-    columns = slice(int(x0 * across), int(np.ceil(x1 * across)))
-    return StatedError(error, np.asarray(parts[:, rows, columns], np.float32))
+    return StatedError(error, parts_within(parts, crop, stated.shape))
