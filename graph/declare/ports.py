@@ -137,6 +137,8 @@ def record_values(record: type, made: Any) -> tuple[Any, ...]:
 
 def make_record(record: type, values: Iterable[Any]) -> Any:
     """Make a record of values in the order of its ports."""
+    if not any(_inner_records(record)):
+        return record(*values)
     left = iter(values)
     return record(
         *(

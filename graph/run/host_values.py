@@ -193,12 +193,11 @@ def _containers(task: Task) -> list[str]:
 def _positional(
     task: Task,
     host: Mapping[Value, Any],
-    recalled: Mapping[str, Any],
+    recalled: dict[str, Any],
     containers: Sequence[str],
 ) -> list[Any]:
     """The node's positional arguments, of this item and of the one before."""
-    reads = task.reads
-    inputs = {n: host[reads[n]] if n in reads else recalled.get(n) for n in task.node.inputs}
+    inputs = {name: host[value] for name, value in task.reads.items()} | recalled
     for name in containers:
         inputs[name] = lent(inputs[name])
     return task.node.in_order(inputs)

@@ -1,12 +1,11 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
+#include "model_error.clh"
 
 #define MAX_LEDS 8
 #define MIN_MODEL_LIGHT 0.1f
 #define MIN_FREEDOM 0.5f
-#define MIN_ERROR 0.0015f
-#define UNEVEN_SHARE 0.25f
 #define MIN_SQUARES 1e-6f
 
 // The reduced chi-squared of the light of LANES pixels under their slopes, equation T1, and the
@@ -32,7 +31,7 @@ LANED __kernel void light_departure(
     const floats z = load_floats(height + at, count), none = 0.0f, one = 1.0f;
     const ints bits = load_bytes(used + at, count);
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    const float error = hypot(max(misfit[2], MIN_ERROR), UNEVEN_SHARE * uneven);
+    const float error = model_error(misfit, uneven);
     const float share_of_noise = 1.0f / (float)cell_px;
     floats x, y;
     places(at, H, W, pixel, &x, &y);

@@ -3,9 +3,8 @@
 #include "near_light.clh"
 #include "group.clh"
 #include "drift.clh"
+#include "model_error.clh"
 
-#define MIN_ERROR 0.0015f
-#define UNEVEN_SHARE 0.25f
 #define MIN_CELLS 20
 #define MIN_LEDS 3
 #define MIN_SLOPE 0.1f
@@ -204,7 +203,7 @@ static ONCE void look_at_light(
     if (narrow && folds <= MIN_FOLDED_SHARE * cells)
         narrow = count_inner(slope, h, w, H, W, step, parts) <= MAX_INNER_SHARE * cells;
     if (narrow) {
-        const float error = hypot(max(misfit[2], MIN_ERROR), UNEVEN_SHARE * uneven);
+        const float error = model_error(misfit, uneven);
         ease(slope, values, error, h, w, H, W, step);
     }
     if (PLACE_IN_GROUP != 0) return;

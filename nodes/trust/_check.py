@@ -29,6 +29,12 @@ class Check(NamedTuple):
         return self.cause.format(*self.facts)
 
 
+def worst(figures: dict[str, float], *facts: object) -> Check:
+    """Return the largest of these figures by cause; facts stand for {0}, {1}, ... in each."""
+    cause = max(figures, key=figures.__getitem__)
+    return Check(figures[cause], cause, facts)
+
+
 def quarter_of(values: F4, quarter: int, least: int = MIN_CELLS) -> float:
     """Return the value that a quarter, two or three of them lie below; 0 of less than `least`."""
     if values.size < least:

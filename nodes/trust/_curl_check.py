@@ -1,6 +1,6 @@
 """Check whether the slopes of a touch are those of one surface."""
 
-from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._check import Check, worst
 from tactograph.nodes.trust._curl_evidence import CurlFigures
 
 MAX_MEDIAN, MAX_QUARTILE = 0.92, 4.2
@@ -8,20 +8,20 @@ MAX_MEDIAN, MAX_QUARTILE = 0.92, 4.2
 MAX_PART_SHARE = 0.4
 """Share of the cells of a part that curl, which right touches stay below."""
 
+ALL = (
+    "the slopes are those of no surface (check the order of the images, that none is mirrored or "
+    "turned, that all are of one touch, and that nothing moved while the LEDs flashed)"
+)
+A_PART = (
+    "in a part of the image the slopes are those of no surface (check that the frames are whole, "
+    "and that nothing moved while the LEDs flashed)"
+)
+
 
 def check_curl(curl: CurlFigures) -> Check:
     """Return the departure of slopes from the gradient of a height (T2)."""
-    middle, upper, worst = curl
-    whole = Check(
-        max(middle / MAX_MEDIAN, upper / MAX_QUARTILE),
-        "the slopes are those of no surface (check the order of the images, that none is mirrored "
-        "or turned, that all are of one touch, and that nothing moved while the LEDs flashed)",
-    )
-    if whole.figure > 1:
-        return whole
-    part = Check(
-        worst / MAX_PART_SHARE,
-        "in a part of the image the slopes are those of no surface (check that the frames are "
-        "whole, and that nothing moved while the LEDs flashed)",
-    )
-    return max(whole, part)
+    middle, upper, part = curl
+    whole = max(middle / MAX_MEDIAN, upper / MAX_QUARTILE)
+    if whole > 1:
+        return Check(whole, ALL)
+    return worst({ALL: whole, A_PART: part / MAX_PART_SHARE})

@@ -2,7 +2,7 @@
 
 import math
 
-from tactograph.nodes.trust._check import MIN_CELLS, Check
+from tactograph.nodes.trust._check import MIN_CELLS, Check, worst
 from tactograph.nodes.trust._light_evidence import RIM_SHARE, LightFigures
 
 MAX_MEDIAN, MAX_QUARTILE = 2.8, 5.2
@@ -18,9 +18,32 @@ DIRTY_CELLS = 5
 MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
 """Median brightness of touched film over its expected error, and the least of that error."""
 
-LIGHT_CURE = (
-    "check the order of the images, that all are of this touch and this sensor, and that the "
-    "camera's gamma, contrast and white balance are off"
+OF_NO_SURFACE = (
+    "the light of the touch is that of no surface under this calibration (check the order of the "
+    "images, that all are of this touch and this sensor, and that the camera's gamma, contrast and "
+    "white balance are off{0})"
+)
+COARSE = (
+    "the light of the film at rest departs from pixel to pixel (check the exposure, and that the "
+    "images are neither compressed nor of fewer gray levels than those of the calibration)"
+)
+DIM = (
+    "shadows are not dark (keep other light out, or take the calibration and a dark image under it)"
+)
+# The unit normal that light of two surfaces adds up to is too short: film that is dark under all
+# LEDs.  So is that of gamma, of other light, and of images that are alike.
+BRIGHTNESS = (
+    "the touched film is {1} by {2:.1%} than its slopes make it (check that the images show one "
+    "touch and that nothing moved, that they are neither blurred nor averaged with others, that "
+    "gamma and contrast are off, and that other light is kept out)"
+)
+TWO_LEDS = (
+    "only two LEDs light most of the touch, which fits any light (check the exposure, and that no "
+    "LED is dead)"
+)
+DIRT = (
+    "in places the film is darker under all LEDs than any slope makes it (check the film and the "
+    "lens for dirt and hairs)"
 )
 
 
@@ -32,52 +55,17 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
     """
     shaded = seen.shaded / seen.steep if seen.steep else 0.0
     wider = math.hypot(1, rim_error * min(1.0, shaded / RIM_SHARE))
-    rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
-    sense, excess = "brighter" if seen.brighter > 0 else "darker", abs(seen.brighter)
     brightness = MAX_BRIGHTNESS * math.hypot(brightness_error, MIN_BRIGHTNESS_ERROR)
-    checks = [
-        Check(
-            max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,
-            "the light of the touch is that of no surface under this calibration ({}{})",
-            (LIGHT_CURE, rims),
-        ),
-        Check(
-            seen.rest / MAX_REST / wider,
-            "the light of the film at rest departs from pixel to pixel (check the exposure, and "
-            "that the images are neither compressed nor of fewer gray levels than those of the "
-            "calibration)",
-        ),
-        Check(
-            seen.dim / MAX_SHADOW_LIGHT,
-            "shadows are not dark (keep other light out, or take the calibration and a dark image "
-            "under it)",
-        ),
-        # The unit normal that light of two surfaces adds up to is too short: film that is dark
-        # under all LEDs.  So is that of gamma, of other light, and of images that are alike.
-        Check(
-            excess / (brightness * wider),
-            "the touched film is {} by {:.1%} than its slopes make it "
-            "(check that the images show one touch and that nothing moved, that they are neither "
-            "blurred nor averaged with others, that gamma and contrast are off, and that other "
-            "light is kept out)",
-            (sense, excess),
-        ),
-    ]
+    excess = abs(seen.brighter)
+    figures = {
+        OF_NO_SURFACE: max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,
+        COARSE: seen.rest / MAX_REST / wider,
+        DIM: seen.dim / MAX_SHADOW_LIGHT,
+        BRIGHTNESS: excess / (brightness * wider),
+    }
     if seen.steep >= MIN_CELLS:
-        checks.append(
-            Check(
-                MIN_TESTED / max(seen.tested / seen.steep, MIN_TESTED / 10),
-                "only two LEDs light most of the touch, which fits any light (check the exposure, "
-                "and that no LED is dead)",
-            )
-        )
-    worst = max(checks)
-    if worst.figure > 1:
-        return worst
-    # Light that is wrong everywhere is dark in places, too.
-    dirt = Check(
-        seen.dirty / DIRTY_CELLS,
-        "in places the film is darker under all LEDs than any slope makes it (check the film and "
-        "the lens for dirt and hairs)",
-    )
-    return max(worst, dirt)
+        figures[TWO_LEDS] = MIN_TESTED / max(seen.tested / seen.steep, MIN_TESTED / 10)
+    if max(figures.values()) <= 1:  # light that is wrong everywhere is dark in places, too
+        figures[DIRT] = seen.dirty / DIRTY_CELLS
+    rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
+    return worst(figures, rims, "brighter" if seen.brighter > 0 else "darker", excess)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._check import Check, worst
 from tactograph.nodes.trust._rest_evidence import FilmFigures, RestLevel
 
 MIN_CALM = 0.2
@@ -22,6 +22,39 @@ stands out by this height."""
 MAX_ADDED = 0.02
 """Other light over that of the film at rest."""
 
+ONE_LED = (
+    "LED {0} is {1} than in the calibration (check exposure, gain and LED, and that other light is "
+    "kept out)"
+)
+NOT_THE_OTHERS = (
+    "LED {0} is {1} than in the calibration, and the others are not (check the LED; if the touch "
+    "reaches all borders, the height's tilt is unknown)"
+)
+SPREAD = (
+    "the light of the film at rest is spread otherwise than in the calibration (check the order of "
+    "the images, and that other light is kept out)"
+)
+DARK = (
+    "parts of the image are without light (crop the images to the film, in the calibration too, "
+    "and check that frames are whole)"
+)
+NO_REST = (
+    "hardly any film is at rest, so that zero and tilt of the height are unknown (an object that "
+    "fills the frame is for reconstruct_filled; or another sensor or light)"
+)
+BELOW = (
+    "most of the touch lies below the film at rest (check the order of the images, and that they "
+    "are not turned)"
+)
+ADDED = (
+    "{2}, the same everywhere (keep other light out of touch and flat frame; or the camera's black "
+    "level has changed)"
+)
+TILTED = (
+    "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
+    "known zero and tilt; if nothing touches, check the LEDs)"
+)
+
 
 def check_rest(
     level: RestLevel, film: FilmFigures, lights: F4 | None = None, added: float = 0.0
@@ -32,65 +65,30 @@ def check_rest(
     found.
     """
     change = [lit - 1 for lit in level.tolist()]
-    worst = max(change, key=abs)
-    named = change.index(worst) + 1, "brighter" if worst > 0 else "darker"
+    lowest, highest = min(change), max(change)
+    most = highest if highest > -lowest else lowest
     keeps = not film.levelled and film.dark <= MAX_DARK_SHARE
-    other = "other light was added to the touch" if added > 0 else "the touch lacks light"
-    checks = [
-        Check(
-            abs(worst) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
-            "LED {} is {} than in the calibration (check exposure, gain and LED, and that other "
-            "light is kept out)",
-            named,
-        ),
-        Check(
-            (max(change) - min(change)) / 2 / MAX_SPREAD,
-            "LED {} is {} than in the calibration, and the others are not (check the LED; if the "
-            "touch reaches all borders, the height's tilt is unknown)",
-            named,
-        ),
-        Check(
-            film.shape / MAX_SHAPE,
-            "the light of the film at rest is spread otherwise than in the calibration (check the "
-            "order of the images, and that other light is kept out)",
-        ),
-        Check(
-            film.dark / MAX_DARK_SHARE,
-            "parts of the image are without light (crop the images to the film, in the calibration "
-            "too, and check that frames are whole)",
-        ),
-        Check(
-            MIN_CALM / max(film.calm, MIN_CALM / 10),
-            "hardly any film is at rest, so that zero and tilt of the height are unknown (an "
-            "object that fills the frame is for reconstruct_filled; or another sensor or light)",
-        ),
-        Check(
-            -film.lowest / max(film.highest, MIN_HEIGHT_MM) / MAX_DEPTH,
-            "most of the touch lies below the film at rest (check the order of the images, and "
-            "that they are not turned)",
-        ),
-        Check(
-            abs(added) / MAX_ADDED,
-            "{}, the same everywhere (keep other light out of touch and flat frame; or the "
-            "camera's black level has changed)",
-            (other,),
-        ),
-    ]
+    figures = {
+        ONE_LED: abs(most) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
+        NOT_THE_OTHERS: (highest - lowest) / 2 / MAX_SPREAD,
+        SPREAD: film.shape / MAX_SHAPE,
+        DARK: film.dark / MAX_DARK_SHARE,
+        NO_REST: MIN_CALM / max(film.calm, MIN_CALM / 10),
+        BELOW: -film.lowest / max(film.highest, MIN_HEIGHT_MM) / MAX_DEPTH,
+        ADDED: abs(added) / MAX_ADDED,
+    }
     if lights is not None and film.highest - film.lowest < FLAT_MM:
-        checks.append(_tilt(level - 1, lights))
-    return max(checks)
+        figures[TILTED] = _tilt(level - 1, lights)
+    led, sense = change.index(most) + 1, "brighter" if most > 0 else "darker"
+    other = "other light was added to the touch" if added > 0 else "the touch lacks light"
+    return worst(figures, led, sense, other)
 
 
-def _tilt(change: F4, lights: F4) -> Check:
-    """Return whether the LEDs changed as a tilt of the whole film changes them."""
+def _tilt(change: F4, lights: F4) -> float:
+    """Return how far the LEDs changed as a tilt of the whole film changes them."""
     towards = lights[:, :2] / lights[:, 2:]
     design = np.column_stack([np.ones(len(lights)), towards])
     tilt = np.linalg.lstsq(design, change, rcond=None)[0][1:]
     tilted, varied = towards @ tilt, change - change.mean()
     explained = float(np.square(tilted - tilted.mean()).sum() / max(np.square(varied).sum(), 1e-12))
-    figure = float(np.ptp(tilted)) / 2 / MAX_TILT if explained > MIN_EXPLAINED else 0.0
-    return Check(
-        figure,
-        "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
-        "known zero and tilt; if nothing touches, check the LEDs)",
-    )
+    return float(np.ptp(tilted)) / 2 / MAX_TILT if explained > MIN_EXPLAINED else 0.0

@@ -102,8 +102,8 @@ def judge_touch(
         If all three checks fail, or clearly all that are made (`REFUSED_FIGURE`), unless `force`.
     """
     lights, misfit, uneven = film or FilmErrors()
-    film_at_rest, light = evidence.film, evidence.light
-    checks = {"curl": check_curl(evidence.curl)}
+    curl, film_at_rest, light = evidence.read()
+    checks = {"curl": check_curl(curl)}
     if not filled:
         checks["rest"] = check_rest(evidence.level, film_at_rest, lights, added or 0.0)
     if light.steep >= 0:

@@ -50,7 +50,7 @@ class LightDeparture(NamedTuple):
 
 def light_error(misfit: Misfit | None, uneven: float) -> float:
     """Return the standard deviation of the model's light, relative to film at rest."""
-    pressed = 0.0 if misfit is None else float(misfit[2])
+    pressed = 0.0 if misfit is None else misfit.item(2)
     return math.hypot(max(pressed, MIN_ERROR), UNEVEN_SHARE * uneven)
 
 

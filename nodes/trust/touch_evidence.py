@@ -24,20 +24,10 @@ class TouchEvidence(NamedTuple):
     figures: Annotated[F4, Port("18", "1", low=0, high=5)]
     """Those of the curl, of the film and of the light, one behind the other."""
 
-    @property
-    def curl(self) -> CurlFigures:
-        """How much the slopes curl."""
-        return CurlFigures(*self.figures[:3].tolist())
-
-    @property
-    def film(self) -> FilmFigures:
-        """What the film at rest is like."""
-        return FilmFigures(*self.figures[3:9].tolist())
-
-    @property
-    def light(self) -> LightFigures:
-        """How the light departs from the slopes."""
-        return LightFigures(*self.figures[9:].tolist())
+    def read(self) -> tuple[CurlFigures, FilmFigures, LightFigures]:
+        """How much the slopes curl, what the film at rest is like, and how the light departs."""
+        figures = self.figures.tolist()
+        return CurlFigures(*figures[:3]), FilmFigures(*figures[3:9]), LightFigures(*figures[9:])
 
 
 @node(

@@ -25,5 +25,5 @@ def zero_error(evidence: TouchEvidence) -> ZeroError:
     float
         In mm: the height's range where less than a fifth of the image is at rest, else 0.
     """
-    film = evidence.film
+    _, film, _ = evidence.read()
     return 0.0 if film.calm >= MIN_CALM else film.highest - film.lowest

@@ -113,3 +113,10 @@ def test_what_waits_for_sizes_of_the_data_comes_after_what_the_host_has_to_do(
     steps = [step.name for step in planned("precise", device).steps]
     places = [steps.index(name) for name in ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")]
     assert places == sorted(places)
+
+
+def test_the_host_first_gets_what_most_of_its_steps_wait_for(device: OpenCL) -> None:
+    """The device checks the touch while the host looks for contacts."""
+    steps = [step.name for step in planned("reconstruct", device).steps]
+    places = [steps.index(name) for name in ("download height.as_seen", "told", "contact")]
+    assert places == sorted(places)
