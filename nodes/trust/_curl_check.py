@@ -8,11 +8,11 @@ MAX_MEDIAN, MAX_QUARTILE = 0.92, 4.2
 MAX_PART_SHARE = 0.4
 """Share of the cells of a part that curl, which right touches stay below."""
 
-ALL = (
+SLOPES_OF_NO_SURFACE = (
     "the slopes are those of no surface (check the order of the images, that none is mirrored or "
     "turned, that all are of one touch, and that nothing moved while the LEDs flashed)"
 )
-A_PART = (
+PART_OF_NO_SURFACE = (
     "in a part of the image the slopes are those of no surface (check that the frames are whole, "
     "and that nothing moved while the LEDs flashed)"
 )
@@ -23,5 +23,5 @@ def check_curl(curl: CurlFigures) -> Check:
     middle, upper, part = curl
     whole = max(middle / MAX_MEDIAN, upper / MAX_QUARTILE)
     if whole > 1:
-        return Check(whole, ALL)
-    return worst({ALL: whole, A_PART: part / MAX_PART_SHARE})
+        return Check(whole, SLOPES_OF_NO_SURFACE)
+    return worst({SLOPES_OF_NO_SURFACE: whole, PART_OF_NO_SURFACE: part / MAX_PART_SHARE})

@@ -18,30 +18,30 @@ DIRTY_CELLS = 5
 MAX_BRIGHTNESS, MIN_BRIGHTNESS_ERROR = 1.1, 0.002
 """Median brightness of touched film over its expected error, and the least of that error."""
 
-OF_NO_SURFACE = (
+LIGHT_OF_NO_SURFACE = (
     "the light of the touch is that of no surface under this calibration (check the order of the "
     "images, that all are of this touch and this sensor, and that the camera's gamma, contrast and "
     "white balance are off{0})"
 )
-COARSE = (
+COARSE_LIGHT = (
     "the light of the film at rest departs from pixel to pixel (check the exposure, and that the "
     "images are neither compressed nor of fewer gray levels than those of the calibration)"
 )
-DIM = (
+LIT_SHADOWS = (
     "shadows are not dark (keep other light out, or take the calibration and a dark image under it)"
 )
 # The unit normal that light of two surfaces adds up to is too short: film that is dark under all
 # LEDs.  So is that of gamma, of other light, and of images that are alike.
-BRIGHTNESS = (
+WRONG_BRIGHTNESS = (
     "the touched film is {1} by {2:.1%} than its slopes make it (check that the images show one "
     "touch and that nothing moved, that they are neither blurred nor averaged with others, that "
     "gamma and contrast are off, and that other light is kept out)"
 )
-TWO_LEDS = (
+ONLY_TWO_LEDS = (
     "only two LEDs light most of the touch, which fits any light (check the exposure, and that no "
     "LED is dead)"
 )
-DIRT = (
+DIRTY_FILM = (
     "in places the film is darker under all LEDs than any slope makes it (check the film and the "
     "lens for dirt and hairs)"
 )
@@ -58,14 +58,14 @@ def check_light(seen: LightFigures, rim_error: float = 0.0, brightness_error: fl
     brightness = MAX_BRIGHTNESS * math.hypot(brightness_error, MIN_BRIGHTNESS_ERROR)
     excess = abs(seen.brighter)
     figures = {
-        OF_NO_SURFACE: max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,
-        COARSE: seen.rest / MAX_REST / wider,
-        DIM: seen.dim / MAX_SHADOW_LIGHT,
-        BRIGHTNESS: excess / (brightness * wider),
+        LIGHT_OF_NO_SURFACE: max(seen.middle / MAX_MEDIAN, seen.upper / MAX_QUARTILE) / wider,
+        COARSE_LIGHT: seen.rest / MAX_REST / wider,
+        LIT_SHADOWS: seen.dim / MAX_SHADOW_LIGHT,
+        WRONG_BRIGHTNESS: excess / (brightness * wider),
     }
     if seen.steep >= MIN_CELLS:
-        figures[TWO_LEDS] = MIN_TESTED / max(seen.tested / seen.steep, MIN_TESTED / 10)
+        figures[ONLY_TWO_LEDS] = MIN_TESTED / max(seen.tested / seen.steep, MIN_TESTED / 10)
     if max(figures.values()) <= 1:  # light that is wrong everywhere is dark in places, too
-        figures[DIRT] = seen.dirty / DIRTY_CELLS
+        figures[DIRTY_FILM] = seen.dirty / DIRTY_CELLS
     rims = "; walls and rims need the graph precise" if shaded > RIM_SHARE else ""
     return worst(figures, rims, "brighter" if seen.brighter > 0 else "darker", excess)

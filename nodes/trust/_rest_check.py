@@ -22,35 +22,35 @@ stands out by this height."""
 MAX_ADDED = 0.02
 """Other light over that of the film at rest."""
 
-ONE_LED = (
+ONE_LED_CHANGED = (
     "LED {0} is {1} than in the calibration (check exposure, gain and LED, and that other light is "
     "kept out)"
 )
-NOT_THE_OTHERS = (
+LEDS_CHANGED_APART = (
     "LED {0} is {1} than in the calibration, and the others are not (check the LED; if the touch "
     "reaches all borders, the height's tilt is unknown)"
 )
-SPREAD = (
+ANOTHER_SPREAD = (
     "the light of the film at rest is spread otherwise than in the calibration (check the order of "
     "the images, and that other light is kept out)"
 )
-DARK = (
+DARK_PARTS = (
     "parts of the image are without light (crop the images to the film, in the calibration too, "
     "and check that frames are whole)"
 )
-NO_REST = (
+NO_FILM_AT_REST = (
     "hardly any film is at rest, so that zero and tilt of the height are unknown (an object that "
     "fills the frame is for reconstruct_filled; or another sensor or light)"
 )
-BELOW = (
+HEIGHT_BELOW_REST = (
     "most of the touch lies below the film at rest (check the order of the images, and that they "
     "are not turned)"
 )
-ADDED = (
+ADDED_LIGHT = (
     "{2}, the same everywhere (keep other light out of touch and flat frame; or the camera's black "
     "level has changed)"
 )
-TILTED = (
+TILTED_FILM = (
     "the LEDs changed as if the whole film was tilted (a touch that reaches all borders has no "
     "known zero and tilt; if nothing touches, check the LEDs)"
 )
@@ -69,16 +69,16 @@ def check_rest(
     most = highest if highest > -lowest else lowest
     keeps = not film.levelled and film.dark <= MAX_DARK_SHARE
     figures = {
-        ONE_LED: abs(most) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
-        NOT_THE_OTHERS: (highest - lowest) / 2 / MAX_SPREAD,
-        SPREAD: film.shape / MAX_SHAPE,
-        DARK: film.dark / MAX_DARK_SHARE,
-        NO_REST: MIN_CALM / max(film.calm, MIN_CALM / 10),
-        BELOW: -film.lowest / max(film.highest, MIN_HEIGHT_MM) / MAX_DEPTH,
-        ADDED: abs(added) / MAX_ADDED,
+        ONE_LED_CHANGED: abs(most) / (MAX_KEPT_LEVEL if keeps else MAX_LEVEL),
+        LEDS_CHANGED_APART: (highest - lowest) / 2 / MAX_SPREAD,
+        ANOTHER_SPREAD: film.shape / MAX_SHAPE,
+        DARK_PARTS: film.dark / MAX_DARK_SHARE,
+        NO_FILM_AT_REST: MIN_CALM / max(film.calm, MIN_CALM / 10),
+        HEIGHT_BELOW_REST: -film.lowest / max(film.highest, MIN_HEIGHT_MM) / MAX_DEPTH,
+        ADDED_LIGHT: abs(added) / MAX_ADDED,
     }
     if lights is not None and film.highest - film.lowest < FLAT_MM:
-        figures[TILTED] = _tilt(level - 1, lights)
+        figures[TILTED_FILM] = _tilt(level - 1, lights)
     led, sense = change.index(most) + 1, "brighter" if most > 0 else "darker"
     other = "other light was added to the touch" if added > 0 else "the touch lacks light"
     return worst(figures, led, sense, other)
