@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 import click
+from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
     TactographError,
@@ -129,6 +130,11 @@ def main() -> None:
 
 def _report(error: BaseException) -> int:
     """Say in one line why the command ended, and return its exit code."""
+    if isinstance(error, click.UsageError) and not isinstance(error, NoArgsIsHelpError):
+        words = error.ctx.command_path if error.ctx else "tactograph"
+        said = " ".join(error.format_message().rstrip(".").split())
+        click.echo(f"tactograph: {printable(said)} (see '{words} --help')", err=True)
+        return error.exit_code
     if isinstance(error, click.ClickException):
         error.show()
         return error.exit_code

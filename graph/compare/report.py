@@ -17,14 +17,15 @@ from tactograph.graph.compare.differences import differences
 from tactograph.graph.compare.stored_views import find_truth, load_views
 from tactograph.graph.compare.sweep import Sweep
 from tactograph.graph.compare.tables import (
+    FIGURE_AIMS,
     Line,
     columns,
     fallback_lines,
-    higher_is_better,
     is_best,
     make_lines,
     over_all,
     sweep_columns,
+    what_is_better,
 )
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.files.dump_graph import dump_graph
@@ -130,7 +131,10 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
         blocks.setdefault(line.capture, []).append(
             {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
         )
-    headings = [{"text": words(name), "higher": higher_is_better(name)} for name in names]
+    headings = [
+        {"text": words(name), "better": what_is_better(name), "aim": FIGURE_AIMS.get(name)}
+        for name in names
+    ]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
 
 
@@ -281,6 +285,8 @@ def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
 
 
 def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
+    if not any(panel.any() for panel in shown.panels.values()):
+        return []
     name = words(view.name).capitalize()
     caption = f"{name}: a colour for each of the {view.unit}, dark where several are set."
     return [Picture(draw_labels(shown.panels, view.unit), caption)]

@@ -15,7 +15,11 @@ from tactograph.graph.show.text_table import fitting_table
 from tactograph.graph.show.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
-"""Words in a figure's name; of all other figures the one nearest to zero is the best."""
+"""Words in a figure's name; of other figures the one nearest to its aim is the best."""
+FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
+"""Figures that are right at a number other than zero."""
+DESCRIPTIVE_FIGURES = ("contact", "peak_px")
+"""Beginnings of figures that say what was seen: none of them is better than another."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"
 """Marks the best figure on the terminal."""
@@ -91,8 +95,11 @@ def sweep_columns(lines: Iterable[Line]) -> list[str]:
     return list(dict.fromkeys(target for line in lines for target in line.sweep))
 
 
-def higher_is_better(name: str) -> bool:
-    return not HIGHER_IS_BETTER.isdisjoint(name.partition("/")[0].split("_"))
+def what_is_better(name: str) -> str:
+    """Return "higher", or "nearer to" a number; empty if the figure is not judged."""
+    if name.startswith(DESCRIPTIVE_FIGURES):
+        return ""
+    return "higher" if _is_higher_better(name) else f"nearer to {FIGURE_AIMS.get(name, 'zero')}"
 
 
 def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
@@ -100,19 +107,26 @@ def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
 
     The time of a single run is never the best: the next run takes another.
     """
-    if name not in line.figures:
+    if name not in line.figures or not what_is_better(name):
         return False
     peers = [x.figures[name] for x in lines if x.capture == line.capture and name in x.figures]
     if name == TIME_FIGURE and any(peer.count < 2 for peer in peers):
         return False
-    sizes = [_size(name, peer.mean) for peer in peers]
-    best = max(sizes) if higher_is_better(name) else min(sizes)
-    return _size(name, line.figures[name].mean) == best and min(sizes) < max(sizes)
+    costs = [_cost(name, peer.mean) for peer in peers]
+    return _cost(name, line.figures[name].mean) == min(costs) < max(costs)
+
+
+def _is_higher_better(name: str) -> bool:
+    return not HIGHER_IS_BETTER.isdisjoint(name.partition("/")[0].split("_"))
+
+
+def _cost(name: str, value: float) -> float:
+    return -value if _is_higher_better(name) else abs(value - FIGURE_AIMS.get(name, 0))
 
 
 def _size(name: str, value: float) -> float:
-    """A figure as it is judged: an error counts without its sign."""
-    return value if higher_is_better(name) else abs(value)
+    """A figure as it is averaged: an error counts without its sign."""
+    return abs(value) if what_is_better(name) == "nearer to zero" else value
 
 
 def write_tables(rows: Sequence[Row], out: Path) -> None:
@@ -150,8 +164,12 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
 
 
 def _what_is_best(names: Iterable[str]) -> str:
-    highest = [words(name) for name in names if higher_is_better(name)]
-    return f"highest {', '.join(highest)}; else nearest to zero" if highest else "nearest to zero"
+    highest = [words(name) for name in names if what_is_better(name) == "higher"]
+    aimed = [
+        f"{words(name)} nearest to {FIGURE_AIMS[name]}" for name in names if name in FIGURE_AIMS
+    ]
+    parts = [*([f"highest {', '.join(highest)}"] if highest else []), *aimed]
+    return "; ".join([*parts, "else nearest to zero" if parts else "nearest to zero"])
 
 
 def fallback_lines(rows: Iterable[Row]) -> list[str]:

@@ -90,6 +90,8 @@ def _message(
     if first["type"] == "missing" and len(first["loc"]) == 1:
         return f"{where(name)}: node '{node.name}' needs the parameter '{name}'"
     said = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "path_type":
+        said = "a path is needed"
     value = repr(first["input"])
     shown = value if len(value) <= 60 else f"{value[:57]}..."
     given = settings.get(name)

@@ -13,8 +13,11 @@ from pydantic import (
     StringConstraints,
     Tag,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
+    field_validator,
 )
+from pydantic_core import PydanticCustomError
 
 from tactograph.graph.backends import Backend
 from tactograph.graph.disk.strict_yaml import Document, Path_
@@ -24,6 +27,22 @@ GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
+WANTED_BY_KIND = {
+    "path": "a path",
+    "number": "a number",
+    "integer": "a whole number",
+    "text": "text",
+    "flag": "true or false",
+    "numbers": "a list of numbers",
+}
+"""What a value of each kind of param is."""
+_TYPES_BY_KIND: dict[str, tuple[type, ...]] = {
+    "path": (str,),
+    "number": (int, float),
+    "integer": (int,),
+    "text": (str,),
+    "flag": (bool,),
+}
 _WANTED_BY_TYPE = {
     "model_type": "a mapping is needed",
     "dict_type": "a mapping is needed",
@@ -32,6 +51,13 @@ _WANTED_BY_TYPE = {
     "string_type": "text is needed",
     "bool_type": "true or false is needed",
 }
+
+
+def is_of_kind(value: Any, kind: str) -> bool:
+    """Return whether a value is one that a param of `kind` takes."""
+    if kind == "numbers":
+        return isinstance(value, list) and all(is_of_kind(part, "number") for part in value)
+    return isinstance(value, _TYPES_BY_KIND[kind]) and (kind == "flag") == isinstance(value, bool)
 
 
 def _whole(value: Any) -> Any:
@@ -65,6 +91,14 @@ class ParamModel(_Strict):
     kind: Kind = Field(description="What the value is.")
     help: str = Field("", description="One line for people.")
     default: Any = Field(None, description="Without it, the value must be given.")
+
+    @field_validator("default")
+    @classmethod
+    def _of_its_kind(cls, value: Any, info: ValidationInfo) -> Any:
+        kind = info.data.get("kind")
+        if value is not None and kind and not is_of_kind(value, kind):
+            raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
+        return value
 
 
 class NodeModel(_Strict):

@@ -7,12 +7,7 @@ from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph, Param
-
-_PARAM_TYPES = {
-    "number": ((int, float), "a number"),
-    "integer": ((int,), "a whole number"),
-    "flag": ((bool,), "true or false"),
-}
+from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
 
 
 def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
@@ -64,9 +59,8 @@ def _read(name: str, text: str, param: Param) -> Any:
     if param.kind == "numbers":
         return [_number(f"{name}={text}", part) for part in text.split(",")]
     value = _scalar(name, text)
-    types, wanted = _PARAM_TYPES[param.kind]
-    if not isinstance(value, types) or (isinstance(value, bool) and param.kind != "flag"):
-        raise InputError(f"{name}={text}: {wanted} is needed")
+    if not is_of_kind(value, param.kind):
+        raise InputError(f"{name}={text}: {WANTED_BY_KIND[param.kind]} is needed")
     return value
 
 

@@ -31,6 +31,10 @@ MAX_NUMBERS = 8
 MARKS_ACROSS = 12
 """Places across the image at which a lens's displacement is drawn."""
 
+LABELS_ACROSS = 15
+"""LEDs nearer to each other than such a part of their distance share a label."""
+LABEL_PLACE: dict[str, Any] = {"xytext": (-5, 4), "textcoords": "offset points", "ha": "right"}
+
 
 def show_calibration(file: Path) -> Shown:
     """Return verdict, settings, figures, arrays and picture of a calibration.
@@ -93,8 +97,9 @@ def _draw_sensor(arrays: dict[str, Any], title: str, target: Path) -> None:
     grid = figure.add_gridspec(2, 1)
     upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
     for k, (axes, plane) in enumerate(zip(upper.subplots(1, len(flat)), flat, strict=True)):
-        drawn = axes.imshow(plane, cmap="gray", vmin=0)
-        axes.set(title=f"film at rest, LED {k + 1}", xlabel="x / px")
+        # From zero on, what LEDs leave uneven would not be seen.
+        drawn = axes.imshow(plane, cmap="gray")
+        axes.set(title=f"film at rest, LED {k + 1}", xlabel="x / px", ylabel="y / px")
         figure.colorbar(drawn, ax=axes, orientation="horizontal", label="of full scale")
     if "lights" in arrays:
         _draw_leds(lower.subplots(1, 2), arrays)
@@ -128,8 +133,14 @@ def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
 def _dots(axes: Axes, x: F4, y: F4, other_x: F4, other_y: F4) -> None:
     axes.plot(other_x.ravel(), other_y.ravel(), ".", color="#9a9a9a", label="as the fit allows")
     axes.plot(x, y, "o", color="#ffb000", label="LEDs")
-    for k, place in enumerate(zip(x, y, strict=True), start=1):
-        axes.annotate(str(k), place, xytext=(5, 5), textcoords="offset points")
+    axes.margins(0.15)
+    places = np.stack([x, y], axis=1)
+    named: dict[int, list[str]] = {}
+    for k, place in enumerate(places):
+        near = np.abs(places[: k + 1] - place).max(axis=1) <= np.abs(places).max() / LABELS_ACROSS
+        named.setdefault(int(near.argmax()), []).append(str(k + 1))
+    for k, names in named.items():
+        axes.annotate(", ".join(names), places[k], **LABEL_PLACE)
 
 
 def _draw_map(part: Any, reflectance: F4, count: int) -> None:

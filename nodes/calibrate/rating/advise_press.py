@@ -97,7 +97,9 @@ def _advice(presses: int, touched: F8, steep: F8) -> str:
         return "the presses cover the film and the slopes; nothing more is needed"
     where = f" {FILM_REGIONS[row][column]}" if empty else ""
     how = ("," if where else "") + " deeper, or with a smaller ball" if gentle else ""
-    why = ["no contact reaches there"] if empty else []
+    share = touched[row, column]
+    reached = f"contacts cover {share:.0%} of it" if share else "no contact reaches there"
+    why = [reached] if empty else []
     if gentle:
         side = BALL_SIDES[flattest]
         why.append(f"slopes on the {side} of what was pressed end at {steep[flattest]:.2f}")

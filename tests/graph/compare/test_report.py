@@ -292,6 +292,13 @@ def test_a_map_of_which_nothing_is_known_does_not_end_the_report() -> None:
     )
 
 
+def test_labels_that_no_run_gave_are_not_drawn() -> None:
+    none, some = np.zeros((4, 5), np.uint8), np.eye(4, 5, dtype=np.uint8)
+    runs = {"one": {"highlight": View("highlight", "labels", "LED bits", none)}}
+    assert _pictures(runs) == []
+    assert _pictures(runs | {"two": {"highlight": View("highlight", "labels", "LED bits", some)}})
+
+
 def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -> None:
     save_views([View("height", "map", "mm", np.ones((40, 50), np.float32))], tmp_path)
     file = tmp_path / "views.npz"

@@ -10,11 +10,11 @@ import pytest
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.compare.tables import (
     columns,
-    higher_is_better,
     is_best,
     make_lines,
     over_all,
     print_table,
+    what_is_better,
     write_tables,
 )
 from tactograph.graph.show.figures import estimate
@@ -54,8 +54,8 @@ def test_repeats_are_one_line() -> None:
 
 @pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1", "trust"])
 def test_figures_that_should_be_high(name: str) -> None:
-    assert higher_is_better(name)
-    assert not higher_is_better("rmse_px")
+    assert what_is_better(name) == "higher"
+    assert what_is_better("rmse_px") == "nearer to zero"
 
 
 def test_the_best_is_sought_within_a_capture() -> None:
@@ -119,6 +119,18 @@ def test_errors_of_both_signs_do_not_cancel_in_the_mean_over_captures() -> None:
     assert [mean.figures["error"].mean for mean in means] == [5.0, 6.0, 7.0]
     assert [is_best(mean, "error", means) for mean in means] == [True, False, False]
     assert {mean.capture for mean in means} == {"mean of 3 captures, signs left out"}
+
+
+def test_a_figure_is_judged_by_its_own_aim() -> None:
+    lines = make_lines(
+        [
+            row("x", in_90_percent_band=88, stated_over_actual=2, contacts=0, peak_px=1),
+            row("y", in_90_percent_band=40, stated_over_actual=0.8, contacts=1, peak_px=2),
+        ]
+    )
+    assert [is_best(line, "in_90_percent_band", lines) for line in lines] == [True, False]
+    assert [is_best(line, "stated_over_actual", lines) for line in lines] == [False, True]
+    assert not any(is_best(line, n, lines) for line in lines for n in ("contacts", "peak_px"))
 
 
 def test_the_time_of_a_single_run_is_never_the_best() -> None:

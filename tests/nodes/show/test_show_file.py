@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
@@ -19,6 +20,7 @@ from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.show._calibration import _dots
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
@@ -57,6 +59,13 @@ def test_a_calibration_shows_verdict_settings_values_and_picture(
     picture = cv2.imread(str(tmp_path / "drawn" / "cal.png"))
     assert picture is not None
     assert np.ptp(picture) > 200
+
+
+def test_leds_that_share_a_place_share_a_label() -> None:
+    axes = Figure().subplots()
+    x, y = np.array([30.0, 0, 30.5, -30], np.float32), np.array([40.0, 50, 40, 40], np.float32)
+    _dots(axes, x, y, x, y)
+    assert [text.get_text() for text in axes.texts] == ["1, 3", "2", "4"]
 
 
 def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:

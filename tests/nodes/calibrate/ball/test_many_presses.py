@@ -195,6 +195,7 @@ def covered(*places: tuple[float, float], contact: float = 40.0) -> str:
     [
         ([(40, 40), (120, 40), (120, 80)], 40, "press at the lower left: no contact reaches"),
         ([(40, 40), (120, 40), (120, 80)], 30, "press at the lower left, deeper, or with a sma"),
+        ([(40, 40), (120, 40), (120, 80)], 45, "press at the lower left: contacts cover "),
         ([(40, 40), (120, 40), (120, 80), (40, 80)], 40, "nothing more is needed"),
         ([(40, 40)], 49, "and one press has no other to be checked by"),
     ],
