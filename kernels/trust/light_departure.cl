@@ -7,6 +7,8 @@
 #define MIN_MODEL_LIGHT 0.1f
 #define MIN_FREEDOM 0.5f
 #define MIN_SQUARES 1e-6f
+#define NOT_TESTED (-1.0f)
+#define DARK_AS_DUE (-0.5f)
 
 // The reduced chi-squared of the light of LANES pixels under their slopes, equation T1, and the
 // excess of their brightness, T4.
@@ -20,6 +22,7 @@ LANED __kernel void light_departure(
     __global const float *restrict misfit,
     const float pixel,
     const float uneven,
+    const float wrap,
     __global float *restrict departure,
     __global float *restrict brighter,
     const int K, const int H, const int W,
@@ -36,7 +39,7 @@ LANED __kernel void light_departure(
     floats x, y;
     places(at, H, W, pixel, &x, &y);
     floats departs[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
-    floats product = none, whole = none, leds = none, seen = none, due = none;
+    floats product = none, whole = none, leds = none, seen = none, due = none, away = none;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats bright = (v.z - v.x * p - v.y * q) * nz, darkest = MIN_MODEL_LIGHT;
@@ -50,6 +53,7 @@ LANED __kernel void light_departure(
         product += departs[k] * (bright * weight[k]);
         whole += bright * (bright * weight[k]);
         leds += lit;
+        away += bright < 0.0f ? one - lit : none;
         seen += found * bright * lit;
         due += bright * bright * lit;
     }
@@ -59,9 +63,11 @@ LANED __kernel void light_departure(
         const floats left = departs[k] - product * share * shown[k];
         chi += weight[k] * left * left;
     }
-    const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = -1.0f;
+    const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = NOT_TESTED;
     const floats reduced = chi / MORE_OF(freedom, smallest);
-    store_floats(freedom >= smallest ? reduced : untested, departure + at, count);
+    const floats as_due = DARK_AS_DUE, others = wrap > 0.0f ? away : none;
+    const floats other = freedom + others >= smallest ? as_due : untested;
+    store_floats(freedom >= smallest ? reduced : other, departure + at, count);
     const floats least = MIN_SQUARES;
     store_floats(seen / MORE_OF(due, least) - 1.0f, brighter + at, count);
 }

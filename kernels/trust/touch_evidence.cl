@@ -187,7 +187,7 @@ static ONCE void look_at_light(
         const ints shades = is & (bits != all_leds), rests = tests & ~is, shows = tests & is;
         const ints bends = is & (bend > MIN_SQUARED_BEND), folds = is & (bend > MIN_SQUARED_FOLD);
         shaded += shades ? (matt ? one : none) : none;
-        tested += shows ? one : none;
+        tested += (is & (chi > NOT_TESTED)) ? one : none;
         bent += bends ? one : none;
         folded += folds ? one : none;
         store_floats(rests ? chi : untold, values + AT_REST * h * w + at, count);

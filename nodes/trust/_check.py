@@ -8,6 +8,8 @@ from tactograph.nodes import F4
 
 NOT_TESTED = np.float32(-1)
 """Value of a map where it tests nothing."""
+DARK_AS_DUE = np.float32(-0.5)
+"""Value where too few LEDs test a slope, and others are in the shadow in which it puts them."""
 MIN_CELLS = 20
 """Fewer cells tell nothing of a touch."""
 MIN_LEDS = 3

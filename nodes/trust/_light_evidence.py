@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Labels, Light, Misfit, Slope, Uneven
-from tactograph.nodes.trust._check import MIN_LEDS, quarter_of, thinned
+from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED, quarter_of, thinned
 from tactograph.nodes.trust.light_departure import Brighter, Departure, light_error
 
 MIN_SLOPE = np.float32(0.1)
@@ -42,7 +42,7 @@ class LightFigures(NamedTuple):
     shaded: float
     """How many of them not all LEDs light."""
     tested: float
-    """How many of them are tested."""
+    """How many of them are tested, be it by dark LEDs alone."""
     rest: float
     """Median departure of the light of the others."""
     middle: float
@@ -95,7 +95,7 @@ def light_evidence(
             middle = quarter_of(excess[lit & (bend < MAX_SQUARED_BEND) if narrow else lit], 2)
     spread = (at_rest, 2), (of_touch, 2), (of_touch, 3)
     rest, median, upper = (np.sqrt(quarter_of(*each)) for each in spread)
-    known = int((steep & tested).sum())
+    known = int((steep & (departs > NOT_TESTED)).sum())
     return LightFigures(cells, shaded, known, rest, median, upper, dim, dirty, middle)
 
 

@@ -17,16 +17,17 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
     Uneven,
+    Wrap,
 )
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     light_vectors,
 )
-from tactograph.nodes.trust._check import NOT_TESTED
+from tactograph.nodes.trust._check import DARK_AS_DUE, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
-"""Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
+"""Reduced chi-squared of a pixel's light; below 0 where too few LEDs test the slope."""
 Brighter = Annotated[F4, Port("H W", "1", low=-1, high=1)]
 """How much brighter film is than its slopes make it, as a share (T4)."""
 MIN_MODEL_LIGHT = np.float32(0.1)
@@ -68,6 +69,7 @@ def light_departure(
     misfit: Misfit,
     pixel: PixelSize,
     uneven: Uneven,
+    wrap: Wrap | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
 ) -> LightDeparture:
@@ -82,8 +84,10 @@ def light_departure(
     b is the film's unknown brightness, and e the model's error of the light (`light_error`), from
     the presses of the calibration.  The degrees of freedom are the LEDs used, less two for the
     slope and less the share of the brightness that was free.  Where fewer LEDs were used than a
-    test needs, the departure is -1.  The excess is that of the film's brightness as the light
-    itself has it, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
+    test needs, the departure is -1.  In a gel that scatters light an LED behind the soft terminator
+    is hardly known, so that it is not used; but it is dark because the slope turns away from it.
+    Where such LEDs make up for what the test lacks, the departure is -0.5.  The excess is that of
+    the film's brightness as the light itself has it, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
 
     Parameters
     ----------
@@ -101,6 +105,8 @@ def light_departure(
         mm per px.
     uneven
         Standard deviation of the film's brightness, as given to `label_lights`.
+    wrap
+        How far light goes on falling behind the terminator, as given to `label_lights`.
     cell_px
         Side in px of the cells that the light is a mean of; `sigma` is that of a single pixel.
     """
@@ -117,7 +123,9 @@ def light_departure(
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
     reduced = (weight * left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
     seen, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
-    chi = np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED)
+    turned_away = (shown < 0).sum(axis=0, where=lit == 0) if wrap else np.float32(0)
+    other = np.where(freedom + turned_away >= MIN_FREEDOM, DARK_AS_DUE, NOT_TESTED)
+    chi = np.where(freedom >= MIN_FREEDOM, reduced, other)
     return LightDeparture(np.asarray(chi, np.float32), seen / np.maximum(due, MIN_SQUARES) - 1)
 
 
@@ -142,4 +150,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "lights": lights.astype(np.float32),
         "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002], np.float32),
         "pixel": 0.05,
+        "wrap": float(rng.choice([0, 0.2])),
     }

@@ -145,7 +145,9 @@ def _example(
         "curl": np.where(rng.random((h, w)) < rng.choice([0.7, 0.2]), curl, -1),
         "light": light,
         "drift": drift,
-        "departure": np.where(rng.random((H, W)) < 0.9, rng.chisquare(2, (H, W)), -1),
+        "departure": np.where(
+            rng.random((H, W)) < 0.9, rng.chisquare(2, (H, W)), rng.choice([-1, -0.5], (H, W))
+        ),
         "slope": slope,
         "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002]),
         "brighter": rng.normal(0.01, 0.1, (H, W)),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._check import Check
+from tactograph.nodes.trust._check import DARK_AS_DUE, Check
 from tactograph.nodes.trust._light_check import (
     MAX_BRIGHTNESS,
     MAX_MEDIAN,
@@ -157,6 +157,7 @@ def test_a_touch_under_two_leds_is_told() -> None:
     check = told(touch(departs=-1.0, used=0b0011))
     assert check.figure > 1
     assert "only two LEDs" in str(check)
+    assert told(touch(departs=DARK_AS_DUE, used=0b0011)).figure < 0.9
 
 
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
