@@ -199,7 +199,7 @@ def _positional(
     """The node's positional arguments, of this item and of the one before."""
     inputs = {name: host[value] for name, value in task.reads.items()} | recalled
     for name in containers:
-        inputs[name] = lent(inputs[name])
+        inputs[name] = lent(inputs.get(name))
     return task.node.in_order(inputs)
 
 
