@@ -1,4 +1,7 @@
-"""Motion of the touched object since the touch began."""
+"""Motion of the touched object since the touch began.
+
+Long because film that hangs, a key frame and jumps are steps that nothing else needs.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
