@@ -45,16 +45,24 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.conftest import simulated_sensor
 from tests.nodes.force.test_drag_to_shear import random_presses
 from tests.nodes.live import oneshot
-from tests.nodes.motion import moved_objects, test_find_slip, test_stitch
+from tests.nodes.motion import moved_objects, test_find_slip, test_follow_contacts, test_stitch
 from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
 from tests.nodes.motion.test_track_pose import astray, way
 
 Row = tuple[str, str]
-FRAMES, STREAM_FRAMES = 30, 60
+FRAMES, STREAM_FRAMES, CONTACT_FRAMES = 30, 60, 10_000
 BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
 SURE_RESPONSE = 0.5
+
+
+def contacts() -> Iterator[Row]:
+    """Contacts that pass one another, split, merge, come and go."""
+    triples = test_follow_contacts.numbers_over(CONTACT_FRAMES)
+    once = len(triples) == 1 and len({*min(triples)}) == 3
+    value = "none" if once else f"{len(triples)} assignments of 3 numbers"
+    yield f"{CONTACT_FRAMES:,} frames of contacts: numbers lost or swapped", value
 
 
 def poses() -> Iterator[Row]:
@@ -305,6 +313,7 @@ def milliseconds(call: Callable[..., object], *given: object) -> str:
 
 
 PARTS = {
+    "contacts": contacts,
     "poses": poses,
     "slips": slips,
     "surfaces": surfaces,

@@ -59,9 +59,9 @@ ZERO_MM = 0.007
 SLOPE_VARIANCE_RATIO = 4.0
 """Variance of slopes over that of differences of heights that were integrated from them: the curl
 is gone, and neighbours were averaged."""
-HELD_BACK_SHARE = 0.04
-"""Share of a tilt that the fit misses (standard deviation): film that hangs over a contact's rim
-and valleys follows a tilt in part."""
+HELD_BACK_SHARE, PRESSED_SHARE = 0.04, 0.4
+"""Share of a tilt that the fit misses (standard deviation), since film that hangs over valleys
+follows a tilt in part: the more, the less of the film curves down than the second share."""
 RIM_RINGS = 16
 """Rings of cells along the contact's rim whose deviations are found apart."""
 BLOCK_CELLS = 16
@@ -207,7 +207,12 @@ def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None
 
 
 def fit_motion(
-    first: Surface, second: Surface, guesses: Iterable[F8], *, rings: bool = True
+    first: Surface,
+    second: Surface,
+    guesses: Iterable[F8],
+    pressed: float = PRESSED_SHARE,
+    *,
+    rings: bool = True,
 ) -> Fit | None:
     """Find the rigid motion that takes the first surface to the second.
 
@@ -218,6 +223,8 @@ def fit_motion(
     guesses
         4 x 4, the likeliest first: tried until one leads to a sure fit; else the most alike is
         taken, or the first where none is alike.  An open motion stays as in the guess.
+    pressed
+        Share of the raised film that curves down (`held_film`).
     rings
         Whether rings along the contacts' rims count by what they err.
 
@@ -231,7 +238,7 @@ def fit_motion(
         return None
     best, least = None, -np.inf
     for guess in guesses:
-        fit = _fitted(key, second, guess)
+        fit = _fitted(key, second, guess, pressed)
         if fit is not None and fit.sure:
             return fit
         if fit is not None and fit.likeness > least:
@@ -240,7 +247,7 @@ def fit_motion(
     return best
 
 
-def _fitted(key: _Key, now: Surface, guess: F8) -> Fit | None:
+def _fitted(key: _Key, now: Surface, guess: F8, pressed: float) -> Fit | None:
     """The motion; found once more without those that turn out open."""
     still = np.zeros((6, 0))
     while True:
@@ -254,7 +261,7 @@ def _fitted(key: _Key, now: Surface, guess: F8) -> Fit | None:
         still = is_open
     spread = carried(motion) @ key.to_middle
     overlap = float(np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched))
-    covariance = spread @ (covariance + _held_back(key, motion)) @ spread.T
+    covariance = spread @ (covariance + _held_back(key, motion, pressed)) @ spread.T
     likeness = _likeness(key, seen)
     alike = likeness > SURE_LIKENESS
     sure = (alike and _is_near(key, motion, guess)) or (
@@ -268,7 +275,8 @@ def _is_noise(key: _Key, now: Surface, seen: _Seen) -> bool:
     if key.surface.variance is None or now.variance is None:
         return False
     stated = key.surface.variance + now.variance
-    return bool(SLOPE_VARIANCE_RATIO * seen.levels[-1] ** 2 < SURE_VARIANCES * stated)
+    level = float(np.median(seen.levels[key.ring[seen.overlap]]))
+    return SLOPE_VARIANCE_RATIO * level**2 < SURE_VARIANCES * stated
 
 
 def _is_near(key: _Key, motion: F8, guess: F8) -> bool:
@@ -277,10 +285,11 @@ def _is_near(key: _Key, motion: F8, guess: F8) -> bool:
     return bool(np.hypot(x, y) + abs(turn) / TURN_COST < SURE_WAY_CELLS * key.surface.side)
 
 
-def _held_back(key: _Key, motion: F8) -> F8:
+def _held_back(key: _Key, motion: F8, pressed: float) -> F8:
     """Covariance of what hanging film holds back of a tilt about the contact's middle."""
     lean = np.zeros(6)
-    lean[3:5] = HELD_BACK_SHARE * six_numbers(motion)[3:5] / key.to_middle[3, 3]
+    share = HELD_BACK_SHARE * max(1.0, PRESSED_SHARE / max(pressed, HELD_BACK_SHARE))
+    lean[3:5] = share * six_numbers(motion)[3:5] / key.to_middle[3, 3]
     return np.outer(lean, lean)
 
 

@@ -1,14 +1,17 @@
-"""Motion of the touched object since the touch began."""
+"""Motion of the touched object since the touch began.
+
+Long because film that hangs, a key frame and jumps are steps that nothing else needs.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
-import cv2
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
+from tactograph.nodes.motion._held_film import held_film
 from tactograph.nodes.motion._match_shifts import likely_motions
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
@@ -22,8 +25,8 @@ from tactograph.nodes.motion._surface import (
 )
 from tactograph.nodes.stream.touch import Pose, PoseCovariance
 
-KeySurface = Annotated[F4, Port("H W", "mm", nan=True)]
-"""The touched heights of the key frame; NaN elsewhere."""
+KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
+"""Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
 Memory = Annotated[F4, Port("9 6", "mm, rad")]
 """Rows 0 to 5: covariance of the key frame's pose; then `ROW_KEY`, `ROW_SINCE`, `ROW_COUNTS`."""
 ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
@@ -37,6 +40,8 @@ JUMP_CELLS, MAX_JUMPS = 2, 2
 """Side of the cells on which a jump is looked for, in fine ones, and how many are tried."""
 MAX_JUMP_DEG, MIN_JUMP_OVERLAP = 15.0, 0.3
 """Largest turn of a jump about z, and the least share of the smaller contact seen after it."""
+TIGHT_SHARE = 0.25
+"""Share of the raised film that curves down below which the film hides a tilt."""
 OPEN_SHARE = 0.3
 """Share of an axis that lies in the open motions."""
 
@@ -93,7 +98,7 @@ def track_pose(
         Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
         touched, but 2 at least.
     margin_px
-        Width of the contact's rim that is left out: film bends there that does not touch.
+        Width of the contact's rim that is left out, beside the film that hangs there.
     least_overlap
         Share of the smaller contact.
 
@@ -103,20 +108,19 @@ def track_pose(
         The pose 6 and its covariance 6 x 6, and figures: ``pose_x_mm``, ``pose_turn_x_deg``,
         ``pose_sd_x_mm`` and so on; ``pose_open``, how many motions are open, and which, as
         ``pose_open/turn_x``; ``pose_overlap``; ``pose_sure``, 0 where frame and key frame differ
-        by more than both err, which is also told; ``pose_frames`` since tracking began;
-        ``pose_keys``.
+        by more than both err, which is also told; ``pose_pressed``, the share of the raised film
+        that curves down, as film does that an object holds: below 0.25 the film is so tight that
+        it hides tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
     """
-    rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
-    touched = cv2.erode((contact > 0).view(np.uint8), rim, borderValue=0) > 0
-    stated, inside = 0.0, touched[::SPARSE_PX, ::SPARSE_PX]
+    heights, pressed = held_film(height, contact, margin_px)
+    stated, inside = 0.0, np.isfinite(heights[1, ::SPARSE_PX, ::SPARSE_PX])
     if variance is not None and inside.any():
         stated = float(np.median(variance[:, ::SPARSE_PX, ::SPARSE_PX][:, inside]))
-    heights = np.where(touched, height, np.float32(np.nan))
     if key is None or memory is None:
-        return _begin(heights, stated)
-    fit, shared = _fit(key, memory, heights, stated, pixel, cell_px)
+        return _begin(heights, stated, pressed)
+    fit, shared = _fit(key, memory, heights, stated, pixel, cell_px, pressed)
     if fit is None or shared < least_overlap / 2:
-        return _begin(heights, stated)
+        return _begin(heights, stated, pressed)
     begun = small_motion(memory[ROW_KEY].astype(np.float64))
     pose = fit.motion @ begun
     onwards = carried(fit.motion)
@@ -128,24 +132,33 @@ def track_pose(
         key = heights
     else:
         kept = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
+    if pressed < TIGHT_SHARE:
+        warn(
+            "track_pose: the film is tight and hangs between few tops of what touches it (figure "
+            "'pose_pressed'): tilts are found too small, by a tenth or more"
+        )
     if not (fit.sure or fit.open.size):
         warn(
             "track_pose: the touched surface differs from the key frame's by more than both err; "
             "where the figure 'pose_sure' is 0 the pose may be wrong"
         )
-    return _tracked(pose, covariance, key, kept, fit.open, shared, sure=fit.sure)
+    told = {"pose_overlap": shared, "pose_sure": float(fit.sure), "pose_pressed": pressed}
+    return _tracked(pose, covariance, key, kept, fit.open, told)
 
 
 def _fit(
-    key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int
+    key: F4, memory: F4, heights: F4, stated: float, pixel: float, cell_px: int, pressed: float
 ) -> tuple[Fit | None, float]:
     """The motion since the key frame, and the share of the smaller contact that both see."""
-    before, now = (int(np.isfinite(plane).sum()) for plane in (key, heights))
+    before, now = (int(np.isfinite(plane).sum()) for plane in (key[1], heights[1]))
     fewest = min(before, now)
     finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
-    first = surface_of(key, float(memory[ROW_COUNTS, 2]) or None, pixel).coarser(finest)
-    second = surface_of(heights, stated or None, pixel).coarser(finest)
-    fit = fit_motion(first, second, _guesses(first, second, memory[ROW_SINCE]))
+    variance = float(memory[ROW_COUNTS, 2])
+    (one, first), (other, second) = (
+        [surface_of(plane, doubt or None, pixel).coarser(finest) for plane in planes]
+        for planes, doubt in ((key, variance), (heights, stated))
+    )
+    fit = fit_motion(first, second, _guesses(one, other, memory[ROW_SINCE]), pressed)
     return fit, min(1.0, fit.overlap * before / max(fewest, 1)) if fit else 0.0
 
 
@@ -161,19 +174,20 @@ def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4
     return np.vstack([covariance, key, since, counts]).astype(np.float32)
 
 
-def _begin(heights: F4, stated: float) -> TrackedPose:
+def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
     """The first frame of a touch, or one without a touch."""
-    begins, zero = np.count_nonzero(np.isfinite(heights)) >= MIN_PAIRS, np.zeros((6, 6))
+    begins, zero = np.count_nonzero(np.isfinite(heights[1])) >= MIN_PAIRS, np.zeros((6, 6))
     counts = np.array([begins, begins, stated, 0, 0, 0], np.float32)
     memory = _memory(zero, zero[0], zero[0], counts)
     unknown = zero if begins else OPEN_MM**2 * np.eye(6)
-    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), float(begins), sure=True)
+    told = {"pose_overlap": float(begins), "pose_sure": 1.0, "pose_pressed": pressed}
+    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), told)
 
 
 def _tracked(
-    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, shared: float, *, sure: bool
+    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, told: Metrics
 ) -> TrackedPose:
-    """The pose in mm and degrees with its figures, and a warning of open motions."""
+    """The pose in mm and degrees, what is told of it as figures, and a warning of open motions."""
     pose = IN_DEGREES * six_numbers(motion)
     # The shift is that of the film's origin: a turn about it after the motion moves it on.
     at_pose = np.eye(6)
@@ -187,7 +201,7 @@ def _tracked(
     for axis, share in zip(POSE_AXES, np.square(is_open).sum(axis=1), strict=True):
         if share > OPEN_SHARE:
             figures[f"pose_open/{axis.rpartition('_')[0]}"] = 1.0
-    figures["pose_overlap"], figures["pose_sure"] = shared, float(sure)
+    figures |= told
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])
     if is_open.size:
         # The same words in each frame, so that a stream says it once.
