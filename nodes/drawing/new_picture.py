@@ -28,7 +28,7 @@ def write_picture(figure: Figure, file: Path) -> None:
         If it cannot be written.
     """
     with atomic_file(file) as target:
-        FigureCanvasAgg(figure).print_png(target)
+        FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
 
 
 def in_lines(figures: Sequence[str]) -> str:

@@ -97,15 +97,17 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     u, v, shape = x / contact, y / contact, lit.shape
     inside, outside = _rings(np.hypot(u, v), SEARCH_RADII)
     # LEDs that reach the same pixels, as all do without shadows, have the same normal equations.
-    reached, pattern = np.unique(lit.reshape(len(lit), -1), axis=0, return_inverse=True)
-    weights = _products(reached.reshape(-1, *shape[1:]), u, v, radius / contact, inside, outside)
-    ball, film, smooth = (each[:, :, pattern.ravel()] for each in weights)
+    reached = {plane.tobytes(): plane for plane in lit}
+    pattern = [list(reached).index(plane.tobytes()) for plane in lit]
+    planes = np.stack([*reached.values()])
+    weights = _products(planes, u, v, radius / contact, inside, outside, pad)
+    ball, film, smooth = (each[:, :, pattern] for each in weights)
     rise = rise_of(np.hypot(u, v), radius / contact)
     columns = [*(inside * each for each in (1, u, v, rise)), *_plane(outside, u, v)]
     columns += [(inside + outside) * each for each in (u * u, u * v, v * v)]
-    right = np.moveaxis(_correlate(image, np.stack(columns)), 1, 0)
+    right = np.moveaxis(_correlate(image, np.stack(columns), pad), 1, 0)
     right_of_smooth = np.concatenate([right[:3] + right[4:7], right[7:]])
-    power = _correlate(image * image, (inside + outside)[None])[:, 0]
+    power = _correlate(image * image, (inside + outside)[None], pad)[:, 0]
     # Inside and outside share no pixel, so two small systems replace one.
     # Products by FFT are accurate to about 1e-13 of the largest: hence the stronger ridge.
     damping = 1e-6 * (np.trace(ball) + np.trace(film)) + 1e-12
@@ -119,7 +121,9 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     return np.where(seen < 0.3, 0.0, share)
 
 
-def _products(lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8) -> tuple[F8, F8, F8]:
+def _products(
+    lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8, pad: int
+) -> tuple[F8, F8, F8]:
     """Return the normal equations around every pixel of what `bases` returns.
 
     They are those of the ball (n x n x ...), of the plane around it, and of the smooth film.
@@ -132,7 +136,7 @@ def _products(lit: F8, u: F8, v: F8, radius: float, inside: F8, outside: F8) -> 
     kernels += [inside * u**i * v**j for i, j in flat[:6]]
     kernels += [inside * rise * each for each in (1, u, v)]
     kernels += [(inside + outside) * u**i * v**j for i, j in flat[6:]]
-    laid = np.moveaxis(_correlate(lit, np.stack(kernels)), 1, 0)
+    laid = np.moveaxis(_correlate(lit, np.stack(kernels), pad), 1, 0)
     around, within, risen, window = laid[:6], laid[6:12], laid[12:15], laid[15:]
     # The square of the rise is a polynomial.
     squared = within[0] - (within[3] + within[5]) / radius**2
@@ -205,10 +209,14 @@ def share_of(ball: F8, smooth: F8, pixels: float) -> F8:
     return (left - np.maximum(ball, 0).sum(0)) / (left + LIGHT_DEVIATION**2 * pixels)
 
 
-def _correlate(images: F8, kernels: F8) -> F8:
-    """Correlate every image (K x H x W) with every kernel (N x odd x odd): K x N x H x W."""
+def _correlate(images: F8, kernels: F8, pad: int) -> F8:
+    """Correlate every image (K x H x W) with every kernel (N x odd x odd): K x N x H x W.
+
+    Images end in `pad` zeros on each side, so a kernel may reach so far around their ends.
+    """
     half, (height, width) = kernels.shape[-1] // 2, images.shape[-2:]
-    size = [fft.next_fast_len(n + 2 * half, real=True) for n in (height, width)]
+    reach = max(half - pad, 0)
+    size = [fft.next_fast_len(max(n + reach, 2 * half + 1), real=True) for n in (height, width)]
     spectrum = fft.rfft2(images, size)[:, None] * np.conj(fft.rfft2(kernels, size))
     shifted = np.roll(fft.irfft2(spectrum, size), (half, half), (-2, -1))
     return np.asarray(shifted[..., :height, :width])

@@ -139,13 +139,16 @@ def find_ball(
     return _ball(circle, goodness)
 
 
-def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float]:
+def oblong_of(light: F4, ball: Circle, radius: float, least: float) -> tuple[float, float]:
     """Return how oblong pixels are by a ball, and how much of the residual that explains.
 
     Parameters
     ----------
     light, ball, radius
         K x H x W, the circle found, and the ball's radius in px, as if pixels were square.
+    least
+        The smallest logarithm that matters: where it explains the light no better than square
+        pixels do, whichever side is longer, no other is looked for.
 
     Returns
     -------
@@ -162,12 +165,15 @@ def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float]:
         square = samples._replace(x=(samples.x - x) * wider, y=(samples.y - y) / wider)
         return _residual(square, Circle(0.0, 0.0, min(contact, limit)), limit)
 
-    first = np.array([*start, 0.0])
+    first, wider = np.array([*start, 0.0]), np.array([0.0, 0.0, 0.0, least])
+    square_left = residual(first)
+    if min(residual(first + wider), residual(first - wider)) > square_left:
+        return 0.0, 0.0
     steps = np.vstack([np.zeros(4), np.diag([*[0.03 * start.radius] * 3, 0.05])])
     stop = {"initial_simplex": first + steps, "xatol": 0.002, "fatol": np.inf, "maxfev": 200}
     minimize: Any = optimize.minimize  # its stubs know no initial simplex
     result = minimize(residual, first, method="Nelder-Mead", options=stop)
-    return float(result.x[3]), 1 - float(result.fun) / max(residual(first), 1e-12)
+    return float(result.x[3]), 1 - float(result.fun) / max(square_left, 1e-12)
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
@@ -297,7 +303,9 @@ def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
 def _left(samples: _Samples, basis: F8) -> F8:
     """Return each LED's residual sum of squares on lit pixels, for a basis (columns x N)."""
     weighted = samples.lit * samples.light
-    normal = np.stack([(basis * lit) @ basis.T for lit in samples.lit])
+    # Few pixels are not lit: to take them from all is faster than to weigh every pixel.
+    dark = [basis[:, lit == 0] for lit in samples.lit]
+    normal = basis @ basis.T - np.stack([unlit @ unlit.T for unlit in dark])
     power = np.sum(weighted * samples.light, axis=1)
     return power - _explained(normal, weighted @ basis.T)
 

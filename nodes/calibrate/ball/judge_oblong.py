@@ -49,7 +49,10 @@ def judge_oblong(
     presses = [*cut(light, flat.shape[1])]
     best = [n for n in np.argsort(-goodness)[:MAX_BALLS] if circle[n, 2] > 0]
     estimates = np.array(
-        [oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel) for n in best]
+        [
+            oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel, MAX_OBLONG_SHARE)
+            for n in best
+        ]
     )
     if not best:
         return []

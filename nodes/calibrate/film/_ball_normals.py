@@ -36,17 +36,28 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
     return BallNormals(truth, n, direct, place)
 
 
-def normal_error(balls: Balls, fitted: Fitted) -> float:
-    """Return the root mean square error in degrees of the normals found from light.
+class NormalError(NamedTuple):
+    """The normals' root mean square error in degrees, and what noise alone leaves of it."""
+
+    degrees: float
+    noise: float
+
+
+def normal_error(balls: Balls, fitted: Fitted) -> NormalError:
+    """Return the error of the normals found from light.
 
     Noise is averaged over parts of each ball, because heights, as sums of slopes, average it, too.
     """
     truth, solved, *_ = ball_normals(balls, fitted)
     part = _parts(balls, truth)
     number = np.maximum(np.bincount(part), 1)
-    mean = np.stack([np.bincount(part, e) / number for e in solved - truth])
-    seen = np.bincount(part) > 0
-    return float(np.degrees(np.sqrt((mean * mean).sum(0)[seen].mean())))
+    seen, away = np.bincount(part) > 0, solved - truth
+    mean = np.stack([np.bincount(part, e) / number for e in away])
+    # Parts may hold a single sample, so all tell the noise of one.
+    spread = np.square(away - mean[:, part]).sum() / max(part.size - seen.sum(), 1)
+    noise = spread * (1 / number)[seen].mean()
+    whole, least = np.degrees(np.sqrt([(mean * mean).sum(0)[seen].mean(), noise]))
+    return NormalError(float(whole), float(least))
 
 
 def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:

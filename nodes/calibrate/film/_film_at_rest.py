@@ -5,6 +5,7 @@ import numpy as np
 from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_OF_TOUCH_ALONE,
+    one_by_one,
     owners_of,
     stepped,
 )
@@ -21,33 +22,30 @@ because its departures are smooth."""
 
 def rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame minus the model's, without the LEDs' common part: K x M."""
-    return _rest_less(rest, _rest_model(rest, now))
+    return _rest_less(rest, _rest_model(rest, now.film, now.leds))
 
 
 def _rest_less(rest: Rest, model: F8) -> F8:
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
 
 
-def _rest_model(rest: Rest, now: Fitted, chosen: slice = slice(None)) -> F8:
-    """Logarithm of the light of the film at rest under the chosen LEDs: K x M."""
-    film, leds = now.film._replace(lights=now.film.lights[chosen]), now.leds[chosen]
+def _rest_model(rest: Rest, film: Film, leds: F8) -> F8:
+    """Logarithm of the light of the film at rest: K x M."""
     model = np.log(rest_light(film, rest.x, rest.y)) + leds[:, 3:4]
     return np.asarray(model + leds[:, 4:] * np.log(_off_axis(film, rest.x, rest.y)))
 
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
-    model, owners = _rest_model(rest, now), owners_of(now, names)
-    before, by = _rest_less(rest, model), np.zeros((len(owners), *model.shape))
-    for j, (name, led) in enumerate(owners):
-        if name in UNKNOWNS_OF_TOUCH_ALONE:
-            continue
-        other, step = stepped(now, names, j)
-        chosen = slice(None) if led is None else slice(led, led + 1)
-        changed = model.copy()
-        changed[chosen] = _rest_model(rest, other, chosen)
-        by[j] = (_rest_less(rest, changed) - before) / step
-    return by
+    model, owners = _rest_model(rest, now.film, now.leds), owners_of(now, names)
+    change = np.zeros((len(owners), *model.shape))
+    number, led, film, leds, step = one_by_one(now, names, UNKNOWNS_OF_TOUCH_ALONE)
+    change[number, led] = (_rest_model(rest, film, leds) - model[led]) / step
+    for j, (name, one) in enumerate(owners):
+        if one is None and name not in UNKNOWNS_OF_TOUCH_ALONE:
+            other, size = stepped(now, names, j)
+            change[j] = (_rest_model(rest, other.film, other.leds) - model) / size
+    return np.asarray(change.mean(axis=1, keepdims=True) - change)
 
 
 def _off_axis(film: Film, x: F8, y: F8) -> F8:

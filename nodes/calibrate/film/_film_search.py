@@ -40,6 +40,8 @@ MAX_ERROR_RATIO = 1.5
 renewed: these reach further, so that their errors are larger."""
 GOOD_ERROR_DEG = 0.1
 """Degrees of held-out error below which no further part is tried."""
+NOISE_FLOOR = 0.9
+"""Share of the estimated noise that no model can lower, as the estimate has an error of its own."""
 MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
 """Fewest balls for harmonics, by their degree in position."""
 
@@ -93,7 +95,7 @@ def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | Non
             refitted = add_harmonics(train, refitted, degree, trial.width_mm / 2, trial.shift_mm)
         if len(trial.balls.centre) > 1:
             refitted = place_balls(test, refitted, trial.shift_mm)
-        errors.append(normal_error(test, refitted))
+        errors.append(normal_error(test, refitted).degrees)
         folds.append(refitted)
         weights.append(held.sum())
     return Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
@@ -135,13 +137,13 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
     """
     best = judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
-    while best.error > GOOD_ERROR_DEG and (
-        left := [part for part in parts if part not in best.parts]
-    ):
+    if "bounce" in parts and _may_pay(best, trial):
+        trial = trial._replace(balls=trial.samples(start.film))
+    while _may_pay(best, trial) and (left := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
-        first = int(np.argmin([normal_error(trial.balls, fit) for fit in fitted]))
+        first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
         alone = _pays(better.error, best.error, trial)
@@ -243,6 +245,14 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.boo
     if best.degree is not None:
         fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
     return best._replace(fitted=fitted), good, bad
+
+
+def _may_pay(best: Model, trial: Trial) -> bool:
+    """Return whether another part may pay: a perfect model would, for all the noise there is."""
+    if best.error <= GOOD_ERROR_DEG:
+        return False
+    error, noise = normal_error(trial.balls, best.fitted)
+    return _pays(NOISE_FLOOR * noise, error, trial)
 
 
 def _pays(error: float, before: float, trial: Trial, enough: float = PART_ERROR_RATIO) -> bool:

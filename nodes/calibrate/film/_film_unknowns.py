@@ -1,9 +1,10 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F8, USUAL_RIM_MM, Film
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
@@ -131,6 +132,38 @@ def stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
     about = dict(_numbers(now, names))[j - UNKNOWNS_PER_LED * count][2]
     steps[j - UNKNOWNS_PER_LED * count] = about.step
     return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
+
+
+class OneByOne(NamedTuple):
+    """The unknowns that belong to an LED, each changed alone, as J LEDs side by side.
+
+    Numbers of the unknowns and of their LEDs; the film with these J LEDs, whose unknowns are
+    `leds`, J x UNKNOWNS_PER_LED; and the changes, J x 1.
+    """
+
+    number: NDArray[np.intp]
+    led: NDArray[np.intp]
+    film: Film
+    leds: F8
+    step: F8
+
+
+def one_by_one(now: Fitted, names: list[str], without: Collection[str]) -> OneByOne:
+    """Change each unknown of an LED but those `without`; all are then predicted at once."""
+    of = [
+        (number, led)
+        for number, (name, led) in enumerate(owners_of(now, names))
+        if led is not None and name not in without
+    ]
+    changed, step = zip(*(stepped(now, names, number) for number, _ in of), strict=True)
+    film = now.film._replace(
+        lights=np.stack([fit.film.lights[k] for fit, (_, k) in zip(changed, of, strict=True)]),
+        diffuse=np.stack([fit.film.diffuse[k] for fit, (_, k) in zip(changed, of, strict=True)]),
+        harmonics=now.film.harmonics[[k for _, k in of]],
+    )
+    leds = np.stack([fit.leds[k] for fit, (_, k) in zip(changed, of, strict=True)])
+    number, led = np.array(of).T
+    return OneByOne(number, led, film, leds, np.array(step)[:, None])
 
 
 def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> Film:

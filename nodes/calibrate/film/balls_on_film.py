@@ -120,21 +120,19 @@ class Fitted(NamedTuple):
         return self._replace(leds=leds, film=film)
 
 
-def predicted(balls: Balls, fitted: Fitted, led: int | None = None, rest: F8 | None = None) -> F8:
-    """Return the light of the balls' samples, K x N, or 1 x N for one LED.
+def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
+    """Return the light of the balls' samples, K x N; `rest` as for `led_light`."""
+    thrown = balls.thrown(fitted.shifts, fitted.film)
+    return np.asarray(led_light(balls, fitted.shifts, fitted.film, rest) + thrown)
+
+
+def led_light(balls: Balls, shifts: F8, film: Film, rest: F8 | None = None) -> F8:
+    """Return the light of the balls' samples that comes from the film's LEDs itself, K x N.
 
     `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
     """
-    film, thrown = fitted.film, balls.thrown(fitted.shifts, fitted.film)
-    if led is not None:
-        one = slice(led, led + 1)
-        film = film._replace(
-            lights=film.lights[one], diffuse=film.diffuse[one], harmonics=film.harmonics[one]
-        )
-        thrown, rest = thrown[one], None if rest is None else rest[one]
-    n, x, y, z = balls.seen(fitted.shifts, film.camera)
-    own_light = predict(film, n, x, y, _touched(z, film), rest)
-    return np.asarray(own_light + thrown)
+    n, x, y, z = balls.seen(shifts, film.camera)
+    return predict(film, n, x, y, _touched(z, film), rest)
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

@@ -21,6 +21,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_PER_LED,
     albedos,
     moved_by,
+    one_by_one,
     opened,
     owners_of,
     priors,
@@ -30,6 +31,7 @@ from tactograph.nodes.calibrate.film.balls_on_film import (
     MIN_WEIGHT_LIGHT,
     Balls,
     Fitted,
+    led_light,
     predicted,
     rest_seen,
 )
@@ -328,9 +330,9 @@ def _by_shift(balls: Balls, now: Fitted, rest: F8 | None) -> tuple[F8, F8]:
 
     `rest` is the result of `rest_seen`.
     """
-    before, step = predicted(balls, now, rest=rest), 1e-4 * float(balls.radius.min())
+    before, step = predicted(balls, now, rest), 1e-4 * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
-    by = [(predicted(balls, other, rest=rest) - before) / step for other in moved]
+    by = [(predicted(balls, other, rest) - before) / step for other in moved]
     return before - balls.light, np.stack(by)
 
 
@@ -338,15 +340,14 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8
     """Derivatives by the shared unknowns, G x K x N; an LED's own only change its own light."""
     owners = owners_of(now, names)
     by = np.zeros((len(owners), *before.shape))
-    for j, (name, led) in enumerate(owners):
-        if name in UNKNOWNS_OF_FLAT_ALONE:
-            continue
-        other, step = stepped(now, names, j)
-        known = rest if name in UNKNOWNS_OF_TOUCH_ALONE else None
-        if led is None:
-            by[j] = (predicted(balls, other, rest=known) - before) / step
-        else:
-            by[j, led] = (predicted(balls, other, led, known)[0] - before[led]) / step
+    number, led, film, _, step = one_by_one(now, names, UNKNOWNS_OF_FLAT_ALONE)
+    own = before - balls.thrown(now.shifts, now.film)
+    by[number, led] = (led_light(balls, now.shifts, film) - own[led]) / step
+    for j, (name, one) in enumerate(owners):
+        if one is None:
+            other, size = stepped(now, names, j)
+            known = rest if name in UNKNOWNS_OF_TOUCH_ALONE else None
+            by[j] = (predicted(balls, other, known) - before) / size
     return by
 
 

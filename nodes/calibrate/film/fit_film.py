@@ -160,7 +160,8 @@ def fit_film(
         given = light, flat, circle, radius, of, film, noise, pixel, steepest
         return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, bounce=bounce, **options)
 
-    balls = samples(matt_film(lights))
+    # A matt film throws no light onto itself, and is sampled again where it may be another.
+    balls = samples(matt_film(lights), fine=True)
     width = pixel * flat.shape[2]
     trial = Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))

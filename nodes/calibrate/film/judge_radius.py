@@ -31,6 +31,8 @@ from tactograph.nodes.optics.film import matt_film
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
+NEAR_FACTORS = (0.975, 1.025)
+"""Radii that are tried, relative to the given one, where that leaves noise alone."""
 FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
@@ -156,13 +158,14 @@ def judge_radius(
         most=None,
         fine=True,
     )
-    trials = try_radii(balls, flat, pixel, lights, strength, shift_px)
-    first = float(radius[used[0]])
-    doubt = doubt_of_radius(trials, first, _left(fitted))
+    left = _left(fitted) if led_distance_mm is None else np.inf
+    trials = try_radii(balls, flat, pixel, lights, strength, shift_px, left=left)
+    first, left = float(radius[used[0]]), _left(fitted)
+    doubt = doubt_of_radius(trials, first, left)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
-    if not doubts and not lights_itself(film):
+    if not doubts and not lights_itself(film) and as_given(trials).pattern >= MIN_PATTERN:
         gammas = try_gammas(balls, flat, pixel, lights, strength, shift_px)
         doubts += doubt_of_pattern(trials, gammas, first)
     if led_distance_mm is not None:
@@ -172,7 +175,7 @@ def judge_radius(
         advice = ", or give led_distance_mm="
         doubts += doubt_of_diffuse(float(film.diffuse.mean()), balls.light, first, advice)
     quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
-    if (best := _best(trials)).departure < EQUAL_DEPARTURE * _left(fitted):
+    if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
 
@@ -186,8 +189,13 @@ def try_radii(
     shift_px: float,
     factors: tuple[float, ...] = RADIUS_FACTORS,
     rounds: int = FINER_ROUNDS,
+    left: float = np.inf,
 ) -> list[Tried]:
-    """Fit the plain film to balls of other radii, by `factors`, and near the best one."""
+    """Fit the plain film to balls of other radii, by `factors`, and near the best one.
+
+    Where noise is most of what the given radius leaves, and the film chosen has `left`, no other
+    can be believed: only its neighbours are tried, and those that may explain the light as well.
+    """
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
     deepest = min(float((balls.rim / balls.radius).max()), 1.0)
@@ -195,7 +203,13 @@ def try_radii(
     def tried(factors: Iterable[float]) -> list[Tried]:
         return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
 
-    trials = tried(sorted({deepest, 1.0, *(factor for factor in factors if factor > deepest)}))
+    trials = tried([1.0])
+    if is_noise := _is_noise(trials[0], left):
+        factors = (*(factor for factor in factors if factor < SMALLER_FACTOR), *NEAR_FACTORS)
+    others = {deepest, *(factor for factor in factors if factor > deepest)}
+    trials = sorted(trials + tried(f for f in others if abs(f - 1) > RADIUS_TOLERANCE))
+    if is_noise and _best(trials).factor == 1:
+        return trials
     for _ in range(rounds):
         trials = sorted(trials + tried(_beside(_best(trials), trials)))
     return trials
@@ -213,6 +227,12 @@ def try_gammas(
         even = None if rest is None else replace(rest, logarithm=rest.logarithm * power)
         left[power] = _try(linear, even, start, 1.0, shift_px * pixel, width).pattern / power
     return left
+
+
+def _is_noise(given: Tried, left: float) -> bool:
+    """Whether no radius can leave so much less than the given one that it would be believed."""
+    noise = np.sqrt(max(given.departure**2 - given.pattern**2, 0))
+    return given.pattern < MIN_PATTERN and BELIEVED_BELOW * max(given.departure, left) < noise
 
 
 def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: float) -> list[str]:

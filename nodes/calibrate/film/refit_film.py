@@ -273,7 +273,7 @@ def _judged(
             continue
         fold = _fit(known, balls.only(~held), names, whole.changed)
         folds.append(fold)
-        errors.append(normal_error(balls.only(held), fold.fitted))
+        errors.append(normal_error(balls.only(held), fold.fitted).degrees)
     return whole, float(np.mean(errors)), folds
 
 

@@ -271,7 +271,8 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
         return
     chosen = (mask > 0) & (lit == (1 << len(light)) - 1)
     departure = np.tensordot(null, light, axes=1)[chosen] / spread
-    axes.hist(np.clip(departure, -10, 10), bins=100, color=BLUE)
+    # One outline is drawn several times as fast as a hundred bars.
+    axes.stairs(*np.histogram(np.clip(departure, -10, 10), bins=100), fill=True, color=BLUE)
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
     axes.set(
