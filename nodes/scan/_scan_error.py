@@ -18,10 +18,11 @@ MAX_SLOPE_ERROR = np.float32(3)
 """Largest error of a slope."""
 NOISE_STEEPENING = np.float32(2)
 """Error of slopes that are steepened by noise, over the variances of p and q of a pixel and the
-slope: 0.4 to 1.6 on walls of 30 degrees by the models of five sensors; on the walls of 18 grooves
-by three of them 1.4 to 2.8."""
+slope: 1.1 to 2.8 on walls of 25 to 45 degrees, by the second derivatives of three sensors' models."""
 NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
+MIN_SHOWN = np.float32(1e-6)
+"""Smallest share of cells around that show noise."""
 
 
 def scan_errors(
@@ -40,8 +41,9 @@ def scan_errors(
       slope errs alike wherever it lies, so that the depth of a groove errs with its walls.  The
       waves are the same ones for every scan, so that a known step tells what another errs by.
 
-    Noise also makes slopes steeper, to second order.  As brightness is free, light that is wrong
-    under all LEDs alike turns no normal.
+    Noise also makes slopes steeper, to second order, and what it does on a wall it does in cells
+    that show a part of it.  As brightness is free, light that is wrong under all LEDs alike turns
+    no normal.
     """
     by_light = levelling.by_light
     leds = by_light.shape[1]
@@ -50,7 +52,8 @@ def scan_errors(
     normal = slope / np.sqrt(1 + np.sum(slope * slope, axis=0))
     where = np.stack([*(normal / REPEAT_TURN), *(each / REPEAT_FRAME for each in levelling.place)])
 
-    wrong = [slope * NOISE_STEEPENING * np.square(root * cell).sum(axis=(0, 1))]
+    of_pixel = cv2.dilate(np.square(root * cell).sum(axis=(0, 1)), np.ones((3, 3)))
+    wrong = [slope * NOISE_STEEPENING * of_pixel]
     for number in range(DRAW_COUNT):
         waves = np.float32(misfit) * _waves(number, leds, where)
         of_model = np.einsum("aknm,knm->anm", by_light, waves)
@@ -66,12 +69,15 @@ def scan_errors(
 def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
     """Standard deviations of a LED's light: noise of a cell's mean, H x W, and the model's error.
 
-    Of n x n pixels the mean has 1 / n of a pixel's noise.
+    Of n x n pixels the mean has 1 / n of a pixel's noise.  A cell with a fold leaves more than a
+    pixel, since its mean light is that of no slope: there neighbours tell the noise.
     """
     per_led = leds / (leds - PIXEL_UNKNOWNS)
     square, of_cell = (per_led * np.square(each) for each in (single, residual))
-    variance = np.maximum(cv2.GaussianBlur(square - of_cell, (0, 0), NOISE_MEAN_CELLS), 0)
-    noise = np.sqrt(variance / cell**2)
+    flat = np.float32(of_cell < square)
+    excess = flat * (square - of_cell)
+    variance, shown = (cv2.GaussianBlur(each, (0, 0), NOISE_MEAN_CELLS) for each in (excess, flat))
+    noise = np.sqrt(variance / np.maximum(shown, MIN_SHOWN)) / cell
     left = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2
     return noise.astype(np.float32), float(np.sqrt(max(left, 0)))
 

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.real_film import measure
 from tactograph.graph import load
 from tactograph.nodes import BAND_DEVIATIONS, F4
+from tactograph.nodes.scan._scan_error import _parts
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
 from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen
@@ -41,6 +42,16 @@ def test_light_that_no_slope_explains_widens_the_error(model_file: Path) -> None
 def test_twice_the_noise_is_twice_the_error(model_file: Path) -> None:
     once, twice = (np.median(states(model_file, noise, 0.0, 5)[1]) for noise in (0.01, 0.02))
     assert twice / once == pytest.approx(2, rel=0.3)
+
+
+def test_a_fold_hides_no_noise() -> None:
+    """A cell's mean light over a fold is that of no slope, however little noise there is."""
+    single = np.full((12, 20), 0.003, np.float32)
+    residual = single / 16
+    level, _ = _parts(residual, single, 6, 16)
+    residual[:, 8:10] = 0.007
+    folded, _ = _parts(residual, single, 6, 16)
+    np.testing.assert_allclose(folded, level, rtol=0.01)
 
 
 def levelled(file: Path, z: F4, level: str = "flat") -> tuple[F4, list[str]]:
