@@ -18,7 +18,7 @@ MAX_SLOPE_ERROR = np.float32(3)
 """Largest error of a slope."""
 NOISE_STEEPENING = np.float32(2)
 """Error of slopes that are steepened by noise, over the variances of p and q of a pixel and the
-slope: 1.1 to 2.8 on walls of 25 to 45 degrees, by the second derivatives of three sensors' models."""
+slope: 1.1 to 2.8 on walls of 25 to 45 degrees, by second derivatives of three sensors' models."""
 NOISE_MEAN_CELLS = 2.0
 """Cells over which the noise is averaged."""
 MIN_SHOWN = np.float32(1e-6)

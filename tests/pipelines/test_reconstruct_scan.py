@@ -109,7 +109,7 @@ def test_grooves_seen_through_real_sensors_models_have_their_depth() -> None:
     for device in DEVICES:
         for seed in range(2):
             file = real_data("gelsight_scans") / "devices" / f"{device}.yaml"
-            _, figures, rows = groove(file, seed)
+            _, figures, rows = groove(file, seed, 0.5, 30)
             assert figures["step_depth_um"] == pytest.approx(500, abs=1)
             assert 0.03 < figures["step_uncertainty_um"] < 0.5
             held.append(rows.mean())
