@@ -74,7 +74,7 @@ def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
     """
     per_led = leds / (leds - PIXEL_UNKNOWNS)
     square, of_cell = (per_led * np.square(each) for each in (single, residual))
-    flat = np.float32(of_cell < square)
+    flat = (of_cell < square).astype(np.float32)
     excess = flat * (square - of_cell)
     variance, shown = (cv2.GaussianBlur(each, (0, 0), NOISE_MEAN_CELLS) for each in (excess, flat))
     noise = np.sqrt(variance / np.maximum(shown, MIN_SHOWN)) / cell
