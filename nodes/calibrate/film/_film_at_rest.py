@@ -5,8 +5,8 @@ import numpy as np
 from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_OF_TOUCH_ALONE,
-    one_by_one,
-    owners_of,
+    by_number,
+    numbered,
     stepped,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
@@ -22,30 +22,28 @@ because its departures are smooth."""
 
 def rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame minus the model's, without the LEDs' common part: K x M."""
-    return _rest_less(rest, _rest_model(rest, now.film, now.leds))
+    return _rest_less(rest, _rest_model(rest, now))
 
 
 def _rest_less(rest: Rest, model: F8) -> F8:
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
 
 
-def _rest_model(rest: Rest, film: Film, leds: F8) -> F8:
+def _rest_model(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the light of the film at rest: K x M."""
-    model = np.log(rest_light(film, rest.x, rest.y)) + leds[:, 3:4]
-    return np.asarray(model + leds[:, 4:] * np.log(_off_axis(film, rest.x, rest.y)))
+    model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:4]
+    return np.asarray(model + now.leds[:, 4:] * np.log(_off_axis(now.film, rest.x, rest.y)))
 
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
-    model, owners = _rest_model(rest, now.film, now.leds), owners_of(now, names)
-    change = np.zeros((len(owners), *model.shape))
-    number, led, film, leds, step = one_by_one(now, names, UNKNOWNS_OF_TOUCH_ALONE)
-    change[number, led] = (_rest_model(rest, film, leds) - model[led]) / step
-    for j, (name, one) in enumerate(owners):
-        if one is None and name not in UNKNOWNS_OF_TOUCH_ALONE:
-            other, size = stepped(now, names, j)
-            change[j] = (_rest_model(rest, other.film, other.leds) - model) / size
-    return np.asarray(change.mean(axis=1, keepdims=True) - change)
+    model, unknowns = _rest_model(rest, now), numbered(now, names)
+    by = np.zeros((sum(map(len, unknowns.values())), *model.shape))
+    for name, numbers in unknowns.items():
+        if name not in UNKNOWNS_OF_TOUCH_ALONE:
+            other, step = stepped(now, name)
+            by_number(_rest_model(rest, other) - model, step, numbers, by)
+    return np.asarray(by.mean(axis=1, keepdims=True) - by)
 
 
 def _off_axis(film: Film, x: F8, y: F8) -> F8:

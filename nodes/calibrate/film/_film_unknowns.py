@@ -1,6 +1,6 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -108,72 +108,48 @@ def albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
     yield (now.film.base - now.film.albedo) / ALBEDO_DEVIATION, by
 
 
-def owners_of(now: Fitted, names: list[str]) -> list[tuple[str, int | None]]:
-    """Name of each shared unknown, and the LED that it belongs to, or None."""
-    count = len(now.leds)
-    owners: list[tuple[str, int | None]] = [
-        (name, k) for k in range(count) for name in LED_UNKNOWNS
-    ]
+def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
+    """Numbers of the shared unknowns by name: one for each LED, or one for all."""
+    each = np.arange(len(now.leds))
+    numbers = {name: UNKNOWNS_PER_LED * each + i for i, name in enumerate(LED_UNKNOWNS)}
+    first = now.leds.size
     for name in names:
-        owners += [(name, k) for k in range(count)] if name == "diffuse" else [(name, None)]
-    return owners
+        numbers[name] = first + (each if name == "diffuse" else each[:1])
+        first += numbers[name].size
+    return numbers
 
 
-def stepped(now: Fitted, names: list[str], j: int) -> tuple[Fitted, float]:
-    """The fit with one unknown changed, and its change."""
-    count = len(now.leds)
-    if j < UNKNOWNS_PER_LED * count:
-        change = np.zeros(UNKNOWNS_PER_LED * count)
-        change[j] = step = 1e-5 * (
-            1 if j % UNKNOWNS_PER_LED != 2 else max(now.leds[j // UNKNOWNS_PER_LED, 2], 1e-4)
-        )
-        return now.with_leds(now.leds + change.reshape(-1, UNKNOWNS_PER_LED)), step
-    steps = np.zeros(sum(1 for _ in _numbers(now, names)))
-    about = dict(_numbers(now, names))[j - UNKNOWNS_PER_LED * count][2]
-    steps[j - UNKNOWNS_PER_LED * count] = about.step
-    return now._replace(film=_film_moved(now.film, names, steps, bounded=False)), about.step
+def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
+    """The fit with an unknown changed, and the change; those of all LEDs at once.
 
-
-class OneByOne(NamedTuple):
-    """The unknowns that belong to an LED, each changed alone, as J LEDs side by side.
-
-    Numbers of the unknowns and of their LEDs; the film with these J LEDs, whose unknowns are
-    `leds`, J x UNKNOWNS_PER_LED; and the changes, J x 1.
+    An LED's own unknowns change its own light alone, so one prediction tells of all of them.
     """
-
-    number: NDArray[np.intp]
-    led: NDArray[np.intp]
-    film: Film
-    leds: F8
-    step: F8
-
-
-def one_by_one(now: Fitted, names: list[str], without: Collection[str]) -> OneByOne:
-    """Change each unknown of an LED but those `without`; all are then predicted at once."""
-    of = [
-        (number, led)
-        for number, (name, led) in enumerate(owners_of(now, names))
-        if led is not None and name not in without
-    ]
-    changed, step = zip(*(stepped(now, names, number) for number, _ in of), strict=True)
-    film = now.film._replace(
-        lights=np.stack([fit.film.lights[k] for fit, (_, k) in zip(changed, of, strict=True)]),
-        diffuse=np.stack([fit.film.diffuse[k] for fit, (_, k) in zip(changed, of, strict=True)]),
-        harmonics=now.film.harmonics[[k for _, k in of]],
-    )
-    leds = np.stack([fit.leds[k] for fit, (_, k) in zip(changed, of, strict=True)])
-    number, led = np.array(of).T
-    return OneByOne(number, led, film, leds, np.array(step)[:, None])
+    if name not in LED_UNKNOWNS:
+        about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
+        film = now.film._replace(**{name: getattr(now.film, name) + about.step})
+        return now._replace(film=film), np.array([about.step])
+    step, leds = np.full(len(now.leds), 1e-5), now.leds.copy()
+    if name == "nearness":
+        step *= np.maximum(leds[:, 2], 1e-4)
+    leds[:, LED_UNKNOWNS.index(name)] += step
+    return now.with_leds(leds), step
 
 
-def _film_moved(film: Film, names: list[str], by: F8, bounded: bool = True) -> Film:
+def by_number(change: F8, step: F8, numbers: NDArray[np.intp], by: F8) -> None:
+    """Write into `by`, G x K x N, what the change of the light, K x N, says of unknowns."""
+    if numbers.size > 1:
+        by[numbers, np.arange(len(change))] = change / step[:, None]
+    else:
+        by[numbers] = change / step
+
+
+def _film_moved(film: Film, names: list[str], by: F8) -> Film:
     changed: dict[str, Any] = {}
     number = 0
     for name in names:
         size = len(film.diffuse) if name == "diffuse" else 1
         about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
-        value = getattr(film, name) + by[number : number + size]
-        value = np.clip(value, about.low, about.high) if bounded else value
+        value = np.clip(getattr(film, name) + by[number : number + size], about.low, about.high)
         changed[name] = value if name == "diffuse" else float(value[0])
         number += size
     return film._replace(**changed)

@@ -121,18 +121,14 @@ class Fitted(NamedTuple):
 
 
 def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
-    """Return the light of the balls' samples, K x N; `rest` as for `led_light`."""
-    thrown = balls.thrown(fitted.shifts, fitted.film)
-    return np.asarray(led_light(balls, fitted.shifts, fitted.film, rest) + thrown)
-
-
-def led_light(balls: Balls, shifts: F8, film: Film, rest: F8 | None = None) -> F8:
-    """Return the light of the balls' samples that comes from the film's LEDs itself, K x N.
+    """Return the light of the balls' samples, K x N.
 
     `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
     """
+    film, shifts = fitted.film, fitted.shifts
     n, x, y, z = balls.seen(shifts, film.camera)
-    return predict(film, n, x, y, _touched(z, film), rest)
+    own_light = predict(film, n, x, y, _touched(z, film), rest)
+    return np.asarray(own_light + balls.thrown(shifts, film))
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

@@ -20,10 +20,10 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_OF_TOUCH_ALONE,
     UNKNOWNS_PER_LED,
     albedos,
+    by_number,
     moved_by,
-    one_by_one,
+    numbered,
     opened,
-    owners_of,
     priors,
     stepped,
 )
@@ -31,7 +31,6 @@ from tactograph.nodes.calibrate.film.balls_on_film import (
     MIN_WEIGHT_LIGHT,
     Balls,
     Fitted,
-    led_light,
     predicted,
     rest_seen,
 )
@@ -59,6 +58,13 @@ HARMONICS_ROUNDS = 4
 """Rounds in which harmonics and the balls' positions are found in turn."""
 
 
+class _Left(NamedTuple):
+    """Residuals of the balls' light, K x N, and of the flat frame (`rest_left`)."""
+
+    light: F8
+    flat: F8
+
+
 class _Problem(NamedTuple):
     """The data of the fit, the free parameters, and the standard deviations.
 
@@ -78,12 +84,15 @@ class _Problem(NamedTuple):
         """Weight of a sample."""
         return min(1, MAX_INDEPENDENT_SAMPLES / max(self.balls.u.size, 1))
 
-    def judged(self, now: Fitted) -> Self:
-        """Return the problem with the standard deviations of the residuals of `now`."""
-        certain = LIGHT_DEVIATION
-        if self.rest is not None:
-            certain = rest_spread(rest_left(self.rest, now), self.rest)
-        return self._replace(scale=_scale(self.balls, now), certain=certain)
+    def left(self, now: Fitted) -> _Left:
+        """Return what a fit leaves."""
+        flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_left(self.rest, now)
+        return _Left(predicted(self.balls, now) - self.balls.light, flat)
+
+    def judged(self, left: _Left) -> Self:
+        """Return the problem with the standard deviations of residuals."""
+        certain = LIGHT_DEVIATION if self.rest is None else rest_spread(left.flat, self.rest)
+        return self._replace(scale=_scale(self.balls, left.light), certain=certain)
 
 
 class _Equations(NamedTuple):
@@ -128,28 +137,31 @@ def fit(
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
-    problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(now)
-    cost = _cost(problem, now)
+    problem = _Problem(balls, rest, names, shift_mm, width_mm)
+    left = problem.left(now)
+    problem = problem.judged(left)
+    cost = _cost(problem, now, left)
     if not np.isfinite(cost):
         raise InputError(
             "no film has the light of these balls: check that the flat frame shows untouched film, "
             "the ball's radius, and that the balls are pressed into the film"
         )
     for _ in range(MAX_STEPS):
-        equations = _equations(problem, now)
+        equations = _equations(problem, now, left)
         while damping < 1e8:
             trial = moved_by(now, names, *_solve(equations, damping))
-            tried = _cost(problem, trial)
+            trial_left = problem.left(trial)
+            tried = _cost(problem, trial, trial_left)
             if tried < cost:
                 break
             damping *= 10
         else:
             break
-        gain, now, damping = cost - tried, trial, max(damping / 10, 1e-9)
+        gain, now, left, damping = cost - tried, trial, trial_left, max(damping / 10, 1e-9)
         if gain < MIN_COST_GAIN * cost:
             break
-        problem = problem.judged(now)
-        cost = _cost(problem, now)
+        problem = problem.judged(left)
+        cost = _cost(problem, now, left)
     return now._replace(scale=problem.scale)
 
 
@@ -166,9 +178,10 @@ def other_places(
     The uncertainty accounts for all other free parameters, such as coat and albedo.
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
-    problem = _Problem(balls, rest, names, shift_mm, width_mm).judged(fitted)
-    left = _weighted(balls, predicted(balls, fitted) - balls.light)
-    known = _equations(problem._replace(scale=_robust_spread(left)), fitted)
+    problem = _Problem(balls, rest, names, shift_mm, width_mm)
+    left = problem.left(fitted)
+    robust = _robust_spread(_weighted(balls, left.light))
+    known = _equations(problem.judged(left)._replace(scale=robust), fitted, left)
     shared, _ = _without_shifts(known.shared, known.mixed, known.own)
     scale = np.sqrt(np.diag(shared))
     spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
@@ -182,7 +195,8 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     now, scale = fitted, fitted.scale
     spread, rest = _spread(balls, shift_mm), rest_seen(balls, fitted.film)
     for _ in range(10):
-        left, by = _by_shift(balls, now, rest)
+        left = predicted(balls, now, rest) - balls.light
+        by = _by_shift(balls, now, left + balls.light, rest)
         weight = (
             _robust(_weighted(balls, left) / scale)
             / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
@@ -243,10 +257,11 @@ def add_harmonics(
         harmonics[:, :, :used] = change[:-1].reshape(count, 8, used)
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
-        now = place_balls(balls, now._replace(scale=_scale(balls, now)), shift_mm)
+        left = predicted(balls, now) - balls.light
+        now = place_balls(balls, now._replace(scale=_scale(balls, left)), shift_mm)
         weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
         weight = weight / np.maximum(balls.light, MIN_WEIGHT_LIGHT) ** 2
-    return now._replace(scale=_scale(balls, now))
+    return now._replace(scale=_scale(balls, predicted(balls, now) - balls.light))
 
 
 def _cauchy(left: F8, scale: float) -> F8:
@@ -257,11 +272,9 @@ def _weighted(balls: Balls, left: F8) -> F8:
     return np.asarray(left / np.maximum(balls.light, MIN_WEIGHT_LIGHT))
 
 
-def _scale(balls: Balls, now: Fitted) -> float:
+def _scale(balls: Balls, left: F8) -> float:
     """Robust standard deviation of a sample's residual."""
-    return max(
-        LIGHT_DEVIATION, _robust_spread(_weighted(balls, predicted(balls, now) - balls.light))
-    )
+    return max(LIGHT_DEVIATION, _robust_spread(_weighted(balls, left)))
 
 
 def _robust_spread(left: F8) -> float:
@@ -273,23 +286,22 @@ def _robust(left: F8) -> F8:
     return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
 
 
-def _cost(problem: _Problem, now: Fitted) -> float:
-    balls, rest, names, shift_mm, width_mm, scale, certain = problem
+def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
+    balls, _, names, shift_mm, width_mm, scale, certain = problem
     total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
-    left = _weighted(balls, predicted(balls, now) - balls.light)
-    total += problem.each * huber(left / scale)
-    if rest is not None:
-        total += huber(rest_left(rest, now) / certain)
+    total += problem.each * huber(_weighted(balls, left.light) / scale)
+    total += huber(left.flat / certain)
     total += float(now.leds[:, 3].mean() ** 2)
     total += sum(away**2 for away, _ in albedos(now, names))
     return total + sum((away / sure) ** 2 for _, away, sure in priors(now, names, width_mm))
 
 
-def _equations(problem: _Problem, now: Fitted) -> _Equations:
+def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
     balls, rest, names, shift_mm, width_mm, scale, certain = problem
     seen = rest_seen(balls, now.film)
-    left, by_own = _by_shift(balls, now, seen)
-    by = _by_shared(balls, now, names, left + balls.light, seen)
+    left = residuals.light
+    light = left + balls.light
+    by_own, by = _by_shift(balls, now, light, seen), _by_shared(balls, now, names, light, seen)
     weight = (
         _robust(_weighted(balls, left) / scale)
         / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
@@ -303,13 +315,10 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
-        flat_residual, slopes = rest_left(rest, now), by_rest(rest, now, names)
-        flat, flat_weight = (
-            slopes.reshape(len(by), -1),
-            (_robust(flat_residual / certain) / certain**2).ravel(),
-        )
+        flat = by_rest(rest, now, names).reshape(len(by), -1)
+        flat_weight = (_robust(residuals.flat / certain) / certain**2).ravel()
         shared += (flat * flat_weight) @ flat.T
-        right -= flat @ (flat_weight * flat_residual.ravel())
+        right -= flat @ (flat_weight * residuals.flat.ravel())
     # The flat frame leaves the strengths' common factor free; without one, all of them are free.
     # So a prior holds them.
     strengths = np.arange(3, now.leds.size, UNKNOWNS_PER_LED)
@@ -325,29 +334,25 @@ def _equations(problem: _Problem, now: Fitted) -> _Equations:
     return _Equations(shared, mixed, own, right, right_own)
 
 
-def _by_shift(balls: Balls, now: Fitted, rest: F8 | None) -> tuple[F8, F8]:
-    """Residual of the light, K x N, and its derivatives by the balls' shifts, 3 x K x N.
+def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
+    """Derivatives of the light `before`, K x N, by the balls' shifts, 3 x K x N.
 
     `rest` is the result of `rest_seen`.
     """
-    before, step = predicted(balls, now, rest), 1e-4 * float(balls.radius.min())
+    step = 1e-4 * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
-    by = [(predicted(balls, other, rest) - before) / step for other in moved]
-    return before - balls.light, np.stack(by)
+    return np.stack([(predicted(balls, other, rest) - before) / step for other in moved])
 
 
 def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8 | None) -> F8:
     """Derivatives by the shared unknowns, G x K x N; an LED's own only change its own light."""
-    owners = owners_of(now, names)
-    by = np.zeros((len(owners), *before.shape))
-    number, led, film, _, step = one_by_one(now, names, UNKNOWNS_OF_FLAT_ALONE)
-    own = before - balls.thrown(now.shifts, now.film)
-    by[number, led] = (led_light(balls, now.shifts, film) - own[led]) / step
-    for j, (name, one) in enumerate(owners):
-        if one is None:
-            other, size = stepped(now, names, j)
+    unknowns = numbered(now, names)
+    by = np.zeros((sum(map(len, unknowns.values())), *before.shape))
+    for name, numbers in unknowns.items():
+        if name not in UNKNOWNS_OF_FLAT_ALONE:
+            other, step = stepped(now, name)
             known = rest if name in UNKNOWNS_OF_TOUCH_ALONE else None
-            by[j] = (predicted(balls, other, known) - before) / size
+            by_number(predicted(balls, other, known) - before, step, numbers, by)
     return by
 
 

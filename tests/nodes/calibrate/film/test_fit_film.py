@@ -9,7 +9,12 @@ from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.film import _film_search
-from tactograph.nodes.calibrate.film._film_unknowns import ALBEDO_DEVIATION, albedos, stepped
+from tactograph.nodes.calibrate.film._film_unknowns import (
+    ALBEDO_DEVIATION,
+    albedos,
+    numbered,
+    stepped,
+)
 from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
@@ -151,10 +156,10 @@ def test_the_albedo_under_a_coat_is_held_to_that_by_which_film_lights_film() -> 
     now = start._replace(film=start.film._replace(base=0.8, albedo=0.7))
     ((away, by),) = albedos(now, names)
     assert away == pytest.approx(0.1 / ALBEDO_DEVIATION)
-    for number, found in enumerate(by):
-        changed, step = stepped(now, names, number)
+    for name, numbers in numbered(now, names).items():
+        changed, step = stepped(now, name)
         ((moved, _),) = albedos(changed, names)
-        assert (moved - away) / step == pytest.approx(found, abs=1e-3 / ALBEDO_DEVIATION)
+        assert (moved - away) / step == pytest.approx(by[numbers], abs=1e-3 / ALBEDO_DEVIATION)
     assert not list(albedos(now, names[:3]))
     assert not list(albedos(now, names[3:]))
 
