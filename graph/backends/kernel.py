@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from types import FunctionType
+from typing import Any, TypeVar
 
 import numpy as np
 import pyopencl as cl
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.kernel_source import Argument
+
+T = TypeVar("T")
 
 
 class Kernel:
@@ -77,7 +81,8 @@ class Kernel:
     ) -> cl.Event:
         """Launch over `work_items` in work-groups of `local`, both fastest axis first."""
         self._be_typed(arguments)
-        return self._kernel(queue, work_items, local, *arguments)
+        launch = partial(self._kernel, queue, work_items, local, *arguments)
+        return self._named(launch, arguments)()
 
     def bind(
         self,
@@ -89,13 +94,47 @@ class Kernel:
         """Set the arguments once; return a function that launches the kernel with them."""
         self._be_typed(arguments)
         self._kernel.set_args(*arguments)
-        return partial(cl.enqueue_nd_range_kernel, queue, self._kernel, work_items, local)
+        launch = partial(cl.enqueue_nd_range_kernel, queue, self._kernel, work_items, local)
+        return self._named(launch, arguments)
+
+    def _named(
+        self, launch: Callable[[], cl.Event], arguments: Sequence[Any]
+    ) -> Callable[[], cl.Event]:
+        """Under pytest, launch and wait in a function whose name says kernel and arguments.
+
+        A kernel that goes out of bounds may end the process.  Python's fault handler, which pytest
+        turns on, then prints only the names of the running functions.
+        """
+        if "pytest" not in sys.modules:
+            return launch
+        names = [name for _, name in self._signature] or [""] * len(arguments)
+        given = ", ".join(map(_in_short, names, arguments))
+        return partial(renamed(_launch_and_wait, f"kernel {self.name}({given})"), launch)
 
     def _be_typed(self, arguments: Sequence[Any]) -> None:
         if not self._typed:
             types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
             self._kernel.set_arg_types(types)
             self._typed = True
+
+
+def renamed(function: Callable[..., T], name: str) -> Callable[..., T]:
+    """Return a function under another name, which may be any text."""
+    code = function.__code__.replace(co_name=name, co_qualname=name)
+    return FunctionType(code, function.__globals__)
+
+
+def _launch_and_wait(launch: Callable[[], cl.Event]) -> cl.Event:
+    event = launch()
+    event.wait()
+    return event
+
+
+def _in_short(name: str, value: Any) -> str:
+    size = getattr(value, "size", None)
+    return (
+        f"{name}: {size} bytes" if isinstance(value, cl.MemoryObjectHolder) else f"{name}={value}"
+    )
 
 
 _ELEMENT_DTYPES = {

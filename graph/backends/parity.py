@@ -5,8 +5,7 @@ For every node with a kernel, the NumPy function is compared with the kernel ove
 launch; inputs must be unchanged after it.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from types import FunctionType
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend, open_device
+from tactograph.graph.backends.kernel import renamed
 from tactograph.graph.backends.parity_cases import INTEGER_FILLS, Case, cases, make_inputs
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
@@ -79,7 +79,7 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
     for device in devices:
         poisoned, device.poison = device.poison, POISON_BYTE
         try:
-            launch = _named(f"the kernel of {node.name}, case {case}")
+            launch = renamed(_on_device, f"the kernel of {node.name}, case {case}")
             outputs, after = launch(node, device, case, inputs, wanted)
         finally:
             device.poison = poisoned
@@ -90,16 +90,6 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
         if wrong:
             return wrong
     return None
-
-
-def _named(name: str) -> Callable[..., Any]:
-    """`_on_device` under another name.
-
-    A kernel that goes out of bounds may end the process.  Python's fault handler, which pytest
-    turns on, then prints only the names of the running functions.
-    """
-    code = _on_device.__code__.replace(co_name=name, co_qualname=name)
-    return FunctionType(code, globals())
 
 
 def _difference(

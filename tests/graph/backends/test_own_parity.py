@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 TEST = """
+import numpy as np
 from tactograph.graph import node, parity
+from tactograph.graph.backends.device_call import DeviceCall
+from tactograph.graph.backends.opencl import open_device
 from tactograph.nodes import Light
 
 
@@ -30,13 +33,15 @@ __kernel void astray(
 
 
 def test_astray() -> None:
-    parity.check(astray)
+    {call}
 """
+PARITY = "parity.check(astray)"
+CALL = "DeviceCall(astray, open_device()[0])(np.ones((3, 4, 5), np.float32))"
 
 
-def outcome(folder: Path, beyond: str) -> subprocess.CompletedProcess[str]:
+def outcome(folder: Path, beyond: str, call: str = PARITY) -> subprocess.CompletedProcess[str]:
     file = folder / "test_astray.py"
-    file.write_text(TEST.format(beyond=beyond))
+    file.write_text(TEST.format(beyond=beyond, call=call))
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(file)]
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
 
@@ -47,12 +52,19 @@ def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_kernel_that_ends_the_process_is_named_with_its_case(tmp_path: Path) -> None:
-    """A store terabytes beyond the buffer: no driver forgives it on a CPU.
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (PARITY, "the kernel of astray, case K4xH1xW1-random-default"),
+        (CALL, "kernel astray(light: 240 bytes, out: 240 bytes, K=3, H=4, W=5)"),
+    ],
+)
+def test_a_kernel_that_ends_the_process_is_named(tmp_path: Path, call: str, name: str) -> None:
+    """With its case or its arguments.
 
-    Another thread of the driver may end the process before the report is written to its end.
+    A store terabytes beyond the buffer: no driver forgives it on a CPU.  Another thread of the
+    driver may end the process before the report is written to its end.
     """
-    all_done = [outcome(tmp_path, "(1L << 40)") for _ in range(3)]
+    all_done = [outcome(tmp_path, "(1L << 40)", call) for _ in range(3)]
     assert all(done.returncode < 0 for done in all_done), "killed by a signal"
-    name = "the kernel of astray, case K4xH1xW1-random-default"
     assert any(name in done.stdout + done.stderr for done in all_done)
