@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
 from tactograph.nodes.filter.fill_masked import fill_masked
 from tactograph.nodes.marker.bare_film import bare_film
 from tactograph.nodes.marker.find_markers import find_markers
