@@ -50,7 +50,7 @@ from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed,
 from tests.nodes.motion.test_track_pose import STATED, astray, pose_of_film, way
 
 Row = tuple[str, str]
-FRAMES, STREAM_FRAMES, CONTACT_FRAMES = 30, 60, 10_000
+FRAMES, STREAM_FRAMES, CONTACT_FRAMES, STUCK_FRAMES = 30, 60, 10_000, 1000
 BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
@@ -90,10 +90,13 @@ def poses() -> Iterator[Row]:
 
 
 def slips() -> Iterator[Row]:
-    """A dome that is dragged while a front runs inwards."""
+    """A dome that is dragged while a front runs inwards, and one that moves with the film."""
     state, _, _, true = test_find_slip.front(test_find_slip.Film(coin))
     partly, wholly = test_find_slip.onsets(state, true)
     yield "slip: onset of partial and of whole slip", f"{partly:+d}, {wholly:+d} frames"
+    _, *figures = test_find_slip.stuck(STUCK_FRAMES)
+    false = sum(each["contact_slip/c1"] > 0 for each in figures)
+    yield f"slip: told in {STUCK_FRAMES:,} frames of an object that is stuck", f"{false}"
 
 
 def surfaces() -> Iterator[Row]:
