@@ -47,10 +47,10 @@ from tests.nodes.force.test_drag_to_shear import random_presses
 from tests.nodes.live import oneshot
 from tests.nodes.motion import moved_objects, test_find_slip, test_follow_contacts, test_stitch
 from tests.nodes.motion.moved_objects import SIGMA, coin, moved, plate, pressed, seen
-from tests.nodes.motion.test_track_pose import astray, way
+from tests.nodes.motion.test_track_pose import STATED, astray, pose_of_film, way
 
 Row = tuple[str, str]
-FRAMES, STREAM_FRAMES, CONTACT_FRAMES = 30, 60, 10_000
+FRAMES, STREAM_FRAMES, CONTACT_FRAMES, STUCK_FRAMES = 30, 60, 10_000, 1000
 BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
@@ -90,10 +90,13 @@ def poses() -> Iterator[Row]:
 
 
 def slips() -> Iterator[Row]:
-    """A dome that is dragged while a front runs inwards."""
+    """A dome that is dragged while a front runs inwards, and one that moves with the film."""
     state, _, _, true = test_find_slip.front(test_find_slip.Film(coin))
     partly, wholly = test_find_slip.onsets(state, true)
     yield "slip: onset of partial and of whole slip", f"{partly:+d}, {wholly:+d} frames"
+    _, *figures = test_find_slip.stuck(STUCK_FRAMES)
+    false = sum(each["contact_slip/c1"] > 0 for each in figures)
+    yield f"slip: told in {STUCK_FRAMES:,} frames of an object that is stuck", f"{false}"
 
 
 def surfaces() -> Iterator[Row]:
@@ -221,6 +224,22 @@ def bands() -> Iterator[Row]:
     yield f"{len(off)} jumps: largest error", largest([np.abs(each) for each in off])
 
 
+def tight() -> Iterator[Row]:
+    """Tilts of 2 degrees under films of different reach."""
+    for reach_mm in (0.5, 1.0, 2.0):
+        rng, held = np.random.default_rng(5), []
+        for angle in 0.3 + np.pi / 2 * np.arange(4):
+            tilt = 2 * np.array([np.cos(angle), np.sin(angle)])
+            motions = [np.eye(4), moved(0.2, 0.1, 0, *tilt, 3)]
+            found = pose_of_film(motions, rng, STATED, reach_mm)
+            held.append(-25 * astray(found, motions[1])[3:5] @ tilt)
+        row = f"film that returns to rest over {reach_mm:g} mm: tilts too small by"
+        yield (
+            row,
+            f"{min(held):.0f} to {max(held):.0f} %, pressed {found.figures['pose_pressed']:.2f}",
+        )
+
+
 def grain() -> Iterator[Row]:
     """Whether the texture of real bare film tells where film at rest is, by phase correlation."""
     mini, six = REAL / "gelsight_mini_balls", REAL / "gelsight_six_led"
@@ -321,6 +340,7 @@ PARTS = {
     "times": times,
     "streams": streams,
     "bands": bands,
+    "tight": tight,
     "grain": grain,
     "one_shot": one_shot,
 }

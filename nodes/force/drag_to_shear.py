@@ -12,7 +12,7 @@ from scipy.special import j0, j1
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
-from tactograph.nodes.force.elastic_layer import layer_compliance
+from tactograph.nodes.force.elastic_layer import Modulus, Poisson, Thickness, layer_compliance
 from tactograph.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.nodes.marker.marker_places import marker_places
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset
@@ -59,9 +59,9 @@ def drag_to_shear(
     pixel: PixelSize,
     view: View | None = None,
     *,
-    modulus_kpa: Annotated[float, Gt(0)],
-    thickness_mm: Annotated[float, Gt(0)],
-    poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
+    modulus_kpa: Modulus,
+    thickness_mm: Thickness,
+    poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     marker_error_px: Annotated[float, Gt(0)] = 0.05,
 ) -> ShearForce:

@@ -15,12 +15,20 @@ wave.  Where k h is large they are those of a half-space; where it is small the 
 a whole, h (1 + nu) (1 - 2 nu) / (E (1 - nu)), and sheared as a whole, 2 h (1 + nu) / E.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+MODULUS_RANGE_KPA = 1.0, 1e5
+Modulus = Annotated[float, Interval(ge=MODULUS_RANGE_KPA[0], le=MODULUS_RANGE_KPA[1])]
+"""Young's modulus of a gel in kPa: below are gels that flow, above is rubber that no hand presses
+in; a figure in Pa or MPa is outside."""
+Thickness = Annotated[float, Interval(ge=0.05, le=100)]
+"""Of a gel, mm."""
+Poisson = Annotated[float, Interval(ge=0, le=0.5)]
 MIN_KH, MAX_KH = 1e-3, 20.0
 """k h below which the layer is squeezed as a whole, and above which the window is not felt."""
 

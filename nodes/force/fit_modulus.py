@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt, Interval, MinLen
+from annotated_types import Gt, MinLen
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
@@ -13,12 +13,15 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Metrics
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.force.elastic_layer import MODULUS_RANGE_KPA, Poisson, Thickness
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""
 MIN_PRESSES = 3
 """Fewest presses that tell modulus and thickness apart."""
+LEAST_SPREAD = 0.05
+"""Relative spread of the modulus, at the worst thickness, from which presses tell a thickness."""
 MAX_SPREAD = 0.1
 """Relative spread of the modulus over the presses that is told."""
 Newtons = Annotated[float, Gt(0)]
@@ -29,8 +32,8 @@ def fit_modulus(
     *,
     results: Path,
     force_n: Annotated[tuple[Newtons, ...], MinLen(1)],
-    thickness_mm: Annotated[float, Gt(0)] | None = None,
-    poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
+    thickness_mm: Thickness | None = None,
+    poisson: Poisson = 0.48,
 ) -> Metrics:
     """Fit Young's modulus to presses whose weight is known.
 
@@ -53,13 +56,14 @@ def fit_modulus(
     Returns
     -------
     dict
-        ``modulus_kpa``, ``modulus_error`` (its relative standard deviation), ``thickness_mm``.
+        ``modulus_kpa``, ``thickness_mm``, and from two presses on ``modulus_error``, its
+        relative standard deviation.
 
     Raises
     ------
     InputError
         If results and forces do not match in number, a press shows no contact, or presses are
-        too few.
+        too few or too alike, or the modulus is not that of a gel.
     """
     presses = _presses(results, len(force_n))
     if thickness_mm is None and len(presses) < MIN_PRESSES:
@@ -72,13 +76,18 @@ def fit_modulus(
         forces = [_force(height, pixel, thickness, poisson) for height, pixel in presses]
         return np.asarray(force_n) / np.array(forces)
 
+    def spread_at(log: float) -> float:
+        return float(np.std(np.log(moduli(float(np.exp(log))))))
+
     if thickness_mm is None:
         low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
+        if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
+            raise InputError(
+                f"{results}: the presses are too alike to tell the thickness: press balls of "
+                "different radii, or measure thickness_mm="
+            )
         minimum = minimize_scalar(
-            lambda log: float(np.std(np.log(moduli(float(np.exp(log)))))),
-            bounds=(low, high),
-            method="bounded",
-            options={"xatol": 0.01},
+            spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
         )
         thickness_mm = float(np.exp(minimum.x))
     each = moduli(thickness_mm)
@@ -88,12 +97,16 @@ def fit_modulus(
             f"the presses' moduli spread by {spread:.0%}: is every weight in the order of the "
             "folders, and did nothing else carry it?"
         )
-    error = spread / np.sqrt(max(len(each) - 1, 1))
-    return {
-        "modulus_kpa": float(np.mean(each)),
-        "modulus_error": float(error),
-        "thickness_mm": thickness_mm,
-    }
+    modulus = float(np.mean(each))
+    if not MODULUS_RANGE_KPA[0] <= modulus <= MODULUS_RANGE_KPA[1]:
+        raise InputError(
+            f"{results}: the modulus would be {modulus:.3g} kPa, which no gel has: are forces in "
+            "newtons, and the thickness in mm?"
+        )
+    figures = {"modulus_kpa": modulus, "thickness_mm": thickness_mm}
+    if len(each) > 1:
+        figures["modulus_error"] = spread / float(np.sqrt(len(each) - 1))
+    return figures
 
 
 def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:

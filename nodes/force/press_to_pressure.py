@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Interval
 from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.sparse.linalg import LinearOperator, cg
@@ -13,7 +13,13 @@ from scipy.sparse.linalg import LinearOperator, cg
 from tactograph.graph import Port, node, warn
 from tactograph.graph.cores import cores
 from tactograph.nodes import F4, Contacts, Height, HeightError, Metrics, PixelSize
-from tactograph.nodes.force.elastic_layer import layer_compliance, wave_numbers
+from tactograph.nodes.force.elastic_layer import (
+    Modulus,
+    Poisson,
+    Thickness,
+    layer_compliance,
+    wave_numbers,
+)
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
@@ -42,9 +48,9 @@ def press_to_pressure(
     pixel: PixelSize,
     error: HeightError | None = None,
     *,
-    modulus_kpa: Annotated[float, Gt(0)],
-    thickness_mm: Annotated[float, Gt(0)],
-    poisson: Annotated[float, Interval(ge=0, le=0.5)] = 0.48,
+    modulus_kpa: Modulus,
+    thickness_mm: Thickness,
+    poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     steps: Annotated[int, Interval(ge=1, le=100)] = 8,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,

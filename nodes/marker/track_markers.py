@@ -7,7 +7,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from tactograph.graph import node
+from tactograph.graph import node, warn
 from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
 from tactograph.nodes.marker.find_markers import Markers, find_markers
 from tactograph.nodes.marker.marker_darkness import Darkness
@@ -70,6 +70,8 @@ def track_markers(
     """
     spots = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
     places = markers[:, :2].astype(np.float64)
+    if len(places) < 2:
+        warn("the film at rest shows no markers, so nothing tells of slip and shear")
     if len(places) < 2 or not len(spots):
         still, unseen = np.zeros((len(places), 2), np.float32), np.zeros(len(places), np.uint8)
         return Tracks(MarkerTracks(markers, still, unseen), _figures(still, unseen, pixel))

@@ -138,7 +138,9 @@ def test_the_overlay_fits_films_with_markers(graph: str) -> None:
     assert "shear" in sheared.nodes["figures"].inputs
 
 
-@pytest.mark.parametrize("graph", ["reconstruct", "live", "replay", "gelsight_mini"])
+@pytest.mark.parametrize(
+    "graph", ["reconstruct", "live", "replay", "gelsight_mini", "live_oneshot"]
+)
 def test_a_grip_has_slip_and_forces_under_the_same_numbers(graph: str) -> None:
     grip = with_overlays(read_graph(graph), ["grip"])
     names = {grip.nodes[node].inputs["contact"] for node in ("slip", "force", "shear")}

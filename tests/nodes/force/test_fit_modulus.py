@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph, with_overlays
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.files.height_files import write_tiff
 from tactograph.nodes.force.fit_modulus import fit_modulus
 from tests.nodes.force.presses import F8, FORCE, MODULUS, PIXEL, RADIUS, displacement, height
@@ -43,13 +45,36 @@ def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
     assert figures["modulus_kpa"] == pytest.approx(MODULUS, rel=0.15)
 
 
-def test_too_few_forces_or_presses_are_refused(tmp_path: Path) -> None:
-    forces = press(tmp_path, 2.5)
-    with pytest.raises(InputError, match="holds 3 results, but force_n= names 2 forces"):
-        fit_modulus(results=tmp_path, force_n=forces[:2], thickness_mm=2.5)
-    (tmp_path / "press2" / "height.tiff").unlink()
-    with pytest.raises(InputError, match="do not tell modulus and thickness apart"):
-        fit_modulus(results=tmp_path, force_n=forces[:2])
+@pytest.mark.parametrize(
+    ("presses", "force_n", "gel", "told"),
+    [
+        (3, (1.0, 1.0), {"thickness_mm": 2.5}, "holds 3 results, but force_n= names 2 forces"),
+        (2, (1.0, 1.0), {}, "do not tell modulus and thickness apart"),
+        (3, SHARES, {}, "too alike to tell the thickness"),
+        (3, (1e-9, 1e-9, 1e-9), {"thickness_mm": 2.5}, "kPa, which no gel has: are forces in new"),
+    ],
+)
+def test_presses_that_tell_no_modulus_are_refused(
+    presses: int, force_n: tuple[float, ...], gel: dict[str, float], told: str, tmp_path: Path
+) -> None:
+    press(tmp_path, 2.5)
+    for number in range(presses, 3):
+        (tmp_path / f"press{number}" / "height.tiff").unlink()
+    with pytest.raises(InputError, match=told):
+        fit_modulus(results=tmp_path, force_n=force_n, **gel)
+
+
+def test_one_press_tells_no_error(tmp_path: Path) -> None:
+    results(tmp_path, [height(2.5, 0.48)])
+    figures = fit_modulus(results=tmp_path, force_n=(FORCE,), thickness_mm=2.5)
+    assert {*figures} == {"modulus_kpa", "thickness_mm"}
+
+
+@pytest.mark.parametrize("gel", [(0.2, 4.0), (2e5, 4.0), (200.0, 1e-9), (200.0, 4000.0)])
+def test_a_modulus_in_other_units_is_refused(gel: tuple[float, float]) -> None:
+    given = {"modulus_kpa": gel[0], "thickness_mm": gel[1], "capture": "x", "calibration": "x"}
+    with pytest.raises(InputError, match=r"input should be (less|greater) than or equal to"):
+        open_pipeline(with_overlays(read_graph("reconstruct"), ["force"]), given, sinks=False)
 
 
 def test_a_folder_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.filter.fill_masked import fill_masked
 from tactograph.nodes.marker.bare_film import bare_film
@@ -98,8 +99,10 @@ def test_a_film_without_markers_has_none() -> None:
     light = (np.round(LEVEL * 255) / 255).astype(np.float32)
     assert len(find_markers(darkness(light))) == 0
     assert bare_film(darkness(light)).all()
-    found = track_markers(darkness(light), np.zeros((0, 3), np.float32), PIXEL_MM)
+    with collect_warnings([]) as told:
+        found = track_markers(darkness(light), np.zeros((0, 3), np.float32), PIXEL_MM)
     assert found.quality["markers"] == 0
+    assert told == ["the film at rest shows no markers, so nothing tells of slip and shear"]
 
 
 def test_a_marker_is_no_light_and_what_fills_it_is_the_film_around() -> None:
