@@ -111,7 +111,7 @@ rigid cat under near LEDs, of 640 x 480, is that of `precise.py`."""
 @click.option("--rounds", default=5, help="At 640 x 480; fewer on larger images, at least 1.")
 @click.option("--seconds", default=300.0, help="Longest a case may take.")
 @click.option("--devices", default=None, help="numpy, parts of devices' names; else all.")
-@click.option("--out", default="bench", type=click.Path(path_type=Path))
+@click.option("--out", default="bench", type=click.Path(path_type=Path, resolve_path=True))
 @click.option("--one", default=None, hidden=True, help="A case, as JSON.")
 def main(
     graphs: str | None,
