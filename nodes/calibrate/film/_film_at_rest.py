@@ -3,12 +3,7 @@
 import numpy as np
 
 from tactograph.nodes import F8, Film
-from tactograph.nodes.calibrate.film._film_unknowns import (
-    UNKNOWNS_OF_TOUCH_ALONE,
-    by_number,
-    numbered,
-    stepped,
-)
+from tactograph.nodes.calibrate.film._film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, differences
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
@@ -22,10 +17,7 @@ because its departures are smooth."""
 
 def rest_left(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame minus the model's, without the LEDs' common part: K x M."""
-    return _rest_less(rest, _rest_model(rest, now))
-
-
-def _rest_less(rest: Rest, model: F8) -> F8:
+    model = _rest_model(rest, now)
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
 
 
@@ -37,12 +29,8 @@ def _rest_model(rest: Rest, now: Fitted) -> F8:
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
-    model, unknowns = _rest_model(rest, now), numbered(now, names)
-    by = np.zeros((sum(map(len, unknowns.values())), *model.shape))
-    for name, numbers in unknowns.items():
-        if name not in UNKNOWNS_OF_TOUCH_ALONE:
-            other, step = stepped(now, name)
-            by_number(_rest_model(rest, other) - model, step, numbers, by)
+    model, without = _rest_model(rest, now), UNKNOWNS_OF_TOUCH_ALONE
+    by = differences(now, names, without, model, lambda _, other: _rest_model(rest, other))
     return np.asarray(by.mean(axis=1, keepdims=True) - by)
 
 

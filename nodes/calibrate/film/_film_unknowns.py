@@ -1,6 +1,6 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -135,12 +135,27 @@ def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     return now.with_leds(leds), step
 
 
-def by_number(change: F8, step: F8, numbers: NDArray[np.intp], by: F8) -> None:
-    """Write into `by`, G x K x N, what the change of the light, K x N, says of unknowns."""
-    if numbers.size > 1:
-        by[numbers, np.arange(len(change))] = change / step[:, None]
-    else:
-        by[numbers] = change / step
+def differences(
+    now: Fitted,
+    names: list[str],
+    without: tuple[str, ...],
+    before: F8,
+    predict: Callable[[str, Fitted], F8],
+) -> F8:
+    """Derivatives of `before`, K x N, by the shared unknowns, G x K x N; 0 by those `without`.
+
+    `predict` takes the name of the unknown that was changed, and the fit.
+    """
+    unknowns = numbered(now, names)
+    by = np.zeros((sum(map(len, unknowns.values())), *before.shape))
+    for name in unknowns.keys() - {*without}:
+        other, step = stepped(now, name)
+        change, numbers = predict(name, other) - before, unknowns[name]
+        if numbers.size > 1:
+            by[numbers, np.arange(len(change))] = change / step[:, None]
+        else:
+            by[numbers] = change / step
+    return by
 
 
 def _film_moved(film: Film, names: list[str], by: F8) -> Film:

@@ -20,12 +20,10 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     UNKNOWNS_OF_TOUCH_ALONE,
     UNKNOWNS_PER_LED,
     albedos,
-    by_number,
+    differences,
     moved_by,
-    numbered,
     opened,
     priors,
-    stepped,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import (
     MIN_WEIGHT_LIGHT,
@@ -345,15 +343,12 @@ def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
 
 
 def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8 | None) -> F8:
-    """Derivatives by the shared unknowns, G x K x N; an LED's own only change its own light."""
-    unknowns = numbered(now, names)
-    by = np.zeros((sum(map(len, unknowns.values())), *before.shape))
-    for name, numbers in unknowns.items():
-        if name not in UNKNOWNS_OF_FLAT_ALONE:
-            other, step = stepped(now, name)
-            known = rest if name in UNKNOWNS_OF_TOUCH_ALONE else None
-            by_number(predicted(balls, other, known) - before, step, numbers, by)
-    return by
+    """Derivatives of the light `before` by the shared unknowns, G x K x N."""
+
+    def light(name: str, other: Fitted) -> F8:
+        return predicted(balls, other, rest if name in UNKNOWNS_OF_TOUCH_ALONE else None)
+
+    return differences(now, names, UNKNOWNS_OF_FLAT_ALONE, before, light)
 
 
 def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:

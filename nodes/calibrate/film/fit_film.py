@@ -116,7 +116,8 @@ def fit_film(
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
     it lowers the error of held-out balls by 3 per cent.  Harmonics come last, of the highest
     degree in position that lowers the error further.  With a single ball, slices of it are held
-    out instead, and a part must lower their error by 30 per cent.
+    out instead, and a part must lower their error by 30 per cent.  No part is tried where noise
+    leaves it too little to gain.
 
     Parameters
     ----------

@@ -129,6 +129,11 @@ def test_how_far_light_reaches_behind_the_terminator_is_found() -> None:
     assert fitted(soft, FOUR[:2]).film.wrap == 0, "flat caps do not show the terminator"
 
 
+def test_where_a_ball_leaves_noise_alone_no_part_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_film_search, "GOOD_ERROR_DEG", 0.0)
+    assert tried(fitted(MATT, FOUR[:1])) == {"matt"}
+
+
 def test_a_single_ball_tells_diffuse_light() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
     found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR[:1])

@@ -79,6 +79,17 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
 
 
 @pytest.mark.one_case
+@pytest.mark.parametrize(("factor", "is_noise"), [(1.0, True), (1.03, False)])
+def test_far_radii_are_tried_only_where_the_given_one_leaves_more_than_noise(
+    raytraced: Raytraced, factor: float, is_noise: bool
+) -> None:
+    light = sampled(raytraced / "near33", factor)
+    found = try_radii(*light, DISTANT, np.ones(4, np.float32), 0.5, left=0.01)
+    assert all(abs(each.factor - 1) < 0.1 for each in found) == is_noise
+    assert doubt_of_radius(found, BALL * factor, 0.01).is_clear != is_noise
+
+
+@pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "gamma", "told"),
     [("near33", 1.15, True), ("near33", 1.0, False), ("far28", 1.15, True)],
