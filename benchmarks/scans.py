@@ -172,6 +172,8 @@ def show_models(_: Path | None) -> None:
         "balls_1": lights,
         "balls_1, LEDs 1 and 2 exchanged": lights[[1, 0, 2, 3, 4, 5]],
         "balls_1, order turned by one": lights[[1, 2, 3, 4, 5, 0]],
+        "balls_1, order reversed": lights[::-1],
+        "balls_1, order 3, 2, 1, 6, 5, 4": lights[[2, 1, 0, 5, 4, 3]],
         "balls_1, LED 3 at 0.7": lights * dimmed,
     }.items():
         judged(how, MODEL.stem, light, oem)

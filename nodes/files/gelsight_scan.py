@@ -1,9 +1,11 @@
 """Scans and light models as GelSight's software stores them: ``scan.yaml`` and a model beside it.
 
 That software writes YAML by hand: keys without a value (``fov:      : 5``), Windows' paths,
-sizes as ``[a, b]`` or ``(a, b)``.  A scan lists its images in the order of the LEDs.
+sizes as ``[a, b]`` or ``(a, b)``, text in the encoding of Windows.  A scan
+lists its images in the order of the LEDs.
 """
 
+import contextlib
 import math
 import re
 from pathlib import Path, PureWindowsPath
@@ -14,6 +16,8 @@ import numpy as np
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.nodes import F4
+from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
+from tactograph.nodes.files.image_files import MAX_PIXELS
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
@@ -99,14 +103,15 @@ def read_scan(folder: Path) -> Scan:
             "crop=x0,y0,x1,y1"
         )
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
-    if not 0 <= pixel < 1e3:
+    if pixel and not MIN_PIXEL_MM <= pixel <= MAX_PIXEL_MM:
         raise InputError(f"{file}: mmperpixel: {pixel:g} is no size of a pixel in mm")
     target = entries.get("target")
     of_target = target.get("radius", 0) if isinstance(target, dict) else 0
     radius = _number(entries.get("calibradius", of_target), f"{file}: radius of the balls")
     if not 0 <= radius < 1e3:
         raise InputError(f"{file}: {radius:g} is no radius of a ball in mm")
-    marks = [_circle(mark, file) for mark in entries.get("annotations") or []]
+    noted = _list(entries, "annotations", file) if entries.get("annotations") else []
+    marks = [_circle(mark, file) for mark in noted]
     model = PureWindowsPath(str(entries.get("calib") or "")).name
     return Scan(images, pixel, model, [mark for mark in marks if mark is not None], radius)
 
@@ -123,8 +128,9 @@ def find_light_model(folder: Path) -> Path:
     if not name:
         raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as model=FILE.yaml")
     for place in (folder / name, folder.parent / name):
-        if place.is_file():
-            return place
+        with contextlib.suppress(OSError):  # of a name that is too long
+            if place.is_file():
+                return place
     raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
 
 
@@ -139,13 +145,18 @@ def read_light_model_file(file: Path) -> LightModelFile:
     entries = _entries(file)
     if "images" in entries:
         raise InputError(f"{file}: is a scan; give its folder, or the light model that it names")
-    leds = int(_number(entries.get("nL", 0), f"{file}: nL"))
+    leds = _count(entries.get("nL", 0), f"{file}: nL")
     if not 3 <= leds <= MAX_LEDS:
         raise InputError(f"{file}: nL: has {leds} LEDs; a slope needs from 3 to {MAX_LEDS}")
-    width, height = (int(_number(entries.get(k, 0), f"{file}: {k}")) for k in ("width", "height"))
+    width, height = (_count(entries.get(k, 0), f"{file}: {k}") for k in ("width", "height"))
     pixel = _number(entries.get("mmperpixel", 0), f"{file}: mmperpixel")
-    if min(width, height) < 1 or not 0 < pixel < 1e3:
+    if min(width, height) < 1 or not MIN_PIXEL_MM <= pixel <= MAX_PIXEL_MM:
         raise InputError(f"{file}: width, height and mmperpixel must be above 0")
+    if width * height > MAX_PIXELS:
+        raise InputError(f"{file}: {width} x {height} px are no frame of a camera")
+    black = _per_led(entries.get("black", [0.0] * leds), leds, f"{file}: black")
+    if not all(0 <= light < 1 for light in black):
+        raise InputError(f"{file}: black: a share of full scale is needed, from 0 to 1")
     return LightModelFile(
         width,
         height,
@@ -153,7 +164,7 @@ def read_light_model_file(file: Path) -> LightModelFile:
         _matrix(entries, "linfit", leds, 3, file),
         _matrix(entries, "quadfit", leds, LIGHT_TERMS, file),
         leds,
-        _per_led(entries.get("black", [0.0] * leds), leds, f"{file}: black"),
+        black,
         _flat_field(entries.get("flatfield"), leds, file),
     )
 
@@ -166,16 +177,21 @@ def _entries(file: Path) -> dict[str, Any]:
         raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
     if len(raw) > MAX_BYTES:
         raise InputError(f"{file}: is larger than {MAX_BYTES // 1000} kB; no scan or light model")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{file}: is not a text file") from None
+    text = _text(raw, file)
     if not text.strip():
         raise InputError(f"{file}: the file is empty")
     entries = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file)).data
     if not isinstance(entries, dict):
         raise InputError(f"{file}: holds no entries such as 'images:' or 'quadfit:'")
     return entries
+
+
+def _text(raw: bytes, file: Path) -> str:
+    for encoding in ("utf-8-sig", "cp1252"):
+        with contextlib.suppress(UnicodeDecodeError):
+            if b"\0" not in raw:
+                return raw.decode(encoding)
+    raise InputError(f"{file}: is not a text file")
 
 
 def _list(entries: dict[str, Any], key: str, file: Path) -> list[Any]:
@@ -196,6 +212,13 @@ def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{where}: '{value}' is not a number")
     return float(value)
+
+
+def _count(value: Any, where: str) -> int:
+    number = _number(value, where)
+    if number != int(number):
+        raise InputError(f"{where}: {value} is not a whole number")
+    return int(number)
 
 
 def _numbers(value: Any, where: str) -> list[float]:
@@ -219,7 +242,7 @@ def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path
     entry = entries.get(key)
     if not isinstance(entry, dict):
         raise InputError(f"{file}: {key}: is missing; this is not a light model")
-    rows, columns = (int(_number(entry.get(k), f"{file}: {key}: {k}")) for k in ("rows", "cols"))
+    rows, columns = (_count(entry.get(k), f"{file}: {key}: {k}") for k in ("rows", "cols"))
     values = _numbers(entry.get("values"), f"{file}: {key}: values")
     if rows not in DEGREE_BY_ROWS:
         known = ", ".join(map(str, DEGREE_BY_ROWS))
@@ -245,4 +268,6 @@ def _flat_field(entry: Any, leds: int, file: Path) -> FlatField | None:
     if not isinstance(entry, dict) or not isinstance(entry.get("modelfile"), str):
         raise InputError(f"{file}: flatfield: modelfile: the image's name is needed")
     scale = _per_led(entry.get("scale"), leds, f"{file}: flatfield: scale")
+    if min(scale) <= 0:
+        raise InputError(f"{file}: flatfield: scale: {min(scale):g} is not above 0")
     return FlatField(file.parent / PureWindowsPath(entry["modelfile"]).name, scale)

@@ -92,8 +92,16 @@ def read_x3p(file: Path) -> MetrologyFile:
 
 def read_gwy(file: Path) -> MetrologyFile:
     """The first channel, and the one that is called its error."""
-    container = _read("gwy", lambda gwy: gwy.load(str(file)), file)
-    channels = _read("gwy", lambda gwy: dict(gwy.util.find_datafields(container)), file)
+    return _read("gwy", lambda gwy: _channels(gwy, file), file)
+
+
+def _channels(gwy: Any, file: Path) -> MetrologyFile:
+    """Channels of a file that is as long as it says: gwyfile never ends at a string cut off."""
+    head = len(b"GWYPGwyContainer\0")
+    if file.read_bytes()[head : head + 4] != np.uint32(file.stat().st_size - head - 4).tobytes():
+        raise ValueError("it is not as long as it says")
+    container = gwy.load(str(file))
+    channels = dict(gwy.util.find_datafields(container))
     if not channels:
         raise InputError(f"{file}: holds no channel of heights")
     first = min(channels)

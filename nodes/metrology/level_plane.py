@@ -80,6 +80,8 @@ def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.
             f"{level}: is {mask.shape[1]} x {mask.shape[0]} px, the height "
             f"{cell * shape[1]} x {cell * shape[0]}"
         )
+    if marked.sum() < 3 or not np.ptp(np.nonzero(marked), axis=1).all():
+        raise InputError(f"{level}: marks fewer than three pixels as level, or a line")
     return marked
 
 

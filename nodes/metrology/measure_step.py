@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Interval, Len
+from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
@@ -31,7 +31,7 @@ MAX_WALL_SHARE = 0.6
 Line = NDArray[np.float64]
 ErrorParts = Annotated[F4, Port("D h w", "mm", low=-0.01, high=0.01)]
 """Errors of heights of cells, each alike wherever it is; their squares add up to the variance."""
-KnownDepth = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
+KnownDepth = tuple[Annotated[float, Gt(0)], Annotated[float, Ge(0)]]
 """Depth that is certified, and its standard uncertainty, in um."""
 
 
@@ -183,7 +183,7 @@ def parts_within(parts: ErrorParts, crop: Crop | None, shape: tuple[int, ...]) -
     return np.asarray(parts[:, rows, columns], np.float32)
 
 
-def _scale(depths: Line, known_um: tuple[float, ...]) -> Metrics:
+def _scale(depths: Line, known_um: tuple[float, float]) -> Metrics:
     """The factor from depths found to the certified one, and its standard uncertainty."""
     certified, uncertainty = known_um
     depth = abs(float(np.median(depths)))

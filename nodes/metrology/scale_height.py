@@ -3,12 +3,12 @@
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval, Len
+from annotated_types import Interval
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height
 
-Scale = Annotated[tuple[Annotated[float, Interval(ge=0, le=10)], ...], Len(2, 2)]
+Scale = tuple[Annotated[float, Interval(gt=0, le=10)], Annotated[float, Interval(ge=0, le=10)]]
 """``step_scale`` and ``step_scale_error`` of `measure_step`: a factor, its standard uncertainty."""
 StepScale = Annotated[F4, Port("2", "1", low=0.1, high=1)]
 """The same as a value of a graph."""

@@ -16,7 +16,7 @@ from tactograph.nodes.files.gelsight_scan import (
     is_scan,
     read_light_model_file,
 )
-from tactograph.nodes.files.image_files import Crop, lights_of, read_image
+from tactograph.nodes.files.image_files import Crop, cropped, lights_of, read_image
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import MODEL_NUMBERS, LightModel
 
@@ -59,8 +59,7 @@ def read_light_model(
     """
     said = read_light_model_file(find_light_model(file) if is_scan(file) else file)
     x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
-    if x1 > said.width or y1 > said.height:
-        raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} is of {said.width} x {said.height} px")
+    cropped(np.broadcast_to(np.uint8(0), (said.height, said.width)), crop, file)
     u, v = (
         np.arange(first, last, dtype=np.float32) + (1 - size) / 2
         for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))

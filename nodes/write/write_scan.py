@@ -1,5 +1,6 @@
 """Write a touch as a scan of GelSight's software: images, ``scan.yaml``, heights."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def write_scan(
     levels = of_bytes.astype(np.uint8) if whole else np.rint(65535 * image).astype(np.uint16)
     names = [f"image{k:02}.png" for k in range(1, len(image) + 1)]
     lines = ["images:", *(f"  - {each}" for each in names), f"mmperpixel: {pixel:.12g}"]
-    lines += [f"calib: {Path(model).name or chr(34) * 2}", "crop: [0, 0, 0, 0]"]
+    lines += [f"calib: {json.dumps(Path(model).name)}", "crop: [0, 0, 0, 0]"]
     if marked is not None:
         lines += _marks(marked / (name or ""), pixel, crop)
     with atomic_files(folder / name if name else folder) as target:

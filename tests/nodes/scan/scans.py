@@ -58,7 +58,7 @@ def write_model(file: Path, flat: bool = False) -> None:
         cv2.imwrite(str(file.with_suffix(".png")), sheet)
         lines += [
             "flatfield: ",
-            f"    modelfile: {file.stem}.png",
+            f'    modelfile: "{file.stem}.png"',
             f"    modelsize: ({WIDTH // 4}, {HEIGHT // 4})",
             "    scale: [" + ", ".join(["0.4"] * LEDS) + "]",
             f"    size: ({WIDTH}, {HEIGHT})",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.real_film import measure
-from tactograph.graph import load
+from tactograph.graph import InputError, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.scan._scan_error import _parts
 from tactograph.nodes.scan.read_light_model import read_light_model
@@ -93,6 +93,17 @@ def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     off, _ = levelled(model_file, bow, str(tmp_path / "mask.png"))
     assert bool(np.ptp(off + bow) < 0.1 * np.ptp(bow)) == taken
+
+
+@pytest.mark.parametrize("marked", [np.s_[:0], np.s_[8:9], np.s_[:, 4:5]])
+def test_a_mask_that_marks_no_plane_is_refused(
+    tmp_path: Path, model_file: Path, marked: slice
+) -> None:
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[marked] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    with pytest.raises(InputError, match=r"mask\.png: marks fewer than three pixels .* or a line"):
+        levelled(model_file, cap(), str(tmp_path / "mask.png"))
 
 
 def test_a_frame_of_one_cell_has_a_height(model_file: Path) -> None:

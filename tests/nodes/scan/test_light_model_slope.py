@@ -8,11 +8,14 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.judge_untouched import judge_untouched
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 from tactograph.nodes.scan.read_light_model import read_light_model
+from tests.conftest import real_data
 from tests.nodes.scan.scans import PIXEL, WIDTH, cap, seen, write_model, write_scan
 
 RAMP = PIXEL * np.arange(WIDTH, dtype=np.float32)
@@ -59,6 +62,20 @@ def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
         assert words in told[0] if words else not told
         with pytest.raises(InputError, match=words) if refused else nullcontext():
             judge_light_model(found.brightness, found.residual)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [[1, 2, 3, 4, 5, 0], [5, 4, 3, 2, 1, 0]])
+def test_an_order_turned_or_reversed_is_refused_and_the_right_one_named(order: list[int]) -> None:
+    """Of real balls, whose own order is accepted."""
+    (taken,) = read_capture(folder=real_data("gelsight_six_led") / "balls_2")
+    file = real_data("gelsight_scans") / "oem/demo-calibration.yaml"
+    light, model = coarsen(taken.image, factor=16), read_light_model(file=file, cell=16).model
+    for images, right in ((light[order], False), (light, True)):
+        found = light_model_slope(images, model)
+        sorted_by = ", ".join(str(order.index(led) + 1) for led in range(6))
+        with nullcontext() if right else pytest.raises(InputError, match=f"order {sorted_by} of"):
+            judge_light_model(found.brightness, found.residual, images, model)
 
 
 @pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])

@@ -53,7 +53,10 @@ def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
 
 
 def test_marked_balls_are_read(tmp_path: Path) -> None:
-    (circle,) = read_scan(even_scan(tmp_path)).circles
+    """Notes in a language of its own are Windows' text."""
+    with (even_scan(tmp_path) / "scan.yaml").open("a", encoding="cp1252") as file:
+        file.write("note: Prüfling\n")
+    (circle,) = read_scan(tmp_path / "scan").circles
     assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
 
 
@@ -74,18 +77,30 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
         ("quadfit: ", "quadfat: ", "quadfit: is missing; this is not a light model"),
         ("mmperpixel: 0.02", "mmperpixel: 0", "must be above 0"),
         ("width: 96", "width: wide", "width: 'wide' is not a number"),
+        ("width: 96", "width: 96.5", "width: 96.5 is not a whole number"),
+        ("width: 96", "width: 1000000", "1000000 x 64 px are no frame of a camera"),
+        ("black: [0.06", "black: [9", "black: a share of full scale"),
+        ("scale: [0.4", "scale: [0", "scale: 0 is not above 0"),
     ],
 )
 def test_a_damaged_model_is_refused(model_file: Path, old: str, new: str, message: str) -> None:
+    write_model(model_file, flat=True)
     model_file.write_text(model_file.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         read_light_model(file=model_file)
 
 
-def test_a_scan_without_its_model_says_what_to_give(tmp_path: Path) -> None:
-    even_scan(tmp_path, "gone.yaml")
-    with pytest.raises(InputError, match=r"light model gone.yaml is not there; give it as model="):
+@pytest.mark.parametrize("name", ["gone.yaml", "g" * 300])
+def test_a_scan_without_its_model_says_what_to_give(tmp_path: Path, name: str) -> None:
+    even_scan(tmp_path, name)
+    with pytest.raises(InputError, match=rf"light model {name} is not there; give it as model="):
         read_light_model(file=tmp_path / "scan")
+
+
+def test_a_crop_beyond_the_frame_is_refused(model_file: Path) -> None:
+    for crop, message in (((-1, 0, 9, 9), "holds no pixel"), ((0, 0, 99, 9), "has only 96 x 64")):
+        with pytest.raises(InputError, match=message):
+            read_light_model(file=model_file, crop=crop)
 
 
 def test_images_outside_the_scan_are_refused(tmp_path: Path) -> None:
@@ -111,6 +126,9 @@ def test_every_model_of_real_sensors_is_read() -> None:
         ("", "the file is empty"),
         ("images: [a.png, a.png, b.png]\n", "names a file twice"),
         ("images: [a.png]\nmmperpixel: -1\n", "-1 is no size of a pixel"),
+        ("images: [a.png]\nmmperpixel: 1e-30\n", "1e-30 is no size of a pixel"),
+        ("images: [a.png]\nannotations: 5\n", "annotations: a list is needed"),
+        ("images: [a\0.png]\n", "is not a text file"),
     ],
 )
 def test_a_scan_file_that_cannot_be_meant_is_refused(

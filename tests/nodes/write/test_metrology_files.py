@@ -65,10 +65,13 @@ def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
         np.testing.assert_allclose(read_error(height=file).error, error, rtol=1e-5)
 
 
+@pytest.mark.parametrize("end", [0, 60, -1])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, height: F4, kind: str) -> None:
+def test_a_file_cut_short_is_refused_in_one_line(
+    tmp_path: Path, height: F4, kind: str, end: int
+) -> None:
     export_height(height, PIXEL, folder=tmp_path, formats=(kind,))
     file = tmp_path / f"height.{kind}"
-    file.write_bytes(file.read_bytes()[:60])
+    file.write_bytes(file.read_bytes()[:end])
     with pytest.raises(InputError, match=rf"cannot be read as a .{kind} file"):
         read_height_file(file)

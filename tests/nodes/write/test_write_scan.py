@@ -16,13 +16,14 @@ from tests.nodes.scan.scans import write_scan as made_scan
 
 
 def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    made_scan(tmp_path / "first", seen(cap(), read_light_model(file=tmp_path / "model.yaml").model))
+    write_model(tmp_path / "model: 1.yaml", flat=True)
+    model = read_light_model(file=tmp_path / "model: 1.yaml").model
+    made_scan(tmp_path / "first", seen(cap(), model))
     np.save(tmp_path / "height.npy", cap())
     given = {
         "capture": tmp_path / "first",
         "height": tmp_path / "height.npy",
-        "model": "model.yaml",
+        "model": "model: 1.yaml",
         "out": tmp_path / "second",
     }
     assert list(open_pipeline("export_scan_height", given).items())
