@@ -92,6 +92,8 @@ def _message(
     said = first["msg"].removeprefix("Value error, ")
     if first["type"] == "path_type":
         said = "a path is needed"
+    if first["type"] in ("too_long", "too_short"):
+        said = said.replace(" after validation", "").partition(", not")[0]
     value = repr(first["input"])
     shown = value if len(value) <= 60 else f"{value[:57]}..."
     given = settings.get(name)
