@@ -19,6 +19,11 @@ from tactograph.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.nodes.scan.judge_untouched import MAX_LEAN
 from tactograph.nodes.scan.known_step import KnownStep
 
+NOMINAL_GROWTH = 0.01
+"""Share of a height by which it errs, over the square of its slope, in the last part."""
+GROWTH_OF_SCALE = 0.6
+"""The same of a scan by a model that a known step has found wrong, over what it is wrong by."""
+
 
 class ScanLevel(NamedTuple):
     """What is added to a height to level it, the height's error, and how much is a bow."""
@@ -65,7 +70,8 @@ def level_scan(
         Side of a cell in mm.
     known
         What a known step settles: heights will be scaled, so each part of the error is less what
-        the step's depth has of it, and the factor's uncertainty is one more.
+        the step's depth has of it, and the factor's uncertainty is one more.  A model that the step
+        found wrong is wrong by another factor on walls of another slope: that is one part more.
     scale
         As for `scale_height`, instead of a known step.
     level
@@ -103,14 +109,18 @@ def level_scan(
             "(level=plane leaves it)"
         )
     errors, inside = scan_errors(slope, residual, single, levelling, cell, seed)
-    parts, factor, settled = errors, 1.0, None
+    of_walls = levelling.heights(slope * np.sum(slope * slope, axis=0))
+    parts = np.concatenate([errors, [NOMINAL_GROWTH * of_walls]]).astype(np.float32)
+    factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
     said = scale if known is None else known.scale
     if said is not None:
         factor, uncertain = said
-        of_step = 0 if known is None else known.errors[:, None, None] * height
-        parts = np.concatenate([factor * (errors - of_step), [uncertain * height]])
-        settled = parts = parts.astype(np.float32)
-    error = np.sqrt(np.square(parts).sum(axis=0) + factor**2 * inside).astype(np.float32)
+        if known is not None:
+            errors = parts - np.float32(known.errors[:, None, None] * height)
+            errors[-1] *= abs(factor - 1) * GROWTH_OF_SCALE / NOMINAL_GROWTH
+        errors = np.concatenate([factor * errors, [uncertain * height]]).astype(np.float32)
+        settled = parts = errors
+    error = np.sqrt(np.square(errors).sum(axis=0) + factor**2 * inside).astype(np.float32)
     figures |= known.metrics if known else {}
     return ScanLevel(np.asarray(bend, np.float32), error, figures, parts, settled)

@@ -8,6 +8,7 @@ import pytest
 from benchmarks.real_film import run
 from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, groove_shape, settled
 from tactograph.graph import InputError, load
+from tactograph.nodes import BAND_DEVIATIONS
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
 from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen, write_model, write_scan
@@ -89,6 +90,9 @@ def test_a_known_groove_settles_real_sensors_models(tmp_path: Path) -> None:
     assert alone["step_depth_um"] > UNKNOWN_UM + 3
     assert after["step_depth_um"] == pytest.approx(UNKNOWN_UM, abs=1)
     assert after["step_uncertainty_um"] < alone["step_uncertainty_um"] / 3
+    _, gentle = settled(DEVICES[0], 20, 21, tmp_path)
+    off = abs(gentle["step_depth_um"] - UNKNOWN_UM)
+    assert 0.5 < off < BAND_DEVIATIONS * gentle["step_uncertainty_um"]
 
 
 def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
