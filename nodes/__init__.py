@@ -6,7 +6,7 @@ scale as captured, 1 on the film at rest once divided by the flat field.  LEDs a
 from 1; K is their number.
 
 The text beside a quantity's port is its meaning on the page of every node that takes or gives
-it: a node's docstring adds only what it means there.
+it: a node's docstring adds only what it means there, or ``name : shape in unit`` alone.
 """
 
 from typing import Annotated, NamedTuple

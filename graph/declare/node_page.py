@@ -34,7 +34,8 @@ def describe(node: Node) -> Description:
     records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
     for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
-            said[name.strip(" *")] = _one_line(each.description)
+            name = name.strip(" *")
+            said[name] = _one_line(each.description) or said.get(name, "")
     known = [*node.input_names, *node.parameters]
     known += [node.repeated.name] if node.repeated else []
     returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))

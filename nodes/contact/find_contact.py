@@ -43,6 +43,7 @@ def find_contact(
 
     Parameters
     ----------
+    height : H x W in mm above the film at rest
     error
         H x W, the height's standard deviation in mm; without it, it is estimated.
     enter, leave

@@ -22,8 +22,10 @@ def measure_contact(
 
     Parameters
     ----------
+    height : H x W in mm above the film at rest
     contact
         H x W, the number of the contact at each pixel, as `find_contact` gives it.
+    pixel : mm per px
     lens
         Of it only that pixels are not square; None: they are.
 

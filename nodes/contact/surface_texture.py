@@ -34,6 +34,8 @@ def surface_texture(
 
     Parameters
     ----------
+    height : H x W in mm above the film at rest
+    pixel : mm per px
     contact
         H x W, the number of the contact at each pixel, as `find_contact` gives it; without it
         the whole map is one surface.

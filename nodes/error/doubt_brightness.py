@@ -39,8 +39,7 @@ def doubt_brightness(
         H x W in mm; the height above the plane, scaled.
     known, free
         2 x H x W, slopes found with the brightness held, and left free.
-    pixel
-        mm per px.
+    pixel : mm per px
     level
         As for `level_plane`.
     scale

@@ -45,8 +45,7 @@ def doubt_rest(
         H x W in mm, a height for which no film was held at zero.
     variance
         2 x H x W, the variance of p and q.
-    pixel
-        mm per px.
+    pixel : mm per px
     zero
         As `zero_error` gives it; without it the zero is known.
     level

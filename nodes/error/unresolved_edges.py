@@ -24,10 +24,8 @@ def unresolved_edges(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    pixel : mm per px
     resolved_px
         In pixels of height.
     """

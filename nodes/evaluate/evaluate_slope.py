@@ -26,6 +26,7 @@ def evaluate_slope(
     ----------
     slope
         2 x H x W, the reconstructed slope.
+    pixel : mm per px
     truth
         2 x H x W, the true slope; without it the true height is differentiated.
     height

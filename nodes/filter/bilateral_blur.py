@@ -31,6 +31,7 @@ def bilateral_blur(
 
     Parameters
     ----------
+    light : K x H x W, of full scale, or 1 on the film at rest
     radius
         Radius of the disk of pixels that count, in pixels.
     sigma_light

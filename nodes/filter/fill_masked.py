@@ -33,6 +33,7 @@ def fill_masked(
 
     Parameters
     ----------
+    light : K x H x W, of full scale, or 1 on the film at rest
     mask
         H x W; pixels of any value but 0 stay.
     radius_px

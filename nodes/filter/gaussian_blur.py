@@ -28,6 +28,7 @@ def gaussian_blur(
 
     Parameters
     ----------
+    light : K x H x W
     sigma
         Standard deviation in pixels.
     border

@@ -15,6 +15,7 @@ def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
 
     Parameters
     ----------
+    light : K x H x W, of full scale, or 1 on the film at rest
     mask
         H x W; any value but 0 keeps the pixel.
     outside

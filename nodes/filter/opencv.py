@@ -25,6 +25,7 @@ def opencv(
 
     Parameters
     ----------
+    light : K x H x W
     call
         The function and its arguments; checked, and tried on a small image, before anything
         runs.

@@ -53,6 +53,7 @@ def rectify(
 
     Parameters
     ----------
+    light : K x H x W
     pixel
         mm per px of the result.
     width_mm, height_mm

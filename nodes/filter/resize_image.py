@@ -43,6 +43,7 @@ def resize_image(
 
     Parameters
     ----------
+    light : K x H x W
     scale
         Pixels along a side of the result per pixel of the input.
     method

@@ -12,13 +12,14 @@ from tactograph.nodes import Light, Mask
 
 @node(neutral=1)
 def threshold(light: Light, *, level: float = 0.5, lights: Literal["all", "any"] = "all") -> Mask:
-    """Return 1 where the light exceeds the level, else 0.
+    """Return H x W, 1 where the light exceeds the level, else 0.
 
     OpenCV's `threshold` (``THRESH_BINARY``) of each LED's image, and `bitwise_and` or
     `bitwise_or` of them.
 
     Parameters
     ----------
+    light : K x H x W, of full scale, or 1 on the film at rest
     level
         A pixel as bright as the level does not count.
     lights

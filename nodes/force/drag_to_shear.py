@@ -84,8 +84,7 @@ def drag_to_shear(
         H x W in kPa, by `press_to_pressure`.
     tracks
         The film's markers, by `track_markers`.
-    pixel
-        mm per px.
+    pixel : mm per px
     view
         The calibration, for the lens and the camera's height.
     modulus_kpa, thickness_mm, poisson, modulus_error

@@ -65,13 +65,11 @@ def press_to_pressure(
 
     Parameters
     ----------
-    height
-        H x W in mm.
+    height : H x W in mm
     contact
         H x W, the number of the contact at each pixel, as `find_contact` gives it: outside there
         is no pressure, and inside it may come out below zero by noise.
-    pixel
-        mm per px.
+    pixel : mm per px
     error
         H x W, the height's standard deviation in mm; without it forces have no deviation.
     modulus_kpa

@@ -60,8 +60,7 @@ def height_system(
         H x W, 1 on the film at rest, whose height is zero.
     rises
         The C measurements of `shadow_constraints`.
-    pixel
-        mm per px.
+    pixel : mm per px
     mask
         H x W, 1 on the pixels that count; without it all count.
     robust

@@ -30,10 +30,8 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
 
     Parameters
     ----------
-    slope
-        2 x H x W.
-    pixel
-        mm per px.
+    slope : 2 x H x W
+    pixel : mm per px
 
     Returns
     -------

@@ -33,10 +33,8 @@ def integrate_frankot_chellappa(
 
     Parameters
     ----------
-    slope
-        2 x H x W.
-    pixel
-        mm per px.
+    slope : 2 x H x W
+    pixel : mm per px
     border
         "periodic": as in the paper; the surface must have the same height at opposite borders.
         "mirrored": the surface is continued by its mirror image, as in a transform of 2H x 2W

@@ -46,8 +46,7 @@ def level_height(
 
     Parameters
     ----------
-    height
-        H x W in mm.
+    height : H x W in mm
     light
         K x h x w, relative to the film at rest, on cells; film is at rest where the light of
         all LEDs is 1 within the grain.

@@ -22,8 +22,7 @@ def rest_at_border(
 
     Parameters
     ----------
-    height
-        H x W in mm.
+    height : H x W in mm
     width_px
         Width of the border in px.
     """

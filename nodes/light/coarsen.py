@@ -23,8 +23,7 @@ def coarsen(
 
     Parameters
     ----------
-    light
-        K x H x W.
+    light : K x H x W
     factor
         Side of a cell in pixels; 0 depends on the image (`cell_side`): 4, or 8 for a large one.
     take

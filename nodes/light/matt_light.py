@@ -73,8 +73,7 @@ def matt_light(
         2 x H x W and H x W in mm, as far as known.
     film
         The LEDs' and the film's properties.
-    pixel
-        mm per px.
+    pixel : mm per px
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
     steps

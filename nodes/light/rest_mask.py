@@ -26,8 +26,7 @@ def rest_mask(
     ----------
     calm
         H x W, as `calm_film` gives it.
-    pixel
-        mm per px.
+    pixel : mm per px
     margin_mm
         Distance kept from the touch.  A film that returns to rest as exp(-d / reach) looks
         calm long before it is at rest.  Pinned to zero there, it would make all that it

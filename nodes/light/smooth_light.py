@@ -21,8 +21,7 @@ def smooth_light(light: Light) -> Light:
 
     Parameters
     ----------
-    light
-        K x H x W.
+    light : K x H x W
     """
     return _along(_along(light, 2), 1)
 

@@ -23,8 +23,7 @@ def fill_presses(
 
     Parameters
     ----------
-    image
-        P x K x H x W.
+    image : P x K x H x W
     width_px, grow_px
         As for `marker_darkness` and `bare_film`.
     """

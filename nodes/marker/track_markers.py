@@ -52,8 +52,7 @@ def track_markers(
         H x W of the touch, as `marker_darkness` gives it.
     markers
         M x 3 in px, of the untouched film.
-    pixel
-        mm per px.
+    pixel : mm per px
     before
         M x 2 in px, the shifts of the previous item.
     dark

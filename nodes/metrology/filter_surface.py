@@ -40,10 +40,8 @@ def filter_surface(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    pixel : mm per px
     form_degree
         Degree of the form, a polynomial in x and y fitted by least squares: 0 is the mean, 1 a
         plane, 2 also a ball or a cylinder.

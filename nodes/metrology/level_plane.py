@@ -26,8 +26,7 @@ def level_plane(height: Height, *, level: str = "plane") -> Height:
 
     Parameters
     ----------
-    height
-        H x W in mm.
+    height : H x W in mm
     level
         ``plane``: what most of the film agrees on, by least squares, reweighted by Cauchy's
         function from the largest scale downwards.  ``rest``: the frame's border, if the film is

@@ -75,8 +75,7 @@ def measure_step(
     ----------
     height
         H x W in mm; unknown film (NaN) is left out.
-    pixel
-        mm per px.
+    pixel : mm per px
     error
         Standard deviation of the height in mm; then the uncertainty holds that of both levels.
         Without it a warning says so.

@@ -30,7 +30,9 @@ def plot_step(
 
     Parameters
     ----------
-    height, pixel, along, edges, smooth_px
+    height : H x W in mm
+    pixel : mm per px
+    along, edges, smooth_px
         As for `measure_step`.
     figures
         Of `measure_step`.

@@ -22,8 +22,7 @@ def scale_height(
 
     Parameters
     ----------
-    height
-        H x W in mm.
+    height : H x W in mm
     step, scale
         Factor and its standard uncertainty.
     """

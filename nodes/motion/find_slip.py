@@ -77,8 +77,7 @@ def find_slip(
         The film's markers, by `track_markers`.
     moved
         The object's motion, by `track_pose`.
-    pixel
-        mm per px.
+    pixel : mm per px
     view
         The calibration, for the lens and the camera's height.
     before

@@ -56,8 +56,7 @@ def follow_contacts(
     ----------
     contact
         H x W, as `find_contact` gives it.
-    pixel
-        mm per px.
+    pixel : mm per px
     before, tracks
         This node's own ``contact`` and ``tracks`` of the frame before (``previous.NODE.contact``);
         without them all contacts begin.

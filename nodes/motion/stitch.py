@@ -80,8 +80,7 @@ def stitch(
         P x H x W in mm, on even grids.
     errors
         P x H x W in mm, NaN where not stated.
-    pixel
-        mm per px.
+    pixel : mm per px
     names
         Of the P touches.
     turn_deg

@@ -87,8 +87,7 @@ def track_pose(
         H x W in mm, on an even grid: an ideal lens.
     contact
         H x W, as `find_contact` gives it.
-    pixel
-        mm per px.
+    pixel : mm per px
     variance
         2 x H x W, of the slopes that the height was integrated from; without it the covariance
         follows from what the fit leaves.

@@ -36,8 +36,7 @@ def write_stitched(
         Y x X in mm; NaN where nothing touched.
     source
         Y x X, as `stitch` gives it.
-    pixel
-        mm per px.
+    pixel : mm per px
     metrics
         Figures to keep in ``result.json``.
     folder

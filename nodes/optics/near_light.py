@@ -36,10 +36,8 @@ def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
     ----------
     lights
         K x 3 in mm from the middle of the image.
-    height
-        H x W in mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    pixel : mm per px
 
     Returns
     -------

@@ -56,8 +56,7 @@ def known_step(
         H x W in mm, of the step.
     parts
         E x h x w, the parts of its error.
-    pixel
-        mm per px.
+    pixel : mm per px
     light
         Figures of `judge_light_model` on the step's scan.
     known_um, along, edges

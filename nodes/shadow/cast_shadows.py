@@ -54,10 +54,8 @@ def cast_shadows(
     ----------
     height
         H x W in mm; beyond the frame nothing casts a shadow.
-    lights
-        K x 3 in mm.
-    pixel
-        mm per px.
+    lights : K x 3 in mm
+    pixel : mm per px
     seen
         H x W, the shadows in the image; without it the height alone decides.
     reach_px

@@ -67,8 +67,7 @@ def label_highlights(
         K x 3 in mm from the middle of the image.
     height
         H x W in mm, as far as known.
-    pixel
-        mm per px.
+    pixel : mm per px
     unlikely
         Chi-square of all LEDs together above which one of them is doubted.
     likely

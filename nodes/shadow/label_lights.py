@@ -222,8 +222,7 @@ def label_lights(
         H x W in mm, as far as known; the direction of the light depends on it.
     prior
         2 x H x W, the slope expected; for ``pair: prior`` only.
-    pixel
-        mm per px.
+    pixel : mm per px
     uneven
         Standard deviation of the film's brightness, as a share.
     wrap

@@ -65,10 +65,8 @@ def shadow_confidence(
         K x H x W, 1 on the film at rest, and its standard deviation.
     slope, height
         2 x H x W and H x W in mm; they determine the expected light.
-    lights
-        K x 3 in mm.
-    pixel
-        mm per px.
+    lights : K x 3 in mm
+    pixel : mm per px
     sure
         Log odds of a label far from edges, if half of the expected light is present.
     by_light

@@ -93,10 +93,8 @@ def shadow_constraints(
         2 x H x W; extrapolates the height from the pixel to the shadow's end.
     height
         H x W in mm, roughly; the elevation of a near LED depends on it a little.
-    lights
-        K x 3 in mm.
-    pixel
-        mm per px.
+    lights : K x 3 in mm
+    pixel : mm per px
     step_px
         Step along the ray.
     longest_px

@@ -38,8 +38,7 @@ def shadow_linear(
 
     Parameters
     ----------
-    light
-        K x H x W.
+    light : K x H x W
     null, spread
         The vector a of unit length, and the standard deviation of a.I on lit pixels.
     threshold

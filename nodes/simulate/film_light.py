@@ -38,8 +38,7 @@ def film_light(
         H x W in mm, as the camera sees it (`view_slope`).
     film
         The LEDs' and the film's properties.
-    pixel
-        mm per px.
+    pixel : mm per px
     shadow
         H x W, the LEDs that something keeps off, as `cast_shadows` gives them.
 

@@ -43,12 +43,9 @@ def interreflect(
         K x H x W, from the LEDs alone.
     rest
         K x H x W, the same for the film at rest.
-    height
-        H x W, mm.
-    lights
-        K x 3, mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    lights : K x 3 in mm
+    pixel : mm per px
     albedo
         Share of the light that the film reflects; 0 is a film that does not light itself.
     bounces

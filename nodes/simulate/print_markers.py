@@ -32,10 +32,8 @@ def print_markers(
 
     Parameters
     ----------
-    light
-        K x H x W.
-    pixel
-        mm per px.
+    light : K x H x W
+    pixel : mm per px
     pitch_mm
         Pitch of the grid, which has a marker in the middle of the image.
     radius_mm, dash_mm

@@ -57,12 +57,9 @@ def view(
     ----------
     light
         K x H x W, from straight above.
-    height
-        H x W, mm.
-    slope
-        2 x H x W.
-    labels
-        H x W.
+    height : H x W in mm
+    slope : 2 x H x W
+    labels : H x W
     camera_mm
         Distance of the pupil from the film at rest; 0 is infinitely far away.
     lens_at_corner

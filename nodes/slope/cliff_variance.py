@@ -41,12 +41,13 @@ def cliff_variance(
 
     Parameters
     ----------
-    variance
-        2 x H x W.
+    variance : 2 x H x W
     light
         K x H x W, 1 on the film at rest.
     shadow
         H x W, the shadowed LEDs.
+    lights : K x 3 in mm from the middle of the image
+    pixel : mm per px
     jump
         Standard deviation of the slope across an edge, per light above `grazing`.
     grazing

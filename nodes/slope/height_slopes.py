@@ -20,6 +20,8 @@ def height_slopes(
 
     Parameters
     ----------
+    height : H x W in mm above the film at rest
+    pixel : mm per px
     steepest
         Pixels steeper than this (mm per mm) are masked out: across a true step a
         difference is not a slope.

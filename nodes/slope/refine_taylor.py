@@ -37,6 +37,7 @@ def refine_taylor(
 
     Parameters
     ----------
+    light : K x H x W, 1 on the film at rest
     slope
         2 x H x W, the coarse G_0.
     shadow

@@ -36,6 +36,7 @@ def view_slope(
         H x W in mm, the seen height as far as known.
     camera
         1 / D in 1/mm; 0 returns the slope unchanged.
+    pixel : mm per px
     inverse
         Convert slopes of the seen height to slopes of the film.
     """

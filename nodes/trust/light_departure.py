@@ -97,12 +97,10 @@ def light_departure(
         2 x H x W and H x W, as `label_lights` found them.
     height
         H x W in mm, as given to `label_lights`.
-    lights
-        K x 3 in mm.
+    lights : K x 3 in mm
     misfit
         The calibration's misfit.
-    pixel
-        mm per px.
+    pixel : mm per px
     uneven
         Standard deviation of the film's brightness, as given to `label_lights`.
     wrap

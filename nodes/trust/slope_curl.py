@@ -50,8 +50,7 @@ def slope_curl(
 
     Parameters
     ----------
-    slope
-        2 x H x W.
+    slope : 2 x H x W
     misfit
         The calibration's misfit; its first number is the level.
     used

@@ -58,8 +58,7 @@ def touch_evidence(
         h x w, as `slope_curl` gives it.
     light
         K x h x w on cells, relative to the flat frame, before any drift is taken out.
-    height
-        H x W in mm.
+    height : H x W in mm
     drift
         K x 6, as `film_drift` found it.
     departure, brighter

@@ -30,10 +30,8 @@ def export_height(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    pixel : mm per px
     name
         The capture's name in a stream; empty for a single capture.
     lens, camera

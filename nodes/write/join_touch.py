@@ -54,10 +54,8 @@ def join_touch(
 
     Parameters
     ----------
-    height
-        H x W in mm.
-    pixel
-        mm per px.
+    height : H x W in mm
+    pixel : mm per px
     frames
         The node that gives the frames (K x H x W, 0 to 1, as captured): `read_capture`,
         `read_camera` or another.

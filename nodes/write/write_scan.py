@@ -34,8 +34,7 @@ def write_scan(
     ----------
     image
         K x H x W, fractions of full scale; 16 bit where 8 would lose something.
-    pixel
-        mm per px.
+    pixel : mm per px
     height
         H x W in mm, written as ``heightmap.tmd``.
     name

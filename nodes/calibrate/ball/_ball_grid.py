@@ -58,8 +58,7 @@ def find_grid(
         K x H x W, relative to the film at rest.
     radius_px, pitch_px
         Radius of the balls, and pitch of the lattice.
-    pixel
-        mm per px.
+    pixel : mm per px
     rest
         The flat frame in blocks, if there is one.
     """

@@ -40,6 +40,7 @@ def ball_slopes(
         x, y of the ball's centre in px; pixel centres lie at integers.
     contact
         Radius of the contact circle in px.
+    pixel : mm per px
     radius_mm
         The ball's radius.
     margin_px

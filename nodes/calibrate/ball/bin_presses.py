@@ -54,6 +54,7 @@ def bin_presses(
         K x S x W, the presses as captured, on a sheet (`sheet`).
     flat, dark
         K x H x W and H x W.
+    pixel : mm per px as captured
     radius, known
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     marks

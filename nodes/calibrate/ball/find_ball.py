@@ -86,6 +86,7 @@ def find_ball(
     ----------
     light
         K x H x W, K from 3; relative to the film at rest, or as captured.
+    pixel : mm per px
     radius_mm
         The ball's radius.
     center_px

@@ -53,6 +53,7 @@ def find_balls(
         K x H x W; only its size is used.
     radius, known, names
         As `read_balls` returns them.  No names mean that there is no press, and no ball.
+    pixel : mm per px
     marks
         M x 3 in px, balls that were marked by hand, as `read_balls` gives them: where a press has
         some, these are its balls, and none are searched for.

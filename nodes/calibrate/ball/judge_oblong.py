@@ -41,6 +41,7 @@ def judge_oblong(
         is used.
     circle, goodness, of, radius
         As `find_balls` returns them.
+    pixel : mm per px
     radius_mm
         The radius of all balls, where `radius` is not given.
     """

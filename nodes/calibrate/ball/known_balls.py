@@ -41,6 +41,7 @@ def known_balls(
         B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask.
     radius, of
         Length B: the balls' radii in mm, and the press that each is in.
+    pixel : mm per px
     margin_px
         Width of the rim that is left out.
     """

@@ -36,6 +36,7 @@ def level_touches(
         K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
     flat
         K x H x W, the film at rest.
+    noise : (shot, read), a captured light I has the variance shot * I + read
     degree, rough
         As for `film_drift`.
     """

@@ -30,6 +30,8 @@ def matt_presses(
         K x H x W; only its size is used.
     slope, height
         Of the presses, as `known_balls` returns them.
+    film : the LEDs' places in mm and the film's properties
+    pixel : mm per px
     """
     rows, matt = flat.shape[1], []
     for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):

@@ -35,6 +35,7 @@ def undistort_presses(
         K x H x W, the first of them.
     known
         P x 3 in px of the captured images; the radius does not change.
+    lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     marks
         M x 3, marked balls: x, y in px, press.
     """

@@ -43,8 +43,7 @@ def find_grid(
 
     Parameters
     ----------
-    image
-        H x W.
+    image : H x W
     pattern
         "dots": dark or bright dots.  "checkerboard": the corners where four squares meet.
         "auto": dots if any lie on a lattice, else corners.

@@ -28,8 +28,7 @@ def plot_camera(
 
     Parameters
     ----------
-    image
-        H x W.
+    image : H x W
     marks
         As `find_grid` found them.
     departure

@@ -49,6 +49,7 @@ def find_presses(
         P x K x H x W presses and the K x H x W film at rest.
     names
         The presses' names, for messages.  No names mean that there is no press, and no ball.
+    pixel : mm per px
     known
         P x 3: circles that are known already, as from `guide_colour_presses` or each press's
         ``capture.yaml``; NaN where a number is not known.

@@ -69,6 +69,7 @@ def rate_presses(
         B x 3 in px, before and after refining.
     kept, rim, residual
         As `fit_reflectance_map` returns them.
+    pixel : mm per px
     of_radius, of_pixels
         The doubts of `judge_press_radius` and of `judge_oblong`.
     of

@@ -13,7 +13,6 @@ def sheet_presses(image: PressImages) -> SheetLight:
 
     Parameters
     ----------
-    image
-        P x K x H x W.
+    image : P x K x H x W
     """
     return np.concatenate(list(image), axis=1)

@@ -30,6 +30,7 @@ def write_press_calibration(
     ----------
     flat
         K x H x W, the film at rest.
+    pixel : mm per px
     reflectance
         K x 9 x 15.
     quality, advice

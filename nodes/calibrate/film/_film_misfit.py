@@ -76,8 +76,7 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     others
         8 x K x 3 in mm, deviations of the LED positions, whose error is accounted for
         separately.
-    pixel
-        mm per px.
+    pixel : mm per px
     """
     rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
     farthest = max(MAX_LAG_SHARE * rim / pixel, MIN_LAG_PX + 1)
@@ -124,8 +123,7 @@ def unevenness(held: list[Held], pixel: float) -> float:
     ----------
     held
         Every held-out pixel, fold by fold.
-    pixel
-        mm per px.
+    pixel : mm per px
     """
     lags = np.array([MIN_LAG_PX])
     total = _Sums(lags, *(np.zeros(1) for _ in range(3)))

@@ -131,6 +131,8 @@ def fit_film(
         1 for each of the P presses that is used.
     lights, strength, others
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` returns them.
+    noise : (shot, read), a captured light I has the variance shot * I + read
+    pixel : mm per px
     bare
         S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm

@@ -150,6 +150,7 @@ def refit_film(
         that there is no ball.
     film, old_misfit
         Of the old calibration.
+    noise : (shot, read), a captured light I has the variance shot * I + read
     pixel
         mm per px on the old film.
     even_pixel

@@ -73,6 +73,7 @@ def calibrate_lights(
         2 x S x W, S x W, S x W in mm: the object, where known.
     lit
         S x W, the LEDs that reach each pixel.
+    pixel : mm per px
     slants
         L_x / L_z and L_y / L_z of each LED, from which the search starts; else it starts from the
         objects' light.

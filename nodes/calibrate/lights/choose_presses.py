@@ -85,6 +85,7 @@ def choose_presses(
         K x H x W, the film at rest.
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`.
+    pixel : mm per px
     names
         The presses' names, for messages.
     steepest, shift_px

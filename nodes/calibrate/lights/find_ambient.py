@@ -80,6 +80,7 @@ def find_ambient(
         none was taken, nothing is estimated.
     slope, mask, height
         Of the presses, as `known_balls` returns them.
+    pixel : mm per px
     taken
         The image with all LEDs off, if one was taken; then nothing is estimated.
     steepest, shift_px

@@ -93,8 +93,7 @@ def hold_out_presses(
         The node that found them: circles B x 3 in px, radii in mm, and the press of each.
     noise
         (shot, read), as `estimate_noise` returns it.
-    pixel
-        mm per px.
+    pixel : mm per px
     uneven
         Relative standard deviation of the film's brightness.
     steepest, shift_px

@@ -29,10 +29,8 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     ----------
     flat
         K x H x W, the film at rest.
-    lights
-        K x 3 in mm.
-    pixel
-        mm per px.
+    lights : K x 3 in mm
+    pixel : mm per px
     """
     rest = rest_of(flat, pixel)
     if rest is None or len(lights) < FEWEST_TESTED_LEDS:

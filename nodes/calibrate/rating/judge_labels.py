@@ -73,8 +73,7 @@ def judge_labels(
         The node that found them: circles B x 3 in px, radii in mm, and the press of each.
     noise
         (shot, read), as `estimate_noise` returns it.
-    pixel
-        mm per px.
+    pixel : mm per px
 
     Returns
     -------

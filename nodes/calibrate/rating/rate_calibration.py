@@ -112,8 +112,7 @@ def rate_calibration(
     flat, noise
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
         Residuals that noise explains raise no warning of a poor fit.
-    pixel
-        mm per px.
+    pixel : mm per px
     radius
         `judge_radius`: its figures, those of the fit among them, and its doubts.
     others

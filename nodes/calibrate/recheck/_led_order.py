@@ -23,8 +23,7 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     ----------
     then, now
         K x H x W, the untouched film.
-    pixel
-        mm per px.
+    pixel : mm per px
     """
     before, after = rest_of(then, pixel), rest_of(now, pixel)
     if before is None or after is None:

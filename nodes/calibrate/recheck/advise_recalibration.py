@@ -48,6 +48,7 @@ def advise_recalibration(
     strength, dent
         Light of each LED, K, and height of the film, H x W in mm, both relative to the old
         film, as `film_change` returns them.
+    pixel : mm per px
     refitted
         Figures of the fit to the check press; empty if there was none.
     before

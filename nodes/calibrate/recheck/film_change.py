@@ -80,6 +80,7 @@ def film_change(
         K x H x W, the untouched film, dark level subtracted, equally smooth.
     tilt
         K x 2 x H x W, t in the equation above.
+    pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
         ambient light and shift, which cannot be told from them, are returned as 0.

@@ -24,6 +24,8 @@ def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
     ----------
     flat
         K x H x W; only its size is used.
+    film : the LEDs' places in mm and the film's properties
+    pixel : mm per px
 
     Returns
     -------

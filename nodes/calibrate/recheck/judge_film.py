@@ -53,7 +53,9 @@ def judge_film(
     Parameters
     ----------
     strength, ambient, shift, albedo, dent
-        As `film_change` returns them, between the calibration's flat frame and today's.
+        K, full scale, 2 in px, H x W, and H x W in mm: as `film_change` returns them, between the
+        calibration's flat frame and today's.
+    pixel : mm per px
 
     Returns
     -------

@@ -28,6 +28,7 @@ def rest_light(
         K x H x W, as `read_flat` returns it.
     lights, strength
         K x 3 in mm, and K, as `calibrate_lights` returns them.
+    pixel : mm per px
     """
     if not is_uniform(flat):
         return flat

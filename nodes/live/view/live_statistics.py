@@ -46,6 +46,7 @@ def live_statistics(
 
     Parameters
     ----------
+    height : H x W in mm above the film at rest
     time
         The end of its newest exposure, in s of ``time.monotonic()``.
     state

@@ -1,6 +1,7 @@
 """A node says of itself what a user has to know."""
 
 import inspect
+import re
 from typing import Annotated, Literal
 
 import pytest
@@ -36,9 +37,21 @@ def test_a_range_in_words(annotation: object, words: str) -> None:
     assert range_of(Parameter("x", annotation)) == words
 
 
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
+    function = find_node(name).function
+    listed = (inspect.getdoc(function) or "").partition("\nParameters\n")[2]
+    inputs = [
+        p for p in inspect.signature(function).parameters.values() if p.kind != p.KEYWORD_ONLY
+    ]
+    for each in inputs if listed else []:
+        assert re.search(rf"^([*\w]+, )*\*?{each.name}(,| :|$)", listed, re.MULTILINE)
+
+
 def test_a_page_tells_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): K x H x W, the untouched film" in page
+    assert "`pixel` (number [mm/px]): Side of a pixel on" in node_page(find_node("find_ball"))
     assert "`floor` (default 0.02, above 0): Smallest value" in page
 
 
