@@ -47,7 +47,7 @@ def doubt_rest(
         2 x H x W, the variance of p and q.
     pixel : mm per px
     zero
-        As `zero_error` gives it; without it the zero is known.
+        In mm, as `zero_error` gives it; without it the zero is known.
     level
         Standard deviations of the light that `calm_film` counts as noise.
     steepest

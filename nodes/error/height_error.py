@@ -153,7 +153,7 @@ def height_error(
     film
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
-        Errors of the film's model; without it the model counts as exact.
+        Length 5, errors of the film's model; without it the model counts as exact.
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
         the same in the previous pass.

@@ -51,7 +51,7 @@ def level_height(
         K x h x w, relative to the film at rest, on cells; film is at rest where the light of
         all LEDs is 1 within the grain.
     grain
-        The film's grain.
+        The film's grain, a share of the light.
     cell
         Side of a cell in pixels, as for `coarsen`.
     degree

@@ -85,7 +85,7 @@ def touch_misfit(
         H x W in mm, as far as known before that slope.
     lights : K x 3 in mm
     misfit
-        The calibration's misfit.
+        Length 5, the calibration's misfit.
     pixel : mm per px
     uneven
         Standard deviation of the film's brightness, as given to `label_lights`.

@@ -61,7 +61,7 @@ def level_scan(
     Parameters
     ----------
     slope, brightness, residual
-        As `light_model_slope` finds them from the mean light of cells.
+        2 x H x W, H x W, H x W: as `light_model_slope` finds them from the mean light of cells.
     single
         The residual of one pixel of every cell.
     model

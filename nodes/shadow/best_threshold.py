@@ -24,7 +24,7 @@ def best_threshold(
     lights
         K x 3 in mm; for its slope, every pixel is taken to lie in the middle of the film.
     null
-        The vector a of equation 11.
+        Length K, the vector a of equation 11.
 
     Returns
     -------

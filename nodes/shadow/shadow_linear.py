@@ -40,7 +40,7 @@ def shadow_linear(
     ----------
     light : K x H x W
     null, spread
-        The vector a of unit length, and the standard deviation of a.I on lit pixels.
+        K, the vector a of unit length, and the standard deviation of a.I on lit pixels.
     threshold
         lambda in multiples of `spread`.
 

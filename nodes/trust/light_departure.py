@@ -99,7 +99,7 @@ def light_departure(
         H x W in mm, as given to `label_lights`.
     lights : K x 3 in mm
     misfit
-        The calibration's misfit.
+        Length 5, the calibration's misfit.
     pixel : mm per px
     uneven
         Standard deviation of the film's brightness, as given to `label_lights`.

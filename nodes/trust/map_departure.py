@@ -41,7 +41,7 @@ def map_departure(
     reflectance
         K x 9 x 15, as `fit_reflectance_map` gives it.
     misfit
-        The calibration's misfit.
+        Length 5, the calibration's misfit.
     """
     shown = mapped_light(slope, height, reflectance)
     left = light - shown

@@ -52,9 +52,9 @@ def slope_curl(
     ----------
     slope : 2 x H x W
     misfit
-        The calibration's misfit; its first number is the level.
+        Length 5, the calibration's misfit; its first number is the level, in radians.
     used
-        The LEDs that each slope rests on; where they are fewer than three nothing is tested.
+        H x W, the LEDs that each slope rests on; where they are fewer than three nothing is tested.
         All are taken if not given.
     variance
         2 x H x W, of a single pixel's noise; none is taken if not given.

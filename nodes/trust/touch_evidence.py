@@ -68,7 +68,7 @@ def touch_evidence(
         2 x H x W and H x W: the slopes, the LEDs that they rest on, and those that do not light a
         pixel.
     misfit, uneven
-        The calibration's misfit, and the standard deviation of the film's brightness.
+        Length 5, the calibration's misfit, and the standard deviation of the film's brightness.
     matt
         K x H x W, the light as of a matt film.
     max_dimming

@@ -52,7 +52,7 @@ def find_balls(
     flat
         K x H x W; only its size is used.
     radius, known, names
-        As `read_balls` returns them.  No names mean that there is no press, and no ball.
+        P in mm, P x 3 in px, P: as `read_balls` returns them.  No names: no press, no ball.
     pixel : mm per px
     marks
         M x 3 in px, balls that were marked by hand, as `read_balls` gives them: where a press has

@@ -40,7 +40,7 @@ def judge_oblong(
         K x S x W, the presses relative to the film at rest, and K x H x W, of which only the size
         is used.
     circle, goodness, of, radius
-        As `find_balls` returns them.
+        B x 3 in px, B, B, and B in mm: as `find_balls` returns them.
     pixel : mm per px
     radius_mm
         The radius of all balls, where `radius` is not given.

@@ -29,7 +29,7 @@ def matt_presses(
     flat
         K x H x W; only its size is used.
     slope, height
-        Of the presses, as `known_balls` returns them.
+        2 x S x W, and S x W in mm: of the presses, as `known_balls` returns them.
     film : the LEDs' places in mm and the film's properties
     pixel : mm per px
     """

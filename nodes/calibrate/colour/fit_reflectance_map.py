@@ -106,7 +106,7 @@ def fit_reflectance_map(
         B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out.
     pixel : mm per px
     of
-        The press that each ball is in.  None: every press has one ball.
+        Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     rounds

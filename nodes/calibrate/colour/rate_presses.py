@@ -73,7 +73,7 @@ def rate_presses(
     of_radius, of_pixels
         The doubts of `judge_press_radius` and of `judge_oblong`.
     of
-        The press that each ball is in.  None: every press has one ball.
+        Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     folds

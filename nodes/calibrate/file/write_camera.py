@@ -29,7 +29,7 @@ def write_camera(
     image
         H x W, the image of the grid; only its size is kept.
     lens, pixel, residual
-        As `fit_lens` returns them.
+        Length 8, mm per px, and px: as `fit_lens` returns them.
     quality
         The figures of `fit_lens`, for people and for ``result.json``.
     file

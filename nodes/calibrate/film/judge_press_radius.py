@@ -62,7 +62,7 @@ def judge_press_radius(
         B x 3 in px, and the balls used, as `fit_reflectance_map` returns them.
     pixel : mm per px
     of
-        The press that each ball is in.  None: every press has one ball.
+        Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
     shift_px

@@ -154,7 +154,7 @@ def refit_film(
     pixel
         mm per px on the old film.
     even_pixel
-        The same for the camera's own pixels, if `light` is binned.
+        mm per px, the camera's own pixels, if `light` is binned.
     steepest, shift_px
         As for `calibrate_lights`.
 

@@ -84,7 +84,7 @@ def choose_presses(
     flat
         K x H x W, the film at rest.
     slope, mask, height, lit
-        Of the presses, as for `calibrate_lights`.
+        2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
     names
         The presses' names, for messages.

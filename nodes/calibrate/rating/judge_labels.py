@@ -66,7 +66,7 @@ def judge_labels(
     flat
         K x H x W, the film at rest.
     height
-        Of the presses, as `known_balls` returns it.
+        S x W in mm, of the presses, as `known_balls` returns it.
     film
         What was fitted to the presses.
     balls

@@ -111,7 +111,7 @@ def plot_calibration(
         `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
         of these.
     reflectance, null
-        The fits: that of `fit_reflectance`, and `fit_null_vector`.
+        The fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`.
     quality
         The figures of the calibration, for the title.
     balls, held_out, advice

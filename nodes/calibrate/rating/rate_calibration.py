@@ -102,7 +102,7 @@ def rate_calibration(
     lut_slope
         N x 2, the slopes in the tables.
     mask, lit
-        The pixels of known slope, and the LEDs that reach them.
+        S x W, the pixels of known slope, and the LEDs that reach them.
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
         their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth

@@ -30,7 +30,7 @@ def plot_check(
     then, now
         K x H x W, the untouched film.
     strength, albedo, dent
-        As `film_change` returns them.
+        K, H x W, and H x W in mm: as `film_change` returns them.
     leds, film, lens, ambient, camera
         As `judge_film` returns them.
     file
