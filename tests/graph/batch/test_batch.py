@@ -523,6 +523,10 @@ def test_results_may_go_into_folders(
         folder = tmp_path / "folders" / capture.name
         np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
     assert (tmp_path / "folders" / "captures.csv").is_file()
+    read = sorted((tmp_path / "day").rglob("*"))
+    for out in (tmp_path / "day", captures[0]):
+        assert f"--out {out}: is what --over {out} reads" in refusal(batch(graph=saving, out=out))
+    assert sorted((tmp_path / "day").rglob("*")) == read
 
 
 def test_folders_of_results_lie_where_the_first_batch_put_them(
