@@ -166,13 +166,7 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
 
 
 def refuse_to_write_over(said: str, out: str | Path, read: Mapping[str, Any]) -> None:
-    """Refuse to write results over what is read, by the words of the command that say so.
-
-    Raises
-    ------
-    InputError
-        If `out` is one of the places in `read`.
-    """
+    """Refuse to write results over one of the places that are read, by the words that name it."""
     target = os.path.realpath(out)
     for words, place in read.items():
         # Not Path.resolve, which fails at circular links; their reader names them.
