@@ -149,7 +149,10 @@ def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str,
             return workers.ask(find_map_types, job, capture)
         except TactographError as error:
             reason = str(error)
-    raise InputError(f"none of the first {len(tried)} captures can be processed: {reason}")
+    none = (
+        f"none of the first {len(tried)} captures can" if len(tried) > 1 else "the capture cannot"
+    )
+    raise InputError(f"{none} be processed: {reason}")
 
 
 def _other_sensors(then: Job, now: Job) -> str:
@@ -167,6 +170,10 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         "code": "other code of",
         "versions": "another version of",
         "device": f"another device ({then['device'] or 'none'})",
+        "backend": f"another --backend ({then['backend'] or 'none'})",
+        "maps": f"other maps ({', '.join(then['maps']) or 'none'})",
+        "folders": f"another folder of results ({then['folders'] or 'none'})",
+        "param": f"another --param ({then['param']})",
     }
     differences = []
     for name in then:
@@ -178,5 +185,5 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
             )
             differences.append(f"{words[name]} {', '.join(keys)}")
         else:
-            differences.append(words.get(name, f"another {name} ({then[name]})"))
+            differences.append(words[name])
     return " and ".join(differences)

@@ -99,6 +99,11 @@ def command(
             strict=options.strict,
             below=below,
         )
+        if job.folders is not None:
+            from tactograph.graph.run.open_pipeline import refuse_to_write_over
+
+            read_places = filter(None, (below, *captures))
+            refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in read_places})
         place = store_place(out, job)
         who = cluster or _here(workers, read, job, len(captures), place, closing)
         from tactograph.graph.batch.batch import (

@@ -47,6 +47,9 @@ def _check(read: Graph) -> None:
     for group in read.groups:
         if not uses_of(read, group):
             say(f"not used by any node: the group {group}")
+    settings = {str(value) for entry in read.nodes.values() for value in entry.settings.values()}
+    if unread := [name for name in read.params if f"${name}" not in settings]:
+        say(f"params that no node reads: {', '.join(unread)}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
         say(f"  {name:<{width}}  {param.kind:<8} {param.state}; {param.help}")

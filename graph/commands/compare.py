@@ -67,8 +67,8 @@ def command(
 
     if former_report is None:
         values = [word for word in words if "=" in word]
-        study = _read_study(words, repeats=repeats, **choices)
-        _compare(study, values, out or Path("report"))
+        out = out or Path("report")
+        _compare(_read_study(words, out, repeats=repeats, **choices), values, out)
         return
     if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; only --out may be said with it")
@@ -83,6 +83,7 @@ def command(
 
 def _read_study(
     words: Sequence[str],
+    out: Path,
     *,
     over: Sequence[str],
     overlays: Sequence[str],
@@ -98,6 +99,7 @@ def _read_study(
     from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.files.typed_values import read_words
+    from tactograph.graph.run.open_pipeline import refuse_to_write_over
 
     values = [word for word in words if "=" in word]
     others = [word for word in words if "=" not in word]
@@ -107,11 +109,13 @@ def _read_study(
         raise InputError(
             "compare needs at least one graph; 'tactograph graphs' lists those that ship"
         )
+    captures = [capture for folder in folders for capture in captures_in(folder)]
+    refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in (*folders, *captures)})
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
     return Study(
         graphs=graphs,
         given={graph.name: read_words(graph, values) for graph in graphs},
-        captures=[capture for folder in folders for capture in captures_in(folder)],
+        captures=captures,
         backends=_read_backends(backends),
         device=device,
         sweeps=[read_sweep(word) for word in sweeps],

@@ -314,18 +314,19 @@ def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]
         As `bind`.
     """
     settings = dict(entry.settings)
-    by_user: dict[str, str] = {}
+    places: dict[str, str] = {}
     for name, value in entry.settings.items():
         if isinstance(value, str) and value.startswith("$"):
             param = value[1:]
             settings[name] = _param(param, graph, given, entry.where(f"with.{name}"))
-            if param in given and name in node.parameters:
-                by_user[name] = param
+            if name in node.parameters and param in given:
+                places[name] = f"{graph.name}: {param}"
+            elif name in node.parameters and graph.params[param].kind == "path":
+                # What lies at a default place is not the file's fault.
+                places[name] = f"{graph.name}: give {param}=, as its default does not serve"
 
     def where(name: str) -> str:
-        if name in by_user:
-            return f"{graph.name}: {by_user[name]}"
-        return entry.where(f"with.{name}")
+        return places.get(name) or entry.where(f"with.{name}")
 
     return check_settings(node, settings, where)
 

@@ -156,16 +156,22 @@ def open_pipeline(
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
-    """Refuse to write results over the data that is read."""
+    """Refuse to write results over what the graph's params read."""
     params = {name: param for name, param in graph.params.items() if param.kind == "path"}
     places = {name: given.get(name, param.default) for name, param in params.items()}
     out = places.pop("out", None)
     if not isinstance(out, str | Path):
         return
-    for name, place in places.items():
+    refuse_to_write_over(f"out={out}", out, {f"{n}={place}": place for n, place in places.items()})
+
+
+def refuse_to_write_over(said: str, out: str | Path, read: Mapping[str, Any]) -> None:
+    """Refuse to write results over one of the places that are read, by the words that name it."""
+    target = os.path.realpath(out)
+    for words, place in read.items():
         # Not Path.resolve, which fails at circular links; their reader names them.
-        if isinstance(place, str | Path) and os.path.realpath(place) == os.path.realpath(out):
-            raise InputError(f"out={out}: is what {name}={place} reads; give another place")
+        if isinstance(place, str | Path) and os.path.realpath(place) == target:
+            raise InputError(f"{said}: is what {words} reads; give another place")
 
 
 def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:

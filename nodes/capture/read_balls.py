@@ -1,5 +1,6 @@
 """Read the presses of one or several balls from which a sensor is calibrated."""
 
+import os
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -47,6 +48,7 @@ class BallPresses(NamedTuple):
 def read_balls(
     *,
     folder: Path,
+    flat: Path | None = None,
     radius_mm: Millimetres | tuple[Millimetres, ...] | None = None,
     center_px: tuple[float, float] | None = None,
     contact_px: Millimetres | None = None,
@@ -62,6 +64,8 @@ def read_balls(
     ----------
     folder
         A capture, or a folder of captures, which are read in order of name.
+    flat
+        The capture of the untouched film, which must be another.
     radius_mm
         The ball's radius: one for all presses, or one per press in their order.
     center_px, contact_px
@@ -77,9 +81,10 @@ def read_balls(
     Raises
     ------
     InputError
-        As `read_capture`; if presses differ in size; if a ball's radius is not given, or
-        the number of radii does not match the number of presses.
+        As `read_capture`; if `flat` is `folder`; if presses differ in size; if a ball's radius is
+        not given, or the number of radii does not match the number of presses.
     """
+    refuse_flat(flat, folder)
     captures = [*read_capture(folder=folder, **layout._asdict())]
     first = captures[0].image
     for capture in captures:
@@ -121,6 +126,12 @@ def read_balls(
         np.array(marks, np.float32) if marks else None,
         captures[0].pixel_size,
     )
+
+
+def refuse_flat(flat: Path | None, folder: Path) -> None:
+    """Refuse presses that are said to be the untouched film as well."""
+    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
+        raise InputError(f"flat={flat}: is the folder of the presses; give the untouched film's")
 
 
 def _spread(

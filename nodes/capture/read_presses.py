@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Light
-from tactograph.nodes.capture.read_balls import KnownCircles, known_circle
+from tactograph.nodes.capture.read_balls import KnownCircles, known_circle, refuse_flat
 from tactograph.nodes.capture.read_capture import (
     Layout,
     read_capture,
@@ -68,11 +68,12 @@ def read_presses(
     Raises
     ------
     InputError
-        As `read_capture`; if a press differs in size from the flat image.
+        As `read_capture`; if `flat` is `folder`; if a press differs in size from the flat image.
     """
     film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
+    refuse_flat(flat, folder)
     captures = list(read_capture(folder=folder, lights=lights, crop=crop))
     for capture in captures:
         if capture.image.shape != film.shape:

@@ -78,11 +78,11 @@ def read_image(file: Path) -> NDArray[Any]:
         raise InputError(f"{file}: too large for a camera image") from None
     except FileNotFoundError:
         raise InputError(f"{file}: there is no such file") from None
-    except InputError:
-        raise
-    except MemoryError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # a damaged file fails anywhere inside its decoder
+        if isinstance(error, OSError) and error.strerror:
+            raise InputError(f"{file}: cannot be read: {error.strerror}") from None
         raise InputError(f"{file}: cannot be decoded, the file is damaged: {error}") from None
     if pixels is None:
         raise InputError(f"{file}: cannot be decoded; save it as 8 or 16 bit grey or RGB")

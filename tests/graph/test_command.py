@@ -410,8 +410,10 @@ def test_resolving_keeps_every_value_as_it_was(
 
 
 def test_check_lists_what_is_needed_and_what_is_not_used(about: Command) -> None:
-    done = about("check", SLOPES.replace("height: again", "height: height"))
+    text = SLOPES.replace("params:", "params:\n  spare: {kind: text}\n  more: {kind: text}")
+    done = about("check", text.replace("height: again", "height: height"))
     assert "not used by any output: again" in done.out
+    assert "\nparams that no node reads: spare, more\n" in done.out
     assert "needed; a height map" in done.out
 
 

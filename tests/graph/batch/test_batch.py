@@ -54,7 +54,7 @@ prefer: [numpy]
 nodes:
   frames: {op: read_capture, with: {folder: $capture}}
   lit:    {op: label_lit, in: {light: frames.image}, with: {black: $level}}
-outputs: {lit: lit}
+outputs: {lit: lit, image: frames.image}
 """
 SAVING = LIT.replace(
     "outputs:", "  save: {op: filed, in: {image: frames.image}, with: {folder: $out}}\noutputs:"
@@ -442,6 +442,7 @@ def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], 
     [
         (["level=0.25"], "other values of level"),
         (["--set", "lit.black=0.25"], "another graph"),
+        (["--maps", "image"], r"was made with other maps \(lit\); give"),
         (["--chunk", "4"], r"was made with --chunk 3"),
     ],
 )
@@ -523,6 +524,10 @@ def test_results_may_go_into_folders(
         folder = tmp_path / "folders" / capture.name
         np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
     assert (tmp_path / "folders" / "captures.csv").is_file()
+    read = sorted((tmp_path / "day").rglob("*"))
+    for out in (tmp_path / "day", captures[0]):
+        assert f"--out {out}: is what --over {out} reads" in refusal(batch(graph=saving, out=out))
+    assert sorted((tmp_path / "day").rglob("*")) == read
 
 
 def test_folders_of_results_lie_where_the_first_batch_put_them(
@@ -607,7 +612,8 @@ def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch, place: Path)
 def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(
     batch: Batch, place: Path, captures: list[Path]
 ) -> None:
-    assert "none of the first" in refusal(batch(over=str(captures[0] / "led1.png")))
+    told = refusal(batch(over=str(captures[0] / "led1.png")))
+    assert told.startswith("tactograph: the capture cannot be processed: ")
     assert batch("level=0.25") == (0, "")
     assert opened(place).captures == list(map(str, captures))
 

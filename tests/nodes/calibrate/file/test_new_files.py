@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.plan.names import bind
 from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.drawing.new_picture import write_picture
 
@@ -39,12 +41,18 @@ def test_arrays_of_others_stay(node: str, tmp_path: Path) -> None:
         check(node, file)
 
 
-def test_a_calibration_is_replaced_by_one_of_its_kind_alone(tmp_path: Path) -> None:
-    file = tmp_path / "camera.npz"
+def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "cal.npz"
     camera(file)
     check("write_camera", file)
     with pytest.raises(InputError, match="a name that is free, or of an earlier calibration, is"):
         check("write_calibration", file)
+    monkeypatch.chdir(tmp_path)
+    graph = read_graph("calibrate_presses")
+    with pytest.raises(InputError, match=r"^calibrate_presses: give out=, as its default does not"):
+        bind(graph, graph.placeholders, sinks=True)
 
 
 @pytest.mark.parametrize("node", [*BESIDE, "plot_check"])
