@@ -149,9 +149,7 @@ def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str,
             return workers.ask(find_map_types, job, capture)
         except TactographError as error:
             reason = str(error)
-    none = (
-        f"none of the first {len(tried)} captures can" if len(tried) > 1 else "the capture cannot"
-    )
+    none = f"none of the first {len(tried)} captures can" if tried[1:] else "the capture cannot"
     raise InputError(f"{none} be processed: {reason}")
 
 

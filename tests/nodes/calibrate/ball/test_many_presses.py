@@ -156,24 +156,22 @@ def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
         ({}, r"one: the ball's radius is not known; give ball_radius_mm"),
         ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but ball_radius_mm names 3 radii"),
         ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "ball_center_px and ball_contact_px are for"),
-        ({"radius_mm": 7.0, "flat": Path()}, "flat=.: is the folder of the presses; give the"),
     ],
 )
-def test_balls_that_do_not_fit_the_presses_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given, why: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_balls_that_do_not_fit_the_presses_are_refused(tmp_path: Path, given, why: str) -> None:
     for name in ("one", "two"):
         write(tmp_path / name, np.ones((3, 4, 5), np.float32))
     with pytest.raises(InputError, match=why):
         read_balls(folder=tmp_path, **given)
 
 
-def test_presses_of_different_sizes_are_refused(tmp_path: Path) -> None:
+def test_presses_of_different_sizes_or_of_the_untouched_film_are_refused(tmp_path: Path) -> None:
     write(tmp_path / "one", np.ones((3, 4, 5), np.float32))
     write(tmp_path / "two", np.ones((3, 4, 6), np.float32))
     with pytest.raises(InputError, match="two: is 3 lights of 6 x 4 pixels, but one is"):
         read_balls(folder=tmp_path, radius_mm=7.0)
+    with pytest.raises(InputError, match=r"flat=.*: is the folder of the presses; give the"):
+        read_balls(folder=tmp_path, flat=tmp_path / "one" / "..", radius_mm=7.0)
 
 
 def test_several_captures_of_the_untouched_film_are_averaged(tmp_path: Path) -> None:
