@@ -313,7 +313,7 @@ def groove(
     images = np.clip((light * noise).astype(np.float32), 0, 1)
     found = load("reconstruct_scan", model=file, crop=list(GROOVE_CROP))(frames=images)
     measured = found["height"], sensor.pixel_size, found["error"]
-    rows = step_profiles(*measured, along="x", edges=2, smooth_px=5)
+    rows = step_profiles(*measured, along="x", edges=2)
     off, stated = (np.array([getattr(row, name) for row in rows]) for name in ("depth", "error"))
     return found, measure_step(*measured), abs(off - depth) < BAND_DEVIATIONS * stated
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError
+from tactograph.graph.extras import need
 from tactograph.nodes import F4, Height, HeightError
 
 METRES_PER_MM = 1e-3
@@ -146,13 +147,8 @@ def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
 
 
 def _package(kind: str) -> Any:
-    try:
-        return importlib.import_module(_KIND_PACKAGES[kind])
-    except ImportError:
-        raise InputError(
-            f".{kind} files need {_KIND_PACKAGES[kind]}, which is not installed; "
-            "pip install 'tactograph[metrology]'"
-        ) from None
+    need("metrology", f"a .{kind} file", _KIND_PACKAGES[kind])
+    return importlib.import_module(_KIND_PACKAGES[kind])
 
 
 METROLOGY_WRITERS: Mapping[str, Callable[[Path, Height, float, HeightError | None], None]] = {

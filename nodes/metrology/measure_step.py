@@ -18,8 +18,8 @@ from tactograph.nodes.files.image_files import Crop
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
 """Fewest pixels of a level that is measured."""
-EDGE_SHARE = 0.5
-"""Share of the depth at which an edge is counted."""
+SMOOTH_PX = 5
+"""Pixels that a profile is averaged over, to find its edges."""
 WALL_SHARES = 0.2, 0.8
 """Shares of the depth between which a wall's angle is taken."""
 END_SHARE = 0.05
@@ -61,7 +61,6 @@ def measure_step(
     *,
     along: Literal["x", "y"] = "x",
     edges: Annotated[int, Interval(ge=1, le=2)] = 2,
-    smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
     known_um: KnownDepth | None = None,
 ) -> Metrics:
     """Measure a groove (two edges) or a step (one) on every profile across it.
@@ -85,8 +84,6 @@ def measure_step(
         Axis of the profiles: they cross the groove.
     edges
         2: groove or ridge; 1: step.
-    smooth_px
-        Pixels that a profile is averaged over, to find its edges.
     known_um
         Depth that is certified, and its standard uncertainty, both in um.
 
@@ -105,7 +102,7 @@ def measure_step(
     InputError
         If too few profiles show such edges.
     """
-    profiles = step_profiles(height, pixel, error, along, edges, smooth_px)
+    profiles = step_profiles(height, pixel, error, along, edges)
     if error is None:
         warn(
             "the height states no error: step_uncertainty_um is of the profiles' spread alone, and "
@@ -138,7 +135,12 @@ def measure_step(
 
 
 def step_profiles(
-    height: Height, pixel: float, error: HeightError | None, along: str, edges: int, smooth_px: int
+    height: Height,
+    pixel: float,
+    error: HeightError | None,
+    along: str,
+    edges: int,
+    smooth_px: int = SMOOTH_PX,
 ) -> list[Profile]:
     """Every profile that shows such edges; the arguments are those of `measure_step`.
 

@@ -22,7 +22,6 @@ def plot_step(
     file: NewPicture | None = None,
     along: Literal["x", "y"] = "x",
     edges: Annotated[int, Interval(ge=1, le=2)] = 2,
-    smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
 ) -> None:
     """Draw the profile of median depth, both levels, the parts that make them, and the depth.
 
@@ -32,7 +31,7 @@ def plot_step(
     ----------
     height : H x W in mm
     pixel : mm per px
-    along, edges, smooth_px
+    along, edges
         As for `measure_step`.
     figures
         Of `measure_step`.
@@ -41,7 +40,7 @@ def plot_step(
     """
     if file is None:
         return
-    profiles = step_profiles(height, pixel, None, along, edges, smooth_px)
+    profiles = step_profiles(height, pixel, None, along, edges)
     shown = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
     x, z = pixel * shown.x, UM_PER_MM * shown.z
     figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")

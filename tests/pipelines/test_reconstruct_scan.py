@@ -9,14 +9,12 @@ from benchmarks.real_film import run
 from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, groove_shape, settled
 from tactograph.graph import InputError, load
 from tactograph.nodes import BAND_DEVIATIONS
-from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
 from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen, write_model, write_scan
 
 
 def test_a_cap_has_its_height(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    model = read_light_model(file=tmp_path / "model.yaml").model
+    model = write_model(tmp_path / "model.yaml")
     z = cap(radius=0.9, depth=0.06)
     write_scan(tmp_path / "scan", seen(z, model), calib="model.yaml")
     (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=tmp_path / "scan").items()
@@ -32,8 +30,7 @@ def test_a_cap_has_its_height(tmp_path: Path) -> None:
 
 def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
-    write_model(file)
-    write_scan(tmp_path / "scan", seen(cap(), read_light_model(file=file).model))
+    write_scan(tmp_path / "scan", seen(cap(), write_model(file)))
     file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
     (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=file).items()
     assert found["pixel"] == PIXEL
@@ -49,8 +46,7 @@ def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None
 def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
     """The film shows all slopes a tenth too steep."""
     file, part = tmp_path / "model.yaml", tmp_path / "part"
-    write_model(file)
-    model = read_light_model(file=file).model
+    model = write_model(file)
     for folder, depth in ((tmp_path / "known", 0.12), (part, 0.06)):
         z = 1.1 * groove_shape(WIDTH, HEIGHT, PIXEL, depth, 30, 0.6)
         noise = np.random.default_rng(int(1e3 * depth)).normal(1, 0.01, (6, HEIGHT, WIDTH))
@@ -97,8 +93,7 @@ def test_a_known_groove_settles_real_sensors_models(tmp_path: Path) -> None:
 
 def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
     """Without a flat field it has no pixels of its own that would differ from the images'."""
-    write_model(tmp_path / "model.yaml")
-    model = read_light_model(file=tmp_path / "model.yaml").model
+    model = write_model(tmp_path / "model.yaml", flat=False)
     write_scan(tmp_path / "scan", seen(cap(), model)[:, :-2, :-4])
     sensor = {"capture": tmp_path / "scan", "model": tmp_path / "model.yaml"}
     with pytest.raises(InputError, match="62 and 64 rows of pixels; do both come from one sensor"):

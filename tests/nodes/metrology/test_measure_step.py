@@ -39,7 +39,7 @@ def test_a_groove_has_its_depth_width_and_walls(
     depth: float, width: float, wall: float, tilt: float
 ) -> None:
     assume(depth / np.tan(np.radians(wall)) < 0.6 * width)
-    figures = measure_step(groove(depth, width, wall, tilt), PIXEL, smooth_px=1)
+    figures = measure_step(groove(depth, width, wall, tilt), PIXEL)
     assert figures["step_depth_um"] == pytest.approx(1e3 * depth, rel=5e-3, abs=0.2)
     assert figures["step_width_mm"] == pytest.approx(width, abs=2 * PIXEL)
     assert figures["wall_1_deg"] == pytest.approx(wall, abs=4)
