@@ -5,7 +5,7 @@ Lengths are metres in all of them.  Rows stay in the image's order, the first on
 
 import importlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -151,13 +151,5 @@ def _package(kind: str) -> Any:
     return importlib.import_module(_KIND_PACKAGES[kind])
 
 
-METROLOGY_WRITERS: Mapping[str, Callable[[Path, Height, float, HeightError | None], None]] = {
-    "x3p": write_x3p,
-    "gwy": write_gwy,
-    "gsf": write_gsf,
-}
-METROLOGY_READERS: Mapping[str, Callable[[Path], MetrologyFile]] = {
-    ".x3p": read_x3p,
-    ".gwy": read_gwy,
-    ".gsf": read_gsf,
-}
+METROLOGY_WRITERS = {"x3p": write_x3p, "gwy": write_gwy, "gsf": write_gsf}
+METROLOGY_READERS = {".x3p": read_x3p, ".gwy": read_gwy, ".gsf": read_gsf}

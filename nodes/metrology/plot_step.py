@@ -1,16 +1,14 @@
 """A picture of a groove or step as ISO 5436-1 measures it."""
 
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from tactograph.graph import node
 from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
 from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, NewPicture, write_picture
-from tactograph.nodes.metrology.measure_step import step_profiles
+from tactograph.nodes.metrology.measure_step import Across, EdgeCount, step_profiles
 
 
 @node
@@ -20,8 +18,8 @@ def plot_step(
     figures: Metrics,
     *,
     file: NewPicture | None = None,
-    along: Literal["x", "y"] = "x",
-    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
+    along: Across = "x",
+    edges: EdgeCount = 2,
 ) -> None:
     """Draw the profile of median depth, both levels, the parts that make them, and the depth.
 
