@@ -73,3 +73,17 @@ def cap(radius: float = 0.6, depth: float = 0.2) -> F4:
     y, x = PIXEL * (np.mgrid[:HEIGHT, :WIDTH] - np.array([HEIGHT / 2, WIDTH / 2])[:, None, None])
     z = np.sqrt(np.maximum(radius**2 - x * x - y * y, 0)) - (radius - depth)
     return np.maximum(z, 0).astype(np.float32)
+
+
+def groove_shape(
+    depth: float,
+    wall_deg: float,
+    width: float,
+    shape: tuple[int, int] = (HEIGHT, WIDTH),
+    pixel: float = PIXEL,
+) -> F4:
+    """A groove down the middle, its width at half depth; mm."""
+    x = np.abs(pixel * (np.arange(shape[1]) - shape[1] / 2))
+    wall = depth / np.tan(np.radians(wall_deg))
+    profile = -depth * np.clip(((width + wall) / 2 - x) / wall, 0, 1)
+    return np.tile(profile.astype(np.float32), (shape[0], 1))
