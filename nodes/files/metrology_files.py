@@ -84,7 +84,7 @@ def write_gsf(file: Path, height: Height, pixel: float, error: HeightError | Non
 def _read(kind: str, file: Path) -> MetrologyFile:
     package = _package(kind)
     try:
-        width, length, *maps = _READERS[kind](package, file)
+        width, length, *maps = _KIND_READERS[kind](package, file)
     except InputError:
         raise
     # A damaged file can raise any exception.
@@ -146,5 +146,5 @@ def _package(kind: str) -> Any:
 
 
 METROLOGY_WRITERS = {"x3p": write_x3p, "gwy": write_gwy, "gsf": write_gsf}
-_READERS = {"x3p": _x3p, "gwy": _gwy, "gsf": _gsf}
-METROLOGY_READERS = {f".{kind}": partial(_read, kind) for kind in _READERS}
+_KIND_READERS = {"x3p": _x3p, "gwy": _gwy, "gsf": _gsf}
+METROLOGY_READERS = {f".{kind}": partial(_read, kind) for kind in _KIND_READERS}
