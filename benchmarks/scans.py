@@ -23,7 +23,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -32,24 +31,22 @@ from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
 from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.drawing.new_picture import write_picture
 from tactograph.nodes.files.image_files import read_image
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.metrology.level_plane import plane_terms, weighted_plane
+from tactograph.nodes.metrology.filter_surface import form
 from tactograph.nodes.metrology.measure_step import measure_step, step_profiles
 from tactograph.nodes.metrology.plot_step import plot_step
 from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.judge_light_model import judge_light_model
 from tactograph.nodes.scan.light_model_slope import light_model_slope
 from tactograph.nodes.scan.read_light_model import ScanLight, read_light_model
-from tests.nodes.scan.scans import seen, write_scan
+from tests.nodes.scan.scans import groove_shape, seen, write_scan
 
 DATA = ROOT.parent / "shared/data/real"
 GRIDS, SCANS = DATA / "gelsight_six_led", DATA / "gelsight_scans"
 MODEL = SCANS / "oem/demo-calibration.yaml"
-COIN, COIN_MODEL = (
-    SCANS / "handheld/japanese-coin-001",
-    SCANS / "handheld/model-test1.yaml",
-)
+COIN, COIN_MODEL = SCANS / "handheld/japanese-coin-001", SCANS / "handheld/model-test1.yaml"
 FIELD_MM, FIELD_RADIUS_MM = 0.015, 6.3
 """How far the coin's field lies from its plane at most, and how far it reaches."""
 DEVICES = "series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"
@@ -105,7 +102,10 @@ def show_coin(pictures: Path | None) -> None:
     height = run("reconstruct_scan", capture=COIN, model=COIN_MODEL)["height"]
     relief, field = coin(height)
     print(f"the coin's field, {field.mean():.0%} of the frame, departs from a plane by")
-    print(f"{1e3 * relief[field].std():.1f} um, its relief is {1e3 * top(relief):.0f} um high")
+    rows, columns = relief.shape
+    middle = relief[rows // 4 : rows // 2, columns // 3 : columns // 2]
+    top = np.median(middle[middle > 2 * FIELD_MM])
+    print(f"{1e3 * relief[field].std():.1f} um, its relief is {1e3 * top:.0f} um high")
     if pictures:
         draw(relief, pictures / "scan_coin.png")
 
@@ -125,19 +125,19 @@ def show_grooves(pictures: Path | None) -> None:
                 off = figures["step_depth_um"] - 1e3 * depth
                 stated = figures["step_uncertainty_um"]
                 inside = abs(off) < BAND_DEVIATIONS * stated
-                grooves.append((off, abs(off), stated, inside, held.mean()))
+                grooves.append((off, stated, inside, held.mean()))
             table += grooves
-            off, _, *others = np.mean(grooves, axis=0)
-            groove_row(file.stem, off, max(each[1] for each in grooves), *others)
-    off, _, *others = np.mean(table, axis=0)
-    groove_row("all", off, max(each[1] for each in table), *others)
+            groove_row(file.stem, grooves)
+    groove_row("all", table)
     if pictures:
         found, figures, _ = groove(files[0], 0, GROOVE_MM, WALL_DEG)
         plot_step(found["height"], found["pixel"], figures, file=pictures / "step_profile.png")
 
 
-def groove_row(sensor: str, *figures: float) -> None:
-    row(sensor, *(f"{n:.2f}" for n in figures[:3]), *(f"{n:.0%}" for n in figures[3:]))
+def groove_row(sensor: str, grooves: list[tuple[float, ...]]) -> None:
+    off, stated, *shares = np.transpose(grooves)
+    numbers = off.mean(), abs(off).max(), stated.mean()
+    row(sensor, *(f"{n:.2f}" for n in numbers), *(f"{each.mean():.0%}" for each in shares))
 
 
 def altered(file: Path, folder: Path, seed: int) -> Path:
@@ -217,37 +217,28 @@ def timed(what: str, scan: Callable[[], object]) -> None:
     row(what, *(f"{n:.2f}" for n in np.median(spent[WARM_ROUNDS:], axis=0)))
 
 
-def coin(height: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def coin(height: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """The coin above the plane of its field, and the field, every fourth pixel."""
-    z = height[::4, ::4].astype(np.float64)
+    z = height[::4, ::4]
     rows, columns = z.shape
     y, x = np.mgrid[:rows, :columns]
     pixel = 4 * read_light_model(file=COIN_MODEL).pixel_size
     near = np.hypot(x - 0.485 * columns, y - 0.46 * rows) * pixel < FIELD_RADIUS_MM
-    terms = np.stack([np.broadcast_to(t, z.shape) for t in plane_terms(rows, columns)], -1)
     above = z - np.median(z[near])
     for _ in range(10):
         close = near & (np.abs(above) < FIELD_MM)
         field = cv2.erode(close.astype(np.uint8), np.ones((7, 7))) > 0
-        above = z - terms @ weighted_plane(terms[field], z[field], np.ones(field.sum()))
+        above = z - form(np.where(field, z, np.float32(np.nan)), 1)
     return above, field
 
 
-def top(relief: NDArray[np.float64]) -> float:
-    """The median height of what stands in the middle of the coin, in mm."""
-    rows, columns = relief.shape
-    middle = relief[rows // 4 : rows // 2, columns // 3 : columns // 2]
-    return float(np.median(middle[middle > 2 * FIELD_MM]))
-
-
-def draw(relief: NDArray[np.float64], file: Path) -> None:
-    figure = Figure(figsize=(6, 4.4), layout="constrained")
-    FigureCanvasAgg(figure)
+def draw(relief: NDArray[np.float32], file: Path) -> None:
+    figure = Figure(figsize=(6, 4.4), dpi=100, layout="constrained")
     axes = figure.subplots()
     picture = axes.imshow(1e3 * relief, vmin=-30, vmax=100, cmap="gray")
     axes.set(xticks=[], yticks=[])
     figure.colorbar(picture, label="height above the field / um")
-    figure.savefig(file, dpi=100)
+    write_picture(figure, file)
 
 
 def show_known(_: Path | None) -> None:
@@ -280,10 +271,10 @@ def settled(device: str, wall: float, seed: int, folder: Path) -> tuple[Metrics,
     model.write_text(text)
     shutil.copy(SCANS / "devices" / f"{device}.png", folder)
     sensor, rng = read_light_model(file=model), np.random.default_rng(seed)
-    rows, columns, pixel = len(sensor.model.v), len(sensor.model.u), sensor.pixel_size
+    shape, pixel = (len(sensor.model.v), len(sensor.model.u)), sensor.pixel_size
     wrong = rng.normal(0, 0.005, (6, 8))
     for name, depth, steep in (("known", KNOWN_UM, WALL_DEG), ("part", UNKNOWN_UM, wall)):
-        z = groove_shape(columns, rows, pixel, depth / 1e3, steep, 2)
+        z = groove_shape(depth / 1e3, steep, 2, shape, pixel)
         slope = np.stack(np.gradient(z.astype(float) / pixel))
         y, x = -slope / np.sqrt(1 + np.sum(slope**2, axis=0))
         u, v = np.meshgrid(sensor.model.u, sensor.model.v)
@@ -307,25 +298,15 @@ def groove(
     """A groove through a sensor's model, its figures, and the rows whose 90 % band holds it."""
     sensor = read_light_model(file=file, crop=GROOVE_CROP)
     x0, y0, x1, y1 = GROOVE_CROP
-    z = groove_shape(x1 - x0, y1 - y0, sensor.pixel_size, depth, wall_deg, 3)
+    z = groove_shape(depth, wall_deg, 3, (y1 - y0, x1 - x0), sensor.pixel_size)
     light = seen(z, sensor.model, sensor.pixel_size)
     noise = 1 + 0.01 * np.random.default_rng(noise_seed).normal(size=light.shape)
     images = np.clip((light * noise).astype(np.float32), 0, 1)
     found = load("reconstruct_scan", model=file, crop=list(GROOVE_CROP))(frames=images)
     measured = found["height"], sensor.pixel_size, found["error"]
-    rows = step_profiles(*measured, along="x", edges=2, smooth_px=5)
+    rows = step_profiles(*measured, along="x", edges=2)
     off, stated = (np.array([getattr(row, name) for row in rows]) for name in ("depth", "error"))
     return found, measure_step(*measured), abs(off - depth) < BAND_DEVIATIONS * stated
-
-
-def groove_shape(
-    columns: int, rows: int, pixel: float, depth: float, wall_deg: float, width: float
-) -> NDArray[np.float32]:
-    """A groove down the middle, its width at half depth; mm."""
-    x = np.abs(pixel * (np.arange(columns) - columns / 2))
-    wall = depth / np.tan(np.radians(wall_deg))
-    profile = -depth * np.clip(((width + wall) / 2 - x) / wall, 0, 1)
-    return np.tile(profile.astype(np.float32), (rows, 1))
 
 
 PARTS = {

@@ -28,7 +28,6 @@ DEGREE_BY_ROWS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
 """Rows of a matrix, and the degree in the position that they stand for; the highest degree
 comes first, within a degree falling in u."""
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
-_PIXEL_PAIR = re.compile(r"[\[(]\s*(\d+)\s*,\s*(\d+)\s*[\])]")
 
 
 class Circle(NamedTuple):
@@ -231,10 +230,9 @@ def _circle(mark: Any, file: Path) -> Circle | None:
     """A marked ball; None for other marks."""
     if not isinstance(mark, dict) or mark.get("type") != "GridCircle":
         return None
-    numbers = {
-        k: _number(mark.get(k), f"{file}: annotations: {k}") for k in ("gx", "gy", "x", "y", "r")
-    }
-    return Circle(int(numbers["gx"]), int(numbers["gy"]), numbers["x"], numbers["y"], numbers["r"])
+    keys = "gx", "gy", "x", "y", "r"
+    column, row, *place = (_number(mark.get(k), f"{file}: annotations: {k}") for k in keys)
+    return Circle(int(column), int(row), *place)
 
 
 def _matrix(entries: dict[str, Any], key: str, leds: int, terms: int, file: Path) -> F4:

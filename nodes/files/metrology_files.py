@@ -5,7 +5,8 @@ Lengths are metres in all of them.  Rows stay in the image's order, the first on
 
 import importlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError
+from tactograph.graph.extras import need
 from tactograph.nodes import F4, Height, HeightError
 
 METRES_PER_MM = 1e-3
@@ -21,6 +23,7 @@ ERROR_TITLE = "Error"
 """The channel of a .gwy file that holds the standard deviation of the heights."""
 SOFTWARE_NAME = "Tactograph"
 """What files of X3P name as their writer, and whose second layer is an error."""
+NOT_METRES = "its lengths are not in metres, so it holds no height map"
 _KIND_PACKAGES = {"x3p": "x3pio", "gwy": "gwyfile", "gsf": "gsffile"}
 
 
@@ -78,90 +81,70 @@ def write_gsf(file: Path, height: Height, pixel: float, error: HeightError | Non
     _package("gsf").write_gsf(file, (METRES_PER_MM * height).astype(np.float32), about)
 
 
-def read_x3p(file: Path) -> MetrologyFile:
-    """The first layer; the second is its error where this software wrote it."""
-    read = _read("x3p", lambda package: package.read(file), file)
-    layers = read.layers
-    if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
-        raise InputError(f"{file}: holds no surface, but a profile or points")
-    width, length = _read("x3p", lambda _: layers[0].spacing, file)
-    known = 2 if read.metadata and read.metadata.instrument.model == SOFTWARE_NAME else 1
-    maps = ((np.asarray(one.z) / METRES_PER_MM).astype(np.float32) for one in layers[:known])
-    return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *maps)
-
-
-def read_gwy(file: Path) -> MetrologyFile:
-    """The first channel, and the one that is called its error."""
-    return _read("gwy", lambda gwy: _channels(gwy, file), file)
-
-
-def _channels(gwy: Any, file: Path) -> MetrologyFile:
-    """Channels of a file that is as long as it says: gwyfile never ends at a string cut off."""
-    head = len(b"GWYPGwyContainer\0")
-    if file.read_bytes()[head : head + 4] != np.uint32(file.stat().st_size - head - 4).tobytes():
-        raise ValueError("it is not as long as it says")
-    container = gwy.load(str(file))
-    channels = dict(gwy.util.find_datafields(container))
-    if not channels:
-        raise InputError(f"{file}: holds no channel of heights")
-    first = min(channels)
-    field = container[f"/{first}/data"]
-    width, length = field.xreal / field.data.shape[1], field.yreal / field.data.shape[0]
-    numbers = first, *(n for n in channels if container.get(f"/{n}/data/title") == ERROR_TITLE)
-    maps = (_known(container, number, file) for number in numbers[:2])
-    return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *maps)
-
-
-def _known(container: Any, number: int, file: Path) -> F4:
-    """A channel in mm, NaN where it is masked."""
-    field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
-    if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
-        raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
-    z = np.array(field.data) / METRES_PER_MM
-    if mask is not None:
-        z[np.asarray(mask.data) > 0] = np.nan
-    return z.astype(np.float32)
-
-
-def read_gsf(file: Path) -> MetrologyFile:
-    """The one field that it holds."""
-    data, about = _read("gsf", lambda package: package.read_gsf(file), file)
-    if about.get("ZUnits", "m") != "m" or about.get("XYUnits", "m") != "m":
-        raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
-    width, length = (float(about.get(key, math.nan)) for key in ("XReal", "YReal"))
-    sides = width / data.shape[1] / METRES_PER_MM, length / data.shape[0] / METRES_PER_MM
-    return MetrologyFile(*sides, (data / METRES_PER_MM).astype(np.float32))
-
-
-def _read(kind: str, read: Callable[[Any], Any], file: Path) -> Any:
+def _read(kind: str, file: Path) -> MetrologyFile:
     package = _package(kind)
     try:
-        return read(package)
+        width, length, *maps = _KIND_READERS[kind](package, file)
     except InputError:
         raise
     # A damaged file can raise any exception.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a .{kind} file: {reason}") from None
+    in_mm = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
+    return MetrologyFile(width / METRES_PER_MM, length / METRES_PER_MM, *in_mm)
+
+
+def _x3p(package: Any, file: Path) -> Sequence[Any]:
+    """The first layer; the second is its error where this software wrote it."""
+    read = package.read(file)
+    layers = read.layers
+    if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
+        raise InputError(f"{file}: holds no surface, but a profile or points")
+    known = 2 if read.metadata and read.metadata.instrument.model == SOFTWARE_NAME else 1
+    return *layers[0].spacing, *(one.z for one in layers[:known])
+
+
+def _gwy(gwy: Any, file: Path) -> Sequence[Any]:
+    """The first channel, and the one that is called its error.
+
+    The file is as long as it says: gwyfile never ends at a string cut off.
+    """
+    head = len(b"GWYPGwyContainer\0")
+    if file.read_bytes()[head : head + 4] != np.uint32(file.stat().st_size - head - 4).tobytes():
+        raise ValueError("it is not as long as it says")
+    container = gwy.load(str(file))
+    titles = dict(gwy.util.find_datafields(container))
+    if not titles:
+        raise InputError(f"{file}: holds no channel of heights")
+    first = min(titles)
+    field = container[f"/{first}/data"]
+    width, length = field.xreal / field.data.shape[1], field.yreal / field.data.shape[0]
+    numbers = first, *(number for number, title in titles.items() if title == ERROR_TITLE)
+    return width, length, *(_known(container, number, file) for number in numbers[:2])
+
+
+def _known(container: Any, number: int, file: Path) -> Any:
+    """A channel, NaN where it is masked."""
+    field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
+    if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
+        raise InputError(f"{file}: {NOT_METRES}")
+    return field.data if mask is None else np.where(np.asarray(mask.data) > 0, np.nan, field.data)
+
+
+def _gsf(package: Any, file: Path) -> Sequence[Any]:
+    data, about = package.read_gsf(file)
+    if about.get("ZUnits", "m") != "m" or about.get("XYUnits", "m") != "m":
+        raise InputError(f"{file}: {NOT_METRES}")
+    width, length = (float(about.get(key, math.nan)) for key in ("XReal", "YReal"))
+    return width / data.shape[1], length / data.shape[0], data
 
 
 def _package(kind: str) -> Any:
-    try:
-        return importlib.import_module(_KIND_PACKAGES[kind])
-    except ImportError:
-        raise InputError(
-            f".{kind} files need {_KIND_PACKAGES[kind]}, which is not installed; "
-            "pip install 'tactograph[metrology]'"
-        ) from None
+    need("metrology", f"a .{kind} file", _KIND_PACKAGES[kind])
+    return importlib.import_module(_KIND_PACKAGES[kind])
 
 
-METROLOGY_WRITERS: Mapping[str, Callable[[Path, Height, float, HeightError | None], None]] = {
-    "x3p": write_x3p,
-    "gwy": write_gwy,
-    "gsf": write_gsf,
-}
-METROLOGY_READERS: Mapping[str, Callable[[Path], MetrologyFile]] = {
-    ".x3p": read_x3p,
-    ".gwy": read_gwy,
-    ".gsf": read_gsf,
-}
+METROLOGY_WRITERS = {"x3p": write_x3p, "gwy": write_gwy, "gsf": write_gsf}
+_KIND_READERS = {"x3p": _x3p, "gwy": _gwy, "gsf": _gsf}
+METROLOGY_READERS = {f".{kind}": partial(_read, kind) for kind in _KIND_READERS}

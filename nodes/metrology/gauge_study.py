@@ -2,16 +2,15 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.metrology.measure_step import measure_step
+from tactograph.nodes.metrology.measure_step import Across, EdgeCount, measure_step
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
@@ -27,8 +26,8 @@ def gauge_study(
     figure: Literal["step_depth_um", "step_width_mm", "wall_1_deg", "wall_2_deg"] = "step_depth_um",
     pixel_size_mm: float | None = None,
     crop: Crop | None = None,
-    along: Literal["x", "y"] = "x",
-    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
+    along: Across = "x",
+    edges: EdgeCount = 2,
 ) -> Metrics:
     """Measure the step of every result, and split the variance by parts, operators and trials.
 
@@ -84,9 +83,7 @@ def gauge_study(
         figures["gauge_parts"] = float(np.sqrt(part))
         figures["gauge_total"] = float(np.sqrt(gauge + part))
         figures["gauge_rr_percent"] = float(100 * np.sqrt(gauge / max(gauge + part, 1e-30)))
-        figures["gauge_categories"] = float(
-            int(CATEGORY_FACTOR * np.sqrt(part / max(gauge, 1e-30)))
-        )
+        figures["gauge_categories"] = CATEGORY_FACTOR * np.sqrt(part / max(gauge, 1e-30)) // 1
     return figures
 
 

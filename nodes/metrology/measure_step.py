@@ -18,8 +18,8 @@ from tactograph.nodes.files.image_files import Crop
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
 """Fewest pixels of a level that is measured."""
-EDGE_SHARE = 0.5
-"""Share of the depth at which an edge is counted."""
+SMOOTH_PX = 5
+"""Pixels that a profile is averaged over, to find its edges."""
 WALL_SHARES = 0.2, 0.8
 """Shares of the depth between which a wall's angle is taken."""
 END_SHARE = 0.05
@@ -31,6 +31,10 @@ MAX_WALL_SHARE = 0.6
 Line = NDArray[np.float64]
 ErrorParts = Annotated[F4, Port("D h w", "mm", low=-0.01, high=0.01)]
 """Errors of heights of cells, each alike wherever it is; their squares add up to the variance."""
+Across = Literal["x", "y"]
+"""Axis of the profiles: they cross the groove."""
+EdgeCount = Annotated[int, Interval(ge=1, le=2)]
+"""2: groove or ridge; 1: step."""
 KnownDepth = tuple[Annotated[float, Gt(0)], Annotated[float, Ge(0)]]
 """Depth that is certified, and its standard uncertainty, in um."""
 
@@ -59,9 +63,8 @@ def measure_step(
     error: HeightError | None = None,
     parts: ErrorParts | None = None,
     *,
-    along: Literal["x", "y"] = "x",
-    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
-    smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
+    along: Across = "x",
+    edges: EdgeCount = 2,
     known_um: KnownDepth | None = None,
 ) -> Metrics:
     """Measure a groove (two edges) or a step (one) on every profile across it.
@@ -85,8 +88,6 @@ def measure_step(
         Axis of the profiles: they cross the groove.
     edges
         2: groove or ridge; 1: step.
-    smooth_px
-        Pixels that a profile is averaged over, to find its edges.
     known_um
         Depth that is certified, and its standard uncertainty, both in um.
 
@@ -105,22 +106,23 @@ def measure_step(
     InputError
         If too few profiles show such edges.
     """
-    profiles = step_profiles(height, pixel, error, along, edges, smooth_px)
+    profiles = step_profiles(height, pixel, error, along, edges)
     if error is None:
         warn(
             "the height states no error: step_uncertainty_um is of the profiles' spread alone, and "
             "profiles share their error; precise, precise_filled and reconstruct_scan state one"
         )
     depths = 1e3 * np.array([profile.depth for profile in profiles])
-    spread = float(np.std(depths, ddof=1))
+    middle, spread = float(np.median(depths)), float(np.std(depths, ddof=1))
+    of_mean = spread / np.sqrt(len(depths))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
     if parts is not None:
         depth, *others = depths_with(parts, height, pixel, along, edges)
         stated = 1e3 * float(np.linalg.norm(np.array(others) - depth))
     figures = {
-        "step_depth_um": float(np.median(depths)),
+        "step_depth_um": middle,
         "step_spread_um": spread,
-        "step_uncertainty_um": float(np.hypot(spread / np.sqrt(len(profiles)), stated)),
+        "step_uncertainty_um": float(np.hypot(of_mean, stated)),
         "step_profiles": float(len(profiles)),
     }
     if edges == 2:
@@ -132,13 +134,25 @@ def measure_step(
         angles = [profile.walls[wall] for profile in profiles]
         figures[f"wall_{wall + 1}_deg"] = float(np.median(angles))
     if known_um is not None:
-        figures |= _scale(depths, known_um)
+        certified, uncertainty = known_um
+        if not certified > 0 or not middle:
+            raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
+        scale, of_scale = (
+            certified / abs(middle),
+            np.hypot(of_mean / middle, uncertainty / certified),
+        )
+        figures |= {"step_scale": scale, "step_scale_error": scale * float(of_scale)}
     _warn_of_wide_walls(figures)
     return figures
 
 
 def step_profiles(
-    height: Height, pixel: float, error: HeightError | None, along: str, edges: int, smooth_px: int
+    height: Height,
+    pixel: float,
+    error: HeightError | None,
+    along: str,
+    edges: int,
+    smooth_px: int = SMOOTH_PX,
 ) -> list[Profile]:
     """Every profile that shows such edges; the arguments are those of `measure_step`.
 
@@ -180,20 +194,6 @@ def parts_within(parts: ErrorParts, crop: Crop | None, shape: tuple[int, ...]) -
     rows = slice(int(y0 * down), int(np.ceil(y1 * down)))
     columns = slice(int(x0 * across), int(np.ceil(x1 * across)))
     return np.asarray(parts[:, rows, columns], np.float32)
-
-
-def _scale(depths: Line, known_um: tuple[float, float]) -> Metrics:
-    """The factor from depths found to the certified one, and its standard uncertainty."""
-    certified, uncertainty = known_um
-    depth = abs(float(np.median(depths)))
-    if not certified > 0 or not depth > 0:
-        raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
-    spread = float(np.std(depths, ddof=1)) / np.sqrt(len(depths)) / depth
-    scale = certified / depth
-    return {
-        "step_scale": scale,
-        "step_scale_error": scale * float(np.hypot(spread, uncertainty / certified)),
-    }
 
 
 def _warn_of_wide_walls(figures: Metrics) -> None:

@@ -1,16 +1,14 @@
 """A picture of a groove or step as ISO 5436-1 measures it."""
 
 from pathlib import Path
-from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from tactograph.graph import node
 from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
 from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, NewPicture, write_picture
-from tactograph.nodes.metrology.measure_step import step_profiles
+from tactograph.nodes.metrology.measure_step import Across, EdgeCount, step_profiles
 
 
 @node
@@ -20,9 +18,8 @@ def plot_step(
     figures: Metrics,
     *,
     file: NewPicture | None = None,
-    along: Literal["x", "y"] = "x",
-    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
-    smooth_px: Annotated[int, Interval(ge=1, le=99)] = 5,
+    along: Across = "x",
+    edges: EdgeCount = 2,
 ) -> None:
     """Draw the profile of median depth, both levels, the parts that make them, and the depth.
 
@@ -32,7 +29,7 @@ def plot_step(
     ----------
     height : H x W in mm
     pixel : mm per px
-    along, edges, smooth_px
+    along, edges
         As for `measure_step`.
     figures
         Of `measure_step`.
@@ -41,7 +38,7 @@ def plot_step(
     """
     if file is None:
         return
-    profiles = step_profiles(height, pixel, None, along, edges, smooth_px)
+    profiles = step_profiles(height, pixel, None, along, edges)
     shown = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
     x, z = pixel * shown.x, UM_PER_MM * shown.z
     figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")

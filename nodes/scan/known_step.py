@@ -1,15 +1,16 @@
 """What a scan of a step of known depth settles: the scale of heights, and a part of their error."""
 
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 from tactograph.nodes.files.image_files import Crop, cropped
 from tactograph.nodes.metrology.measure_step import (
+    Across,
+    EdgeCount,
     ErrorParts,
     KnownDepth,
     depths_with,
@@ -40,8 +41,8 @@ def known_step(
     *,
     known_um: KnownDepth | None = None,
     crop: Crop | None = None,
-    along: Literal["x", "y"] = "x",
-    edges: Annotated[int, Interval(ge=1, le=2)] = 2,
+    along: Across = "x",
+    edges: EdgeCount = 2,
 ) -> KnownStep:
     """Compare the depth of a step, reconstructed as any other scan, with the certified one.
 

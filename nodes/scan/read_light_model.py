@@ -111,11 +111,8 @@ def _by_term(matrix: F4, leds: int, terms: int) -> F4:
     """
     rows, columns = matrix.shape
     degree = DEGREE_BY_ROWS[rows]
-    ascending = [
-        r
-        for d in range(degree + 1)
-        for r in range(rows - (d + 1) * (d + 2) // 2, rows - d * (d + 1) // 2)
-    ]
+    falling = np.repeat(np.arange(degree, -1, -1), np.arange(degree + 1, 0, -1))
+    ascending = np.argsort(falling, kind="stable")
     by_term = np.zeros((leds, terms, MAX_MONOMIALS), np.float32)
     given = columns // leds
     by_term[:, :given, :rows] = matrix[ascending].T.reshape(leds, given, rows)
@@ -137,10 +134,14 @@ def _gain(flat: FlatField, size: tuple[int, int], crop: Crop | None) -> F4:
         )
     height, width = sheet.shape[0] // down, sheet.shape[1] // across
     light = sheet.astype(np.float32) / np.float32(np.iinfo(sheet.dtype).max)
-    gains = []
-    for k, scale in enumerate(flat.scale):
-        y, x = k // across * height, k % across * width
-        tile = np.maximum(light[y : y + height, x : x + width], np.float32(MIN_FLAT_LIGHT))
-        gains.append(cv2.resize(np.float32(scale) / tile, size, interpolation=cv2.INTER_CUBIC))
+    tiles = np.maximum(light, np.float32(MIN_FLAT_LIGHT)).reshape(down, height, across, width)
+    gains = [
+        cv2.resize(
+            np.float32(scale) / tiles[k // across, :, k % across],
+            size,
+            interpolation=cv2.INTER_CUBIC,
+        )
+        for k, scale in enumerate(flat.scale)
+    ]
     x0, y0, x1, y1 = crop or (0, 0, *size)
     return np.ascontiguousarray(np.stack(gains)[:, y0:y1, x0:x1])

@@ -6,54 +6,49 @@ import numpy as np
 import pytest
 
 from benchmarks.real_film import run
-from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, groove_shape, settled
-from tactograph.graph import InputError, load
+from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, settled
+from tactograph.graph import InputError
 from tactograph.nodes import BAND_DEVIATIONS
-from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
-from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen, write_model, write_scan
+from tests.nodes.scan.scans import PIXEL, cap, groove_shape, seen, write_model, write_scan
 
 
 def test_a_cap_has_its_height(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    model = read_light_model(file=tmp_path / "model.yaml").model
+    model = write_model(tmp_path / "model.yaml")
     z = cap(radius=0.9, depth=0.06)
     write_scan(tmp_path / "scan", seen(z, model), calib="model.yaml")
-    (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=tmp_path / "scan").items()
-    assert found["height"].shape == (HEIGHT, WIDTH)
+    given = {"capture": tmp_path / "scan", "model": tmp_path / "scan"}
+    found = run("reconstruct_scan", **given)
+    assert found["height"].shape == z.shape
     assert found["pixel"] == PIXEL
     assert found["height"].max() == pytest.approx(z.max(), rel=0.02)
     assert np.sqrt(np.mean((found["height"] - z) ** 2)) < 2e-3
-    given = {"capture": tmp_path / "scan", "model": tmp_path / "scan", "scale": (1.1, 0.05)}
-    (scaled,) = load("reconstruct_scan", **given, cell_px=1).items()
+    scaled = run("reconstruct_scan", **given, scale=(1.1, 0.05), cell_px=1)
     np.testing.assert_allclose(scaled["height"], 1.1 * z, atol=2e-3)
     np.testing.assert_allclose(scaled["error"], 0.05 * np.abs(z), atol=1e-4)
 
 
 def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
-    write_model(file)
-    write_scan(tmp_path / "scan", seen(cap(), read_light_model(file=file).model))
+    write_scan(tmp_path / "scan", seen(cap(), write_model(file)))
     file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
-    (found,) = load("reconstruct_scan", capture=tmp_path / "scan", model=file).items()
+    given = {"capture": tmp_path / "scan", "model": file}
+    found = run("reconstruct_scan", **given)
     assert found["pixel"] == PIXEL
     told = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
     assert any(told in warning for warning in found.warnings)
-    (settled,) = load(
-        "reconstruct_scan", capture=tmp_path / "scan", model=file, pixel_size_mm=0.03
-    ).items()
-    assert settled["pixel"] == pytest.approx(0.03)
-    assert not any("the scan says" in warning for warning in settled.warnings)
+    stated = run("reconstruct_scan", **given, pixel_size_mm=0.03)
+    assert stated["pixel"] == pytest.approx(0.03)
+    assert not any("the scan says" in warning for warning in stated.warnings)
 
 
 def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
     """The film shows all slopes a tenth too steep."""
     file, part = tmp_path / "model.yaml", tmp_path / "part"
-    write_model(file)
-    model = read_light_model(file=file).model
+    model = write_model(file)
     for folder, depth in ((tmp_path / "known", 0.12), (part, 0.06)):
-        z = 1.1 * groove_shape(WIDTH, HEIGHT, PIXEL, depth, 30, 0.6)
-        noise = np.random.default_rng(int(1e3 * depth)).normal(1, 0.01, (6, HEIGHT, WIDTH))
+        z = 1.1 * groove_shape(depth, 30, 0.6)
+        noise = np.random.default_rng(int(1e3 * depth)).normal(1, 0.01, (6, *z.shape))
         write_scan(folder, (seen(z, model) * noise).astype(np.float32))
     given = {"capture": part, "model": file, "cell_px": 2, "out": tmp_path / "result"}
     known = {"known": tmp_path / "known", "known_um": (120, 0.2)}
@@ -97,13 +92,12 @@ def test_a_known_groove_settles_real_sensors_models(tmp_path: Path) -> None:
 
 def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
     """Without a flat field it has no pixels of its own that would differ from the images'."""
-    write_model(tmp_path / "model.yaml")
-    model = read_light_model(file=tmp_path / "model.yaml").model
+    model = write_model(tmp_path / "model.yaml", flat=False)
     write_scan(tmp_path / "scan", seen(cap(), model)[:, :-2, :-4])
     sensor = {"capture": tmp_path / "scan", "model": tmp_path / "model.yaml"}
     with pytest.raises(InputError, match="62 and 64 rows of pixels; do both come from one sensor"):
-        next(load("reconstruct_scan", **sensor).items())
-    next(load("reconstruct_scan", crop=(0, 0, 92, 62), **sensor).items())
+        run("reconstruct_scan", **sensor)
+    run("reconstruct_scan", **sensor, crop=(0, 0, 92, 62))
 
 
 @pytest.mark.slow

@@ -8,22 +8,22 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from tactograph.graph import InputError, load
+from benchmarks.real_film import run
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
 from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.metrology.plot_step import plot_step
+from tests.nodes.scan.scans import groove_shape
 
 PIXEL = 0.005
 
 
 def groove(depth: float, width: float, wall_deg: float, tilt: float = 0.0) -> F4:
     """A groove of so many mm across the middle of 60 x 600 px, its width at half depth."""
-    x = PIXEL * (np.arange(600) - 299.5)
-    run = depth / np.tan(np.radians(wall_deg))
-    inside = np.clip((width / 2 + run / 2 - np.abs(x)) / run, 0, 1)
-    return np.tile((tilt * x - depth * inside).astype(np.float32), (60, 1))
+    z = groove_shape(depth, wall_deg, width, (60, 600), PIXEL)
+    return z + tilt * PIXEL * (np.arange(600, dtype=np.float32) - 300)
 
 
 @settings(deadline=None, max_examples=30)
@@ -39,7 +39,7 @@ def test_a_groove_has_its_depth_width_and_walls(
     depth: float, width: float, wall: float, tilt: float
 ) -> None:
     assume(depth / np.tan(np.radians(wall)) < 0.6 * width)
-    figures = measure_step(groove(depth, width, wall, tilt), PIXEL, smooth_px=1)
+    figures = measure_step(groove(depth, width, wall, tilt), PIXEL)
     assert figures["step_depth_um"] == pytest.approx(1e3 * depth, rel=5e-3, abs=0.2)
     assert figures["step_width_mm"] == pytest.approx(width, abs=2 * PIXEL)
     assert figures["wall_1_deg"] == pytest.approx(wall, abs=4)
@@ -92,15 +92,13 @@ def test_a_known_depth_gives_the_scale_of_heights() -> None:
 
 
 def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:
-    z = groove(0.1, 0.6, 45)
+    z, given = groove(0.1, 0.6, 45), {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL}
     np.save(tmp_path / "height.npy", z)
-    pipeline = load("measure_step", height=tmp_path / "height.npy", pixel_size_mm=PIXEL)
-    (alone,) = pipeline.items()
+    alone = run("measure_step", **given)["step"]
     np.save(tmp_path / "error.npy", np.full_like(z, 1e-3))
-    pipeline = load("measure_step", height=tmp_path / "height.npy", pixel_size_mm=PIXEL)
-    (stated,) = pipeline.items()
-    assert alone["step"]["step_uncertainty_um"] < 0.1
-    assert stated["step"]["step_uncertainty_um"] == pytest.approx(np.sqrt(2), rel=0.01)
+    stated = run("measure_step", **given)["step"]
+    assert alone["step_uncertainty_um"] < 0.1
+    assert stated["step_uncertainty_um"] == pytest.approx(np.sqrt(2), rel=0.01)
 
 
 def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:

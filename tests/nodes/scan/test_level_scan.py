@@ -17,9 +17,8 @@ from tests.nodes.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen
 
 def states(file: Path, noise: float, wrong: float, seed: int) -> tuple[F4, F4]:
     """The error of the height of a cap, and what is stated; LEDs wrong each in its own way."""
-    z = cap(radius=0.9, depth=0.06)
+    z, rng = cap(radius=0.9, depth=0.06), np.random.default_rng(seed)
     light = seen(z, read_light_model(file=file).model)
-    rng = np.random.default_rng(seed)
     light *= 1 + rng.normal(0, noise, light.shape)
     light *= 1 + rng.normal(0, wrong, (len(light), 1, 1))
     scan = load("reconstruct_scan", model=file, backend="numpy", level="rest", cell_px=4)
@@ -84,26 +83,26 @@ def test_a_surface_that_bends_much_is_no_flat_film(model_file: Path) -> None:
     assert any("too much for flat film" in warning for warning in told)
 
 
+def mask_of(file: Path, marked: slice | tuple[slice, ...]) -> str:
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    mask[marked] = 255
+    cv2.imwrite(str(file.with_name("mask.png")), mask)
+    return str(file.with_name("mask.png"))
+
+
 @pytest.mark.parametrize(("columns", "taken"), [(WIDTH, True), (WIDTH // 4, False)])
 def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
-    tmp_path: Path, model_file: Path, columns: int, taken: bool
+    model_file: Path, columns: int, taken: bool
 ) -> None:
-    bow, mask = bowed(0.08), np.zeros((HEIGHT, WIDTH), np.uint8)
-    mask[:, :columns] = 255
-    cv2.imwrite(str(tmp_path / "mask.png"), mask)
-    off, _ = levelled(model_file, bow, str(tmp_path / "mask.png"))
+    bow = bowed(0.08)
+    off, _ = levelled(model_file, bow, mask_of(model_file, np.s_[:, :columns]))
     assert bool(np.ptp(off + bow) < 0.1 * np.ptp(bow)) == taken
 
 
 @pytest.mark.parametrize("marked", [np.s_[:0], np.s_[8:9], np.s_[:, 4:5]])
-def test_a_mask_that_marks_no_plane_is_refused(
-    tmp_path: Path, model_file: Path, marked: slice
-) -> None:
-    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
-    mask[marked] = 255
-    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+def test_a_mask_that_marks_no_plane_is_refused(model_file: Path, marked: slice) -> None:
     with pytest.raises(InputError, match=r"mask\.png: marks fewer than three pixels .* or a line"):
-        levelled(model_file, cap(), str(tmp_path / "mask.png"))
+        levelled(model_file, cap(), mask_of(model_file, marked))
 
 
 def test_a_frame_of_one_cell_has_a_height(model_file: Path) -> None:

@@ -24,11 +24,9 @@ RAMP = PIXEL * np.arange(WIDTH, dtype=np.float32)
 @pytest.mark.parametrize("flat", [False, True], ids=["no flat field", "flat field"])
 @pytest.mark.parametrize("brightness", [1.0, 1.1])
 def test_slope_and_brightness_of_a_cap_are_found(
-    tmp_path: Path, flat: bool, brightness: float
+    model_file: Path, flat: bool, brightness: float
 ) -> None:
-    write_model(tmp_path / "model.yaml", flat)
-    model = read_light_model(file=tmp_path / "model.yaml").model
-    z = cap()
+    model, z = write_model(model_file, flat), cap()
     found = light_model_slope(np.float32(brightness) * seen(z, model), model)
     p, q = np.gradient(z / PIXEL)[::-1]
     smooth = np.hypot(p, q) < 1
@@ -80,10 +78,8 @@ def test_an_order_turned_or_reversed_is_refused_and_the_right_one_named(order: l
 
 @pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])
 def test_untouched_film_that_seems_tilted_is_told(
-    tmp_path: Path, tilt: float, told_of: bool
+    tmp_path: Path, model: LightModel, tilt: float, told_of: bool
 ) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    model = read_light_model(file=tmp_path / "model.yaml").model
     write_scan(tmp_path / "flat", seen(0 * cap() + np.float32(tilt) * RAMP, model))
     with collect_warnings([]) as told:
         figures = judge_untouched(model, folder=tmp_path / "flat", cell=4)
@@ -95,13 +91,9 @@ def test_untouched_film_that_seems_tilted_is_told(
         judge_untouched(model, folder=tmp_path / "part", cell=4)
 
 
-def test_a_crop_keeps_its_positions(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    whole, part = (
-        read_light_model(file=tmp_path / "model.yaml", crop=crop).model
-        for crop in (None, (20, 8, 84, 56))
-    )
-    light = seen(cap(), whole)
-    every = light_model_slope(light, whole).slope
+def test_a_crop_keeps_its_positions(model_file: Path, model: LightModel) -> None:
+    part = read_light_model(file=model_file, crop=(20, 8, 84, 56)).model
+    light = seen(cap(), model)
+    every = light_model_slope(light, model).slope
     cropped = light_model_slope(np.ascontiguousarray(light[:, 8:56, 20:84]), part).slope
     np.testing.assert_allclose(cropped, every[:, 8:56, 20:84], atol=1e-5)

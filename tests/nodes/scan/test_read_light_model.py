@@ -13,34 +13,28 @@ from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.nodes.scan.read_light_model import read_light_model
 from tests.conftest import real_data
-from tests.nodes.scan.scans import (
-    GAIN,
-    HEIGHT,
-    LEDS,
-    PIXEL,
-    WIDTH,
-    write_model,
-    write_scan,
-)
+from tests.nodes.scan.scans import GAIN, HEIGHT, LEDS, PIXEL, WIDTH, write_scan
 
 
-def even_scan(folder: Path, calib: str = "") -> Path:
-    write_scan(folder / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32), calib)
-    return folder / "scan"
+@pytest.fixture
+def scan(tmp_path: Path) -> Path:
+    write_scan(tmp_path / "scan", np.full((LEDS, HEIGHT, WIDTH), 0.5, np.float32))
+    return tmp_path / "scan/scan.yaml"
 
 
-def test_a_model_is_read_slips_of_its_writer_included(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.yaml", flat=True)
-    found = read_light_model(file=tmp_path / "model.yaml")
+def test_a_model_is_read_slips_of_its_writer_included(model_file: Path) -> None:
+    found = read_light_model(file=model_file)
     assert found.pixel_size == PIXEL
     assert found.model.quadratic.shape == (LEDS, 11, 15)
     assert found.model.gain is not None
     np.testing.assert_allclose(found.model.gain, np.full((LEDS, HEIGHT, WIDTH), GAIN), rtol=1e-4)
 
 
-def test_a_scan_names_its_model_with_a_path_of_another_computer(model_file: Path) -> None:
-    scan = even_scan(model_file.parent, "C:\\data\\model.yaml")
-    assert read_light_model(file=scan).pixel_size == PIXEL
+def test_a_scan_names_its_model_with_a_path_of_another_computer(
+    scan: Path, model_file: Path
+) -> None:
+    scan.write_text(scan.read_text().replace('""', f"C:\\data\\{model_file.name}"))
+    assert read_light_model(file=scan.parent).pixel_size == PIXEL
 
 
 def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
@@ -52,11 +46,10 @@ def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
     assert two_left_out.image[0, 0, 0] == pytest.approx(0.7, abs=1e-4)
 
 
-def test_marked_balls_are_read(tmp_path: Path) -> None:
+def test_marked_balls_are_read(scan: Path) -> None:
     """Notes in a language of its own are Windows' text."""
-    with (even_scan(tmp_path) / "scan.yaml").open("a", encoding="cp1252") as file:
-        file.write("note: Prüfling\n")
-    (circle,) = read_scan(tmp_path / "scan").circles
+    scan.write_text(f"{scan.read_text()}note: Prüfling\n", encoding="cp1252")
+    (circle,) = read_scan(scan.parent).circles
     assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
 
 
@@ -84,17 +77,16 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_model_is_refused(model_file: Path, old: str, new: str, message: str) -> None:
-    write_model(model_file, flat=True)
     model_file.write_text(model_file.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         read_light_model(file=model_file)
 
 
 @pytest.mark.parametrize("name", ["gone.yaml", "g" * 300])
-def test_a_scan_without_its_model_says_what_to_give(tmp_path: Path, name: str) -> None:
-    even_scan(tmp_path, name)
+def test_a_scan_without_its_model_says_what_to_give(scan: Path, name: str) -> None:
+    scan.write_text(scan.read_text().replace('""', name))
     with pytest.raises(InputError, match=rf"light model {name} is not there; give it as model="):
-        read_light_model(file=tmp_path / "scan")
+        read_light_model(file=scan.parent)
 
 
 def test_a_crop_beyond_the_frame_is_refused(model_file: Path) -> None:
@@ -103,11 +95,10 @@ def test_a_crop_beyond_the_frame_is_refused(model_file: Path) -> None:
             read_light_model(file=model_file, crop=crop)
 
 
-def test_images_outside_the_scan_are_refused(tmp_path: Path) -> None:
-    file = even_scan(tmp_path) / "scan.yaml"
-    file.write_text(file.read_text().replace("image07.png", "../image07.png"))
+def test_images_outside_the_scan_are_refused(scan: Path) -> None:
+    scan.write_text(scan.read_text().replace("image07.png", "../image07.png"))
     with pytest.raises(InputError, match="must be the name of a file beside"):
-        list(read_capture(folder=tmp_path / "scan"))
+        list(read_capture(folder=scan.parent))
 
 
 def test_every_model_of_real_sensors_is_read() -> None:
@@ -148,14 +139,13 @@ def test_a_scan_file_that_cannot_be_meant_is_refused(
     ],
 )
 def test_a_scan_says_how_large_its_balls_are(
-    tmp_path: Path, target: str, mark: int, message: str
+    scan: Path, target: str, mark: int, message: str
 ) -> None:
-    file = even_scan(tmp_path) / "scan.yaml"
-    file.write_text(file.read_text().replace("r: 9", f"r: {mark}") + target)
+    scan.write_text(scan.read_text().replace("r: 9", f"r: {mark}") + target)
     told: list[str] = []
     try:
         with collect_warnings(told):
-            assert read_balls(folder=tmp_path / "scan").radius == pytest.approx(0.18)
+            assert read_balls(folder=scan.parent).radius == pytest.approx(0.18)
     except InputError as error:
         told.append(str(error))
     assert any(message in each for each in told) if message else not told

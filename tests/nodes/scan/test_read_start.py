@@ -8,23 +8,15 @@ import pytest
 from benchmarks.real_film import measure, run
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.scan.read_light_model import read_light_model
+from tactograph.nodes.optics.light_model import LightModel
 from tactograph.nodes.scan.read_start import read_start
 from tests.conftest import real_data
-from tests.nodes.scan.scans import GAIN, LEDS, PIXEL, cap, seen, write_model, write_scan
+from tests.nodes.scan.scans import GAIN, LEDS, PIXEL, cap, seen, write_scan
 
 
-@pytest.fixture
-def model(tmp_path: Path) -> Path:
-    file = tmp_path / "model.yaml"
-    write_model(file, flat=True)
-    return file
-
-
-def test_a_model_tells_light_at_rest_leds_and_pixels(model: Path) -> None:
-    light_model = read_light_model(file=model).model
-    found = read_start(seen(cap(), light_model), file=model)
-    np.testing.assert_allclose(found.rest, seen(0 * cap(), light_model), rtol=1e-4)
+def test_a_model_tells_light_at_rest_leds_and_pixels(model_file: Path, model: LightModel) -> None:
+    found = read_start(seen(cap(), model), file=model_file)
+    np.testing.assert_allclose(found.rest, seen(0 * cap(), model), rtol=1e-4)
     azimuth = np.degrees(np.arctan2(*found.slants.T[::-1])) % 360
     off = (azimuth - 60 * np.arange(LEDS) - 10 + 180) % 360 - 180
     assert np.abs(off).max() < 5
@@ -33,19 +25,17 @@ def test_a_model_tells_light_at_rest_leds_and_pixels(model: Path) -> None:
     assert GAIN * found.rest.mean() == pytest.approx(0.43, abs=0.1)
 
 
-def test_film_that_is_not_the_models_is_told(model: Path) -> None:
-    light = seen(0 * cap(), read_light_model(file=model).model)
-    write_scan(model.parent / "flat", light * np.linspace(0.8, 1, LEDS)[:, None, None])
+def test_film_and_images_that_are_not_the_models_are_told(
+    model_file: Path, model: LightModel, tmp_path: Path
+) -> None:
+    light = seen(0 * cap(), model)
+    write_scan(tmp_path / "flat", light * np.linspace(0.8, 1, LEDS)[:, None, None])
     with collect_warnings([]) as told:
-        found = read_start(light, file=model, flat=model.parent / "flat")
+        found = read_start(light, file=model_file, flat=tmp_path / "flat")
     assert found.metrics["untouched_slope"] > 0.02
     assert any("untouched film for tilted" in each for each in told)
-
-
-def test_a_model_of_other_images_is_refused(model: Path) -> None:
-    light = seen(cap(), read_light_model(file=model).model)
     with pytest.raises(InputError, match="describes 6 lights of 96 x 64 pixels, but the press"):
-        read_start(light[:, :32].copy(), file=model)
+        read_start(light[:, :32].copy(), file=model_file)
     assert read_start(light).rest is None
 
 

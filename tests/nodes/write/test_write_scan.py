@@ -16,8 +16,7 @@ from tests.nodes.scan.scans import write_scan as made_scan
 
 
 def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
-    write_model(tmp_path / "model: 1.yaml", flat=True)
-    model = read_light_model(file=tmp_path / "model: 1.yaml").model
+    model = write_model(tmp_path / "model: 1.yaml")
     made_scan(tmp_path / "first", seen(cap(), model))
     np.save(tmp_path / "height.npy", cap())
     given = {
