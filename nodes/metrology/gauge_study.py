@@ -113,16 +113,11 @@ def _variances(values: NDArray[np.float64]) -> tuple[float, float, float]:
     mean, cell = values.mean(), values.mean(axis=2)
     by_part, by_operator = cell.mean(axis=1), cell.mean(axis=0)
     trial = np.square(values - cell[..., None]).sum() / (parts * operators * (trials - 1))
-    within, mixed, operator = trial, 0.0, 0.0
-    if parts > 1 and operators > 1:
-        left = cell - by_part[:, None] - by_operator + mean
-        within = trials * np.square(left).sum() / ((parts - 1) * (operators - 1))
-        mixed = max((within - trial) / trials, 0.0)
-    if operators > 1:
-        square = parts * trials * np.square(by_operator - mean).sum() / (operators - 1)
-        operator = max((square - within) / (parts * trials), 0.0)
-    if parts == 1:
-        return float(trial), float(operator + mixed), 0.0
-    square = operators * trials * np.square(by_part - mean).sum() / (parts - 1)
-    part = max((square - within) / (operators * trials), 0.0)
+    left, free = cell - by_part[:, None] - by_operator + mean, (parts - 1) * (operators - 1)
+    within = trials * np.square(left).sum() / free if free else trial
+    mixed = max((within - trial) / trials, 0.0)
+    of_operator = np.square(by_operator - mean).sum() / max(operators - 1, 1)
+    operator = max(of_operator - within / (parts * trials), 0.0)
+    of_part = np.square(by_part - mean).sum() / max(parts - 1, 1)
+    part = max(of_part - within / (operators * trials), 0.0)
     return float(trial), float(operator + mixed), float(part)

@@ -1,7 +1,4 @@
-"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1.
-
-Long because edges, levels and walls of a profile all follow from one definition of its zones.
-"""
+"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -131,16 +128,13 @@ def measure_step(
         if np.std(widths) > MAX_UNEVEN * np.median(widths):
             warn("the profiles' widths differ by a fifth: they do not cross one straight groove")
     for wall in range(edges):
-        angles = [profile.walls[wall] for profile in profiles]
-        figures[f"wall_{wall + 1}_deg"] = float(np.median(angles))
+        figures[f"wall_{wall + 1}_deg"] = float(np.median([p.walls[wall] for p in profiles]))
     if known_um is not None:
         certified, uncertainty = known_um
         if not certified > 0 or not middle:
             raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
-        scale, of_scale = (
-            certified / abs(middle),
-            np.hypot(of_mean / middle, uncertainty / certified),
-        )
+        scale = certified / abs(middle)
+        of_scale = np.hypot(of_mean / middle, uncertainty / certified)
         figures |= {"step_scale": scale, "step_scale_error": scale * float(of_scale)}
     _warn_of_wide_walls(figures)
     return figures
@@ -276,8 +270,5 @@ def _wall_deg(x: Line, share: Line, place: float, depth_px: float) -> float:
     wall = near & (share > low) & (share < high)
     few = wall.sum() < MIN_ZONE_PX
     near_edge = np.abs(x - place) < MIN_ZONE_PX
-    per_px = (
-        np.abs(np.diff(share[near_edge])).max() if few else np.polyfit(x[wall], share[wall], 1)[0]
-    )
-    per_px /= 2
-    return float(np.degrees(np.arctan(abs(per_px) * depth_px)))
+    steps = np.diff(share[near_edge]) if few else np.polyfit(x[wall], share[wall], 1)[:1]
+    return float(np.degrees(np.arctan(np.abs(steps).max() / 2 * depth_px)))

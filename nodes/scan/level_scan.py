@@ -1,7 +1,4 @@
-"""What levels a scan, as a height to be added, and the error that is left.
-
-Long because both go through one factor of the same equations.
-"""
+"""What levels a scan, as a height to be added, and the error that is left."""
 
 from typing import Annotated, NamedTuple
 
