@@ -1,4 +1,7 @@
-"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1."""
+"""Depth, width and wall angles of a groove, ridge or step, by ISO 5436-1.
+
+Long because edges, levels and walls of a profile all follow from one definition of its zones.
+"""
 
 from typing import Annotated, Literal, NamedTuple
 

@@ -1,4 +1,7 @@
-"""What levels a scan, as a height to be added, and the error that is left."""
+"""What levels a scan, as a height to be added, and the error that is left.
+
+Long because both go through one factor of the same equations.
+"""
 
 from typing import Annotated, NamedTuple
 
