@@ -38,7 +38,7 @@ def groove(depth: float, width: float, wall_deg: float, tilt: float = 0.0) -> F4
 def test_a_groove_has_its_depth_width_and_walls(
     depth: float, width: float, wall: float, tilt: float
 ) -> None:
-    assume(depth / np.tan(np.radians(wall)) < 0.6 * width)
+    assume(2 * PIXEL < depth / np.tan(np.radians(wall)) < 0.6 * width)
     figures = measure_step(groove(depth, width, wall, tilt), PIXEL)
     assert figures["step_depth_um"] == pytest.approx(1e3 * depth, rel=5e-3, abs=0.2)
     assert figures["step_width_mm"] == pytest.approx(width, abs=2 * PIXEL)
