@@ -12,6 +12,7 @@ from tactograph.nodes.height.integrate_dct import integrate_dct
 SHAPE, PIXEL = (120, 160), 0.1
 SIGMA = 0.02
 """Standard deviation of a slope."""
+STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
 PRESSED = 0.05
 """Height in mm above which film is touched."""
 F8 = NDArray[np.float64]
