@@ -94,11 +94,11 @@ def follow_contacts(
     known[known[:, COLUMN_UNSEEN] > patience] = 0
     seen = np.flatnonzero((known[:, COLUMN_AGE] > 0) & (known[:, COLUMN_UNSEEN] == 0))
     figures: Metrics = {}
-    for row in seen:
-        name = f"c{row + 1}"
-        figures[f"contact_age/{name}"] = float(known[row, COLUMN_AGE])
-        figures[f"contact_speed_x_mm/{name}"] = pixel * float(known[row, COLUMN_VX])
-        figures[f"contact_speed_y_mm/{name}"] = pixel * float(known[row, COLUMN_VY])
+    for lasts in seen + 1:
+        age, _, _, _, speed_x, speed_y = known[lasts - 1].tolist()
+        figures[f"contact_age/c{lasts}"] = age
+        figures[f"contact_speed_x_mm/c{lasts}"] = pixel * speed_x
+        figures[f"contact_speed_y_mm/c{lasts}"] = pixel * speed_y
     return FollowedContacts(lasting[contact], known, figures)
 
 
