@@ -12,10 +12,16 @@ from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
-from tactograph.nodes.files.image_files import check_heights, read_heights
+from tactograph.nodes.files.height_files import (
+    MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM,
+    read_height_file,
+)
+from tactograph.nodes.files.image_files import check_heights
 from tactograph.nodes.files.mcap_read import McapFile
-from tactograph.nodes.files.result_file import RESULT_FILE, refuse_changed
+from tactograph.nodes.files.result_file import RESULT_FILE
+from tactograph.nodes.write.read_error import read_error
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
@@ -89,24 +95,16 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
     advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
     results = [every[n] for n in _spread(len(every), most, folder, advice)]
-    heights = [_read(result / "height.npy") for result in results]
-    pixels = [read_pixel_size(height=result / "height.npy", mm=pixel) for result in results]
+    files = [result / "height.npy" for result in results]
+    heights = [read_height_file(file).height for file in files]
+    pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
-    errors = [
-        _read(result / "error.npy") if (result / "error.npy").exists() else np.full_like(h, np.nan)
-        for result, h in zip(results, heights, strict=True)
-    ]
+    stated = [read_error(height=file).error for file in files]
+    errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
     return Touches(np.stack(heights), np.stack(errors), pixels[0], names)
-
-
-def _read(file: Path) -> F4:
-    if not file.is_file():
-        raise InputError(f"{file}: there is no such file")
-    refuse_changed(file)
-    return read_heights(file)
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
