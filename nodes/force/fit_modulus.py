@@ -6,11 +6,10 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, MinLen
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F4, Contacts, Metrics
+from tactograph.nodes import F4, F8, Contacts, Metrics
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.force.elastic_layer import MODULUS_RANGE_KPA, Poisson, Thickness
@@ -72,7 +71,7 @@ def fit_modulus(
             f"thickness_mm=, or press {MIN_PRESSES} times or more, to different depths"
         )
 
-    def moduli(thickness: float) -> NDArray[np.float64]:
+    def moduli(thickness: float) -> F8:
         forces = [_force(press, thickness, poisson) for press in presses]
         return np.asarray(force_n) / np.array(forces)
 
