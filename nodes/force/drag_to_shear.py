@@ -7,6 +7,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import j0, j1
 
@@ -161,8 +162,8 @@ def _cells(
 
 
 @lru_cache(maxsize=16)
-def _table(thickness: float, poisson: float, side: float, reach: float) -> tuple[F8, ...]:
-    """Distances in mm, and the way in mm of the face there, per kPa mm^2 at a modulus of 1 kPa.
+def _table(thickness: float, poisson: float, side: float, reach: float) -> BSpline:
+    """The way in mm of the face by the root of the distance in mm, per kPa mm^2 at 1 kPa.
 
     The tensor of a shear is near (1 0, 0 1) + turned (2 u u - 1), u the unit vector to the place;
     a pressure moves by aside u.  All are Hankel transforms of the compliance and of a cell, taken
@@ -178,19 +179,15 @@ def _table(thickness: float, poisson: float, side: float, reach: float) -> tuple
     second[0] = 0
     near = zeroth @ (waves * (answer.along + answer.across) / 2)
     turned = second @ (waves * (answer.across - answer.along) / 2)
-    return r, near, turned, -first @ (waves * answer.coupled)
+    aside = -first @ (waves * answer.coupled)
+    return make_interp_spline(np.sqrt(r), np.column_stack([near, turned, aside]), k=1)
 
 
-def _moved(place: F8, cells: _Cells, table: tuple[F8, ...]) -> tuple[F8, F8]:
+def _moved(place: F8, cells: _Cells, table: BSpline) -> tuple[F8, F8]:
     """The way of M places in mm by shears of 1 kPa, 2 M x 2 N, and pressures, 2 M x N."""
     away = place[:, None] - cells.place
     distance = np.hypot(away[..., 0], away[..., 1])
-    # The table is even in the root of the distance.
-    at = np.sqrt(distance / table[0][-1]) * (TABLE_STEPS - 1)
-    row = np.minimum(at.astype(np.intp), TABLE_STEPS - 2)
-    near, turned, aside = (
-        (column[row] + (at - row) * np.diff(column)[row]) * cells.area for column in table[1:]
-    )
+    near, turned, aside = np.moveaxis(table(np.sqrt(distance)), 2, 0) * cells.area
     u, v = np.moveaxis(away, 2, 0) / np.maximum(distance, 1e-9)
     both = 2 * turned * u * v
     by_shear = np.block(

@@ -19,9 +19,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from tactograph.nodes import F8
+
 MODULUS_RANGE_KPA = 1.0, 1e5
 Modulus = Annotated[float, Interval(ge=MODULUS_RANGE_KPA[0], le=MODULUS_RANGE_KPA[1])]
 """Young's modulus of a gel in kPa: below are gels that flow, above is rubber that no hand presses
@@ -36,13 +36,13 @@ MIN_KH, MAX_KH = 1e-3, 20.0
 class Compliance(NamedTuple):
     """Displacements in mm times the modulus in kPa, of waves of 1 kPa."""
 
-    normal: Array
-    along: Array
-    across: Array
-    coupled: Array
+    normal: F8
+    along: F8
+    across: F8
+    coupled: F8
 
 
-def layer_compliance(k: Array, thickness: float, poisson: float) -> Compliance:
+def layer_compliance(k: F8, thickness: float, poisson: float) -> Compliance:
     """Return the layer's answer to wave numbers k in 1/mm, its thickness in mm."""
     k = np.maximum(k, MIN_KH / thickness)
     q = np.minimum(k * thickness, MAX_KH)
@@ -59,7 +59,7 @@ def layer_compliance(k: Array, thickness: float, poisson: float) -> Compliance:
     )
 
 
-def wave_numbers(shape: tuple[int, int], pixel: float) -> Array:
+def wave_numbers(shape: tuple[int, int], pixel: float) -> F8:
     """Wave numbers of a cosine transform of H x W pixels, in 1/mm."""
     rows, columns = shape
     v = np.pi * np.arange(rows)[:, None] / (rows * pixel)

@@ -6,11 +6,10 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, MinLen
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F4, Metrics
+from tactograph.nodes import F4, F8, Contacts, Metrics
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.force.elastic_layer import MODULUS_RANGE_KPA, Poisson, Thickness
@@ -72,8 +71,8 @@ def fit_modulus(
             f"thickness_mm=, or press {MIN_PRESSES} times or more, to different depths"
         )
 
-    def moduli(thickness: float) -> NDArray[np.float64]:
-        forces = [_force(height, pixel, thickness, poisson) for height, pixel in presses]
+    def moduli(thickness: float) -> F8:
+        forces = [_force(press, thickness, poisson) for press in presses]
         return np.asarray(force_n) / np.array(forces)
 
     def spread_at(log: float) -> float:
@@ -109,8 +108,8 @@ def fit_modulus(
     return figures
 
 
-def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:
-    """Height and pixel size of every result in the folder."""
+def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
+    """Height, contacts and pixel size of every result in the folder."""
     if not results.is_dir():
         raise InputError(f"{results}: there is no such folder of results")
     if (results / "height.tiff").is_file():
@@ -121,23 +120,20 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, float]]:
             f"{results}: holds {len(folders)} results, but force_n= names {count} forces; give one "
             "per press, in order of the folders' names"
         )
-    read = [read_height_file(folder / "height.tiff") for folder in folders]
-    for folder, one in zip(folders, read, strict=True):
+    presses = []
+    for folder in folders:
+        one = read_height_file(folder / "height.tiff")
         if one.pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
-        if not find_contact(one.height).max(initial=0):
+        contact = find_contact(one.height)
+        if not contact.any():
             raise InputError(f"{folder}: shows no contact")
-    return [(one.height, float(one.pixel or 0)) for one in read]
+        presses.append((one.height, contact, float(one.pixel)))
+    return presses
 
 
-def _force(height: F4, pixel: float, thickness: float, poisson: float) -> float:
+def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> float:
     """The force in newtons of all contacts, at a modulus of 1 kPa."""
-    pressure = press_to_pressure(
-        height,
-        find_contact(height),
-        pixel,
-        modulus_kpa=1.0,
-        thickness_mm=thickness,
-        poisson=poisson,
-    )
+    gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
+    pressure = press_to_pressure(*press, **gel)
     return sum(v for name, v in pressure.figures.items() if name.startswith("contact_force_n"))

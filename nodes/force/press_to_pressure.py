@@ -12,7 +12,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from tactograph.graph import Port, node, warn
 from tactograph.graph.cores import cores
-from tactograph.nodes import F4, Contacts, Height, HeightError, Metrics, PixelSize
+from tactograph.nodes import F4, F8, Contacts, Height, HeightError, Metrics, PixelSize
 from tactograph.nodes.force.elastic_layer import (
     Modulus,
     Poisson,
@@ -23,7 +23,6 @@ from tactograph.nodes.force.elastic_layer import (
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
-Array = NDArray[np.float64]
 NEWTONS_PER_KPA_MM2 = 1e-3
 """A kPa mm^2 in newtons."""
 ENOUGH_SHARE = 1e-6
@@ -148,7 +147,7 @@ def _solve(load: F4, weight: F4, inside: F4, steps: int) -> F4:
     return np.asarray(plane.reshape(load.shape), np.float32)
 
 
-def _deviation(sensitivity: F4, k: Array) -> float:
+def _deviation(sensitivity: F4, k: F8) -> float:
     """The standard deviation of a sum over the height, its errors those of integrated slopes.
 
     `sensitivity` is the sum's derivative by the height, times the height's deviation.

@@ -5,6 +5,7 @@ from typing import Annotated
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
+from scipy.ndimage import center_of_mass
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4
@@ -41,20 +42,15 @@ def find_markers(
         M x 3: x, y, radius in px; rows from the top of the frame down.
     """
     rows, columns = darkness.shape
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(
         (darkness > dark).astype(np.uint8), connectivity=8
     )
     left, top, wide, high, area = stats[:, :5].T
     inside = (left > 0) & (top > 0) & (left + wide < columns) & (top + high < rows)
     kept = inside & (area >= smallest_px) & (area <= largest_px)
     kept[0] = False
+    spots = np.flatnonzero(kept)
     # The skirt of a spot counts, too: if it is cut off at the threshold, the centroid jumps.
     grown = np.asarray(cv2.dilate(labels.astype(np.uint16), np.ones((3, 3), np.uint8)), np.intp)
-    y, x = np.indices(darkness.shape)
-    weight = darkness.ravel().astype(np.float64)
-    total, at_x, at_y = (
-        np.bincount(grown.ravel(), weight * by.ravel(), count) for by in (np.ones_like(x), x, y)
-    )
-    total = np.maximum(total, 1e-9)
-    markers = np.column_stack([at_x / total, at_y / total, np.sqrt(area / np.pi)])[kept]
-    return np.asarray(markers, np.float32)
+    places = np.reshape(center_of_mass(darkness.astype(np.float64), grown, spots), (-1, 2))
+    return np.column_stack([places[:, ::-1], np.sqrt(area[spots] / np.pi)]).astype(np.float32)

@@ -109,19 +109,16 @@ def _follow(
         shift[i] = spots[spot] - places[i] if seen[i] else expected
         taken[spot] |= bool(seen[i])
 
-    start = _rim(places, RIM_PITCHES * pitch) if before is None else np.ones(len(places), bool)
-    for i in np.flatnonzero(start).tolist():
-        if before is None:
+    if before is None:
+        inwards = np.minimum(places - places.min(axis=0), places.max(axis=0) - places).min(axis=1)
+        for i in np.flatnonzero(inwards < RIM_PITCHES * pitch).tolist():
             settle(i, np.zeros(2), MAX_RIM_SHIFT_PITCHES * pitch)
-            known[i] = seen[i]
-        else:
-            settle(i, before[i], farthest)
-            known[i] = True
+        known |= seen > 0
     if not known.any():
         # The whole film has moved: the nearest spots are the only start.
-        for i in range(len(places)):
-            settle(i, np.zeros(2), farthest)
-            known[i] = True
+        for i, expected in enumerate(np.zeros_like(places) if before is None else before):
+            settle(i, expected, farthest)
+        known[:] = True
     sure = near[:, known].sum(axis=1)
     while not known.all():
         i = int(np.where(known, -1, sure).argmax())
@@ -129,12 +126,6 @@ def _follow(
         known[i] = True
         sure += near[i]
     return shift, seen
-
-
-def _rim(places: F8, width: float) -> NDArray[np.bool_]:
-    """The markers near the rim of the grid."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    return np.asarray(((places - low < width) | (high - places < width)).any(axis=1))
 
 
 def _expected(places: F8, shift: F8, i: int, sure: NDArray[np.intp]) -> F8:

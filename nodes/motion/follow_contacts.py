@@ -87,16 +87,19 @@ def follow_contacts(
     free = iter(np.flatnonzero(known[:, COLUMN_AGE] == 0).tolist())
     lasting = np.zeros(256, np.uint8)
     for now, number in enumerate(numbers):
-        row = number_of.get(now)
-        if row is None:
-            row = next(free, None)
+        row = number_of[now] if now in number_of else next(free, None)
         if row is not None:
             _go_on(known[row], places[now])
             lasting[number] = row + 1
-    ended = known[:, COLUMN_UNSEEN] > patience
-    known[ended] = 0
+    known[known[:, COLUMN_UNSEEN] > patience] = 0
     seen = np.flatnonzero((known[:, COLUMN_AGE] > 0) & (known[:, COLUMN_UNSEEN] == 0))
-    return FollowedContacts(lasting[contact], known, _figures(known, seen, pixel))
+    figures: Metrics = {}
+    for lasts in seen + 1:
+        age, _, _, _, speed_x, speed_y = known[lasts - 1].tolist()
+        figures[f"contact_age/c{lasts}"] = age
+        figures[f"contact_speed_x_mm/c{lasts}"] = pixel * speed_x
+        figures[f"contact_speed_y_mm/c{lasts}"] = pixel * speed_y
+    return FollowedContacts(lasting[contact], known, figures)
 
 
 def _costs(
@@ -132,13 +135,3 @@ def _go_on(track: F4, place: F8) -> None:
     track[[COLUMN_X, COLUMN_Y]] = place
     track[COLUMN_AGE] += max(float(track[COLUMN_UNSEEN]), 1.0)
     track[COLUMN_UNSEEN] = 0
-
-
-def _figures(known: F4, seen: NDArray[np.intp], pixel: float) -> Metrics:
-    figures: Metrics = {}
-    for row in seen:
-        name = f"c{row + 1}"
-        figures[f"contact_age/{name}"] = float(known[row, COLUMN_AGE])
-        figures[f"contact_speed_x_mm/{name}"] = pixel * float(known[row, COLUMN_VX])
-        figures[f"contact_speed_y_mm/{name}"] = pixel * float(known[row, COLUMN_VY])
-    return figures

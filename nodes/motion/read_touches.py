@@ -1,6 +1,6 @@
 """Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -12,10 +12,16 @@ from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
 from tactograph.nodes import F4, PixelSize
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
-from tactograph.nodes.files.image_files import check_heights, read_heights
+from tactograph.nodes.files.height_files import (
+    MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM,
+    read_height_file,
+)
+from tactograph.nodes.files.image_files import check_heights
 from tactograph.nodes.files.mcap_read import McapFile
-from tactograph.nodes.files.result_file import RESULT_FILE, refuse_changed
+from tactograph.nodes.files.result_file import RESULT_FILE
+from tactograph.nodes.write.read_error import read_error
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
@@ -78,35 +84,27 @@ def read_touches(
     return touches
 
 
-def _spread(found: Sequence[str], most: int, folder: Path, advice: str) -> list[int]:
+def _spread(count: int, most: int, folder: Path, advice: str) -> list[int]:
     """Which of the touches are taken."""
-    if len(found) < 2:
-        raise InputError(f"{folder}: holds {len(found)} results, and 2 are needed; {advice}")
-    return sorted({*np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(int)})
+    if count < 2:
+        raise InputError(f"{folder}: holds {count} results, and 2 are needed; {advice}")
+    return sorted({*np.linspace(0, count - 1, min(most, count)).round().astype(int)})
 
 
 def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
     advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
-    results = [every[n] for n in _spread([each.name for each in every], most, folder, advice)]
-    heights = [_read(result / "height.npy") for result in results]
-    pixels = [read_pixel_size(height=result / "height.npy", mm=pixel) for result in results]
+    results = [every[n] for n in _spread(len(every), most, folder, advice)]
+    files = [result / "height.npy" for result in results]
+    heights = [read_height_file(file).height for file in files]
+    pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
-    errors = [
-        _read(result / "error.npy") if (result / "error.npy").exists() else np.full_like(h, np.nan)
-        for result, h in zip(results, heights, strict=True)
-    ]
+    stated = [read_error(height=file).error for file in files]
+    errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
     return Touches(np.stack(heights), np.stack(errors), pixels[0], names)
-
-
-def _read(file: Path) -> F4:
-    if not file.is_file():
-        raise InputError(f"{file}: there is no such file")
-    refuse_changed(file)
-    return read_heights(file)
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
@@ -117,7 +115,7 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     if "height" not in maps.names or pixel is None:
         lacks = "a pixel size: give pixel_size_mm=" if "height" in maps.names else "heights"
         raise InputError(f"{folder}: this store lacks {lacks}")
-    numbers = _spread(maps.captures, most, folder, "run the batch over more captures")
+    numbers = _spread(len(maps.captures), most, folder, "run the batch over more captures")
     touches = [maps[number] for number in numbers]
     heights = np.stack([touch["height"] for touch in touches]).astype(np.float32)
     unknown = np.full(heights.shape[1:], np.nan, np.float32)
@@ -141,12 +139,8 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
         )
     if pixel is None:
         raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
-    names = [f"{number:05d}" for number in range(len(heights))]
-    taken = _spread(names, most, folder, "no topic /height holds more")
-    if len({heights[n].shape for n in taken}) > 1:
-        raise InputError(f"{folder}: its heights differ in size")
-    chosen = np.stack([heights[n] for n in taken])
-    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [names[n] for n in taken])
+    every = dict(enumerate(heights))
+    return _of_recording(every, most, pixel, folder, "no topic /height holds more")
 
 
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
@@ -168,7 +162,15 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
     for line in told.values():
         warn(line)
-    names = [f"{number:05d}" for number in heights]
-    taken = _spread(names, most, folder, "record more touches")
-    chosen = np.stack([[*heights.values()][n] for n in taken])
-    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [names[n] for n in taken])
+    return _of_recording(heights, most, pixel, folder, "record more touches")
+
+
+def _of_recording(
+    heights: dict[int, F4], most: int, pixel: float, folder: Path, advice: str
+) -> Touches:
+    """Heights by the number of their frame, whose errors nothing states."""
+    taken = [[*heights][n] for n in _spread(len(heights), most, folder, advice)]
+    if len({heights[n].shape for n in taken}) > 1:
+        raise InputError(f"{folder}: its heights differ in size")
+    chosen = np.stack([heights[n] for n in taken])
+    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in taken])

@@ -1,6 +1,5 @@
 """Write a surface that was put together from touches."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics, PixelSize
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.result_file import RESULT_FILE, checksum
+from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 from tactograph.nodes.motion.stitch import Sources, Stitched
 
 
@@ -59,12 +58,5 @@ def write_stitched(
         draw_height(height, error, pixel, target / "height.png")
         draw_error(error, pixel, target / "error.png")
         draw_seams(height, source, pixel, target / "seams.png")
-        checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
-        about = {
-            **provenance.as_dict(),
-            "pixel_size_mm": float(pixel),
-            "files": sorted([*checksums, RESULT_FILE]),
-            "checksums": checksums,
-            "metrics": metrics,
-        }
-        (target / RESULT_FILE).write_text(json.dumps(about, indent=1) + "\n")
+        about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
+        write_result_file(target, about)

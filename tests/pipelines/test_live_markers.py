@@ -9,7 +9,6 @@ import pytest
 
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.run.result import Result
 from tactograph.nodes.live.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
@@ -64,8 +63,17 @@ def test_a_pyramid_that_is_pushed_with_its_film_is_stuck_and_without_slips(
     assert last["contact_slip_markers/c1"] > 5
 
 
-def truth_of(result: Result) -> np.ndarray:
-    return next(made for value, made in result.item.items() if value.port == "truth")
+def followed(graph: str, given: dict[str, Any]) -> np.ndarray:
+    """Of each touch the height's RMSE, true depth, longest shift in x in px, and share seen."""
+    touches = []
+    with open_pipeline(graph, given) as pipeline:
+        for result in pipeline.items():
+            truth = next(made for value, made in result.item.items() if value.port == "truth")
+            error = np.sqrt(np.mean((result["height"] - truth) ** 2))
+            shift = np.abs(result["marker_shift"][:, 0]).max()
+            touches.append([error, truth.max(), shift, result["marker_seen"].mean()])
+    assert len(touches) > 10
+    return np.array(touches).T
 
 
 @pytest.mark.realtime
@@ -74,22 +82,13 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
 ) -> None:
     given = {"calibration": printed, "camera": CAMERA, "port": "none", "seconds": 12}
     given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
-    errors, depths, shifts, seen = [], [], [], []
-    with open_pipeline("live_markers", given) as pipeline:
-        for result in pipeline.items():
-            truth = truth_of(result)
-            errors.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
-            depths.append(float(truth.max()))
-            shifts.append(float(np.abs(result["marker_shift"][:, 0]).max()) * PIXEL_MM)
-            seen.append(float(result["marker_seen"].mean()))
-    assert len(errors) > 10
+    errors, depths, shifts, seen = followed("live_markers", given)
     assert np.median(errors) < 0.012
     assert np.median(seen) > 0.95
     # The markers go with the ball, and come back with it.
-    assert max(shifts) == pytest.approx(DRAG_MM, abs=0.15)
+    assert PIXEL_MM * shifts.max() == pytest.approx(DRAG_MM, abs=0.15)
     assert np.corrcoef(depths, shifts)[0, 1] > 0.9
-    shown = cv2.imread(str(tmp_path / "pictures" / "latest.png"))
-    assert shown is not None
+    assert cv2.imread(str(tmp_path / "pictures" / "latest.png")) is not None
 
 
 @pytest.mark.realtime
@@ -190,16 +189,8 @@ def test_a_one_shot_sensors_markers_are_followed_live(one_shot: Path, tmp_path: 
     camera = BY_HAND.replace("&by_hand=true&path_mm=8&press_s=0.8&rest_s=4", "&path_mm=1&press_s=4")
     given = {"calibration": one_shot / "printed/cal.npz", "camera": camera, "seconds": 8}
     given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
-    errors, shifts, seen = [], [], []
-    with open_pipeline("live_oneshot_markers", given) as pipeline:
-        for result in pipeline.items():
-            errors.append(float(np.sqrt(np.mean((result["height"] - truth_of(result)) ** 2))))
-            shifts.append(
-                float(np.abs(result["marker_shift"][:, 0]).max()) * KNOWN["pixel_size_mm"]
-            )
-            seen.append(float(result["marker_seen"].mean()))
-    assert len(errors) > 10
+    errors, _, shifts, seen = followed("live_oneshot_markers", given)
     assert np.median(errors) < 0.015
     assert np.median(seen) > 0.9
-    assert max(shifts) == pytest.approx(0.5, abs=0.15)
+    assert KNOWN["pixel_size_mm"] * shifts.max() == pytest.approx(0.5, abs=0.15)
     assert cv2.imread(str(tmp_path / "pictures" / "latest.png")) is not None

@@ -3,18 +3,17 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tactograph.nodes import F4, U1
+from tactograph.nodes import F4, F8, U1
 from tactograph.nodes.height.integrate_dct import integrate_dct
 
 SHAPE, PIXEL = (120, 160), 0.1
 SIGMA = 0.02
 """Standard deviation of a slope."""
+STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
 PRESSED = 0.05
 """Height in mm above which film is touched."""
-F8 = NDArray[np.float64]
 Shape = Callable[[F8, F8], F8]
 """The object's height in mm at x and y in mm."""
 

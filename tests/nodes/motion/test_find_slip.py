@@ -14,7 +14,7 @@ from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
     SHAPE,
-    SIGMA,
+    STATED,
     Shape,
     ball,
     coin,
@@ -29,7 +29,6 @@ MIDDLE = np.array([SHAPE[1] - 1, SHAPE[0] - 1]) / 2
 MARKER_NOISE_PX, VERGENCE, STEP_MM = 0.05, 1 / 40, 0.08
 POSE_SD = np.array([0.003, 0.003, 0.01, 0.1, 0.1, 0.05])
 """mm and degrees, about what `track_pose` states for the coin."""
-STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
 FRONTS = [*[9.0] * 8, *np.linspace(3, 0, 12), *[0.0] * 6]
 """Radius within which the film sticks, mm."""
 VIEW = View(None, VERGENCE)

@@ -18,7 +18,7 @@ from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
     SHAPE,
-    SIGMA,
+    STATED,
     Shape,
     ball,
     coin,
@@ -30,9 +30,9 @@ from tests.nodes.motion.moved_objects import (
     shift_and_turn,
 )
 
-STATED = np.full((2, *SHAPE), SIGMA**2, np.float32)
 STEP = np.array([0.12, -0.08, 0.02, 0.2, -0.3, 1.1])
 """mm and degrees a frame."""
+PLATE_STEP = np.array([0.6, 0.3, 0, 0, 0, 0.6])
 GOAL = np.array([0.05, 0.05, 0.05, 0.3, 0.3, 0.3])
 """mm and degrees."""
 
@@ -66,7 +66,7 @@ def test_steps_of_a_textured_object() -> None:
 
 
 def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
-    motions, surfaces = way(plate, np.array([0.6, 0.3, 0, 0, 0, 0.6]), 24)
+    motions, surfaces = way(plate, PLATE_STEP, 24)
     *_, last = track(surfaces)
     length = float(np.hypot(*motions[-1][:2, 3]))
     assert last.figures["pose_keys"] > 2
