@@ -3,7 +3,7 @@
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
@@ -27,6 +27,8 @@ COVERAGE_CELLS = (4, 6)
 MIN_COVERED_SHARE = 0.85
 """Share of the cells that contacts should reach."""
 MIN_RIM_SLOPE = 0.5
+PART_COUNT = 5
+"""Parts into which the presses are split, each held out in turn."""
 
 
 class PressRating(NamedTuple):
@@ -53,7 +55,6 @@ def rate_presses(
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
-    folds: Annotated[int, Interval(ge=2, le=20)] = 5,
 ) -> PressRating:
     """Return the errors on held-out presses, the coverage, and what to press next.
 
@@ -76,8 +77,6 @@ def rate_presses(
         Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
-    folds
-        Parts into which the presses are split.
 
     Returns
     -------
@@ -90,12 +89,14 @@ def rate_presses(
         sentence of advice; the doubts, each of them also a warning; and the verdict.
     """
     chosen = np.flatnonzero(kept)
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5), of)
+    bench = make_bench(
+        image, flat, radius_mm, pixel, degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT), of
+    )
     errors = [
         _judge(bench, reflectance, found[press].astype(np.float64), int(press), rim)
-        for fold in range(folds)
-        for reflectance in [_map_without(bench, circle, kept, rim, chosen[fold::folds])]
-        for press in chosen[fold::folds]
+        for fold in range(PART_COUNT)
+        for reflectance in [_map_without(bench, circle, kept, rim, chosen[fold::PART_COUNT])]
+        for press in chosen[fold::PART_COUNT]
     ]
     degrees, microns, percent = np.mean(errors, axis=0)
     pressed = presses_per_cell(circle[chosen], bench.shape)

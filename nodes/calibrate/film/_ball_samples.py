@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
-from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS
+from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
@@ -70,7 +70,6 @@ def sample_balls(
     film: Film,
     noise: F4,
     pixel: float,
-    steepest: float,
     most: int | None = MAX_INDEPENDENT_SAMPLES,
     bare: U1 | None = None,
     shifts: F8 | None = None,
@@ -93,8 +92,6 @@ def sample_balls(
         The film, whose LEDs and coat determine the light from film to film.
     noise, pixel
         (shot, read), mm per px.
-    steepest
-        Steeper samples are left out.
     most
         Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
     bare
@@ -142,7 +139,8 @@ def sample_balls(
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
         reach = min(
-            FITTED_RADIUS_SHARE * contact, radius[number] / pixel * np.sin(np.arctan(steepest))
+            FITTED_RADIUS_SHARE * contact,
+            radius[number] / pixel * np.sin(np.arctan(MAX_SAMPLE_SLOPE)),
         )
         yy, xx = np.mgrid[
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),

@@ -191,7 +191,7 @@ def other_places(
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
     now, scale = fitted, fitted.scale
-    spread, rest = _spread(balls, shift_mm), rest_seen(balls, fitted.film)
+    spread, rest = place_deviations(balls, shift_mm), rest_seen(balls, fitted.film)
     for _ in range(10):
         left = predicted(balls, now, rest) - balls.light
         by = _by_shift(balls, now, left + balls.light, rest)
@@ -208,8 +208,8 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     return now
 
 
-def _spread(balls: Balls, shift_mm: float) -> F8:
-    """Standard deviations of the balls' positions in x, y and z, P x 3."""
+def place_deviations(balls: Balls, shift_mm: float) -> F8:
+    """Return standard deviations of the balls' positions in x, y and z, P x 3."""
     lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
 
@@ -286,7 +286,7 @@ def _robust(left: F8) -> F8:
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     balls, _, names, shift_mm, width_mm, scale, certain = problem
-    total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
+    total = float(np.square(now.shifts / place_deviations(balls, shift_mm)).sum())
     total += problem.each * huber(_weighted(balls, left.light) / scale)
     total += huber(left.flat / certain)
     total += float(now.leds[:, 3].mean() ** 2)
@@ -305,7 +305,7 @@ def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
         / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
     )
     weight *= problem.each
-    spread = _spread(balls, shift_mm)
+    spread = place_deviations(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T
     right = -(by.reshape(len(by), -1) @ away.ravel())

@@ -26,7 +26,13 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
 )
-from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import (
+    MAX_SAMPLE_SLOPE,
+    SHIFT_DEVIATION_PX,
+    BallCircles,
+    BallPress,
+    BallRadii,
+)
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
@@ -104,8 +110,6 @@ def fit_film(
     bare: SheetMask | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
     without: tuple[FilmPart, ...] = (),
     bounce: NodeCall = film_bounce,
 ) -> FilmFit:
@@ -137,8 +141,6 @@ def fit_film(
         S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm
         Height of the pupil above the film, if known.
-    steepest, shift_px
-        As for `calibrate_lights`.
     without
         Parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``.
 
@@ -160,13 +162,13 @@ def fit_film(
         rim: F8 | None = None,
         **options: Any,
     ) -> Balls:
-        given = light, flat, circle, radius, of, film, noise, pixel, steepest
+        given = light, flat, circle, radius, of, film, noise, pixel
         return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, bounce=bounce, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
     width = pixel * flat.shape[2]
-    trial = Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
+    trial = Trial(balls, rest_of(flat, pixel), SHIFT_DEVIATION_PX * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
@@ -196,20 +198,13 @@ def fit_film(
         fit_of = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
         others = other_places(*fit_of)
     left = balls.light - predicted(balls, best.fitted)
-    typed: dict[str, Any] = {
-        name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
-        for name, value in film._asdict().items()
-    }
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         uneven = max(uneven, UNEVEN_OF_ONE)
-    typed["uneven"] = uneven
-    typed["grain"] = grain(balls, left, flat, noise)
-    typed["pressed_slope"] = pressed_slope(balls, steepest)
-    typed["others"] = others
+    rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
     return FilmFit(
-        Film(**typed),
+        stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),
         misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, trial.rest),
@@ -217,10 +212,19 @@ def fit_film(
     )
 
 
-def pressed_slope(balls: Balls, steepest: float) -> float:
+def stored(film: Film) -> Film:
+    """Return a film in the types of a file: 32-bit arrays, and numbers."""
+    typed: dict[str, Any] = {
+        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
+        for name, value in film._asdict().items()
+    }
+    return Film(**typed)
+
+
+def pressed_slope(balls: Balls) -> float:
     """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
     sine = float((balls.rim / balls.radius).max())
-    return min(sine / math.sqrt(1 - sine**2), steepest) if sine < 1 else steepest
+    return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
 def _properties(best: Model, rest: Rest | None) -> Metrics:

@@ -4,10 +4,9 @@ Long because each property that may change has its prior, its bounds and its fig
 """
 
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 from scipy.optimize import least_squares
 
 from tactograph.graph import NodeCall, SizeLimit, node, warn
@@ -16,6 +15,7 @@ from tactograph.nodes.calibrate import (
     FOLD_COUNT,
     MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
+    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -24,10 +24,9 @@ from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.film_fit import HEIGHT_DEVIATION_SHARE
-from tactograph.nodes.calibrate.film.fit_film import pressed_slope
+from tactograph.nodes.calibrate.film.film_fit import place_deviations
+from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.light_fit import (
-    HEIGHT_DEVIATION_MM,
     HUBER_DEVIATIONS,
     LIGHT_DEVIATION,
 )
@@ -125,8 +124,6 @@ def refit_film(
     pixel: PixelSize,
     even_pixel: PixelSize,
     *,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
     bounce: NodeCall = film_bounce,
 ) -> FilmRefit:
     """Return the model of a new film: the old one, with the changes that a check press shows.
@@ -155,8 +152,6 @@ def refit_film(
         mm per px on the old film.
     even_pixel
         mm per px, the camera's own pixels, if `light` is binned.
-    steepest, shift_px
-        As for `calibrate_lights`.
 
     Returns
     -------
@@ -173,14 +168,14 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
+    given = (light, flat, circle, radius, of, film, noise, pixel)
     balls = sample_balls(*given, most=CHECK_SAMPLES, bounce=bounce)
-    if (slope := pressed_slope(balls, steepest)) < SHALLOW_SHARE * film.pressed_slope:
+    if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
-    known = _known(precise, flat, before, pixel, shift_px)
+    known = _known(precise, flat, before, pixel)
     best, error, folds = _choose(known, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
@@ -210,14 +205,9 @@ def refit_film(
 
 
 def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> FilmRefit:
-    typed: dict[str, Any] = {
-        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
-        for name, value in new._asdict().items()
-    }
-    typed["others"] = np.asarray(old.others + (typed["lights"] - old.lights), np.float32)
-    return FilmRefit(
-        Film(**typed), misfit=np.asarray(left, np.float32), pixel_size=pixel, quality=figures
-    )
+    film = stored(new)
+    others = np.asarray(old.others + (film.lights - old.lights), np.float32)
+    return FilmRefit(film._replace(others=others), np.asarray(left, np.float32), pixel, figures)
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
@@ -236,14 +226,14 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
     }
 
 
-def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _Known:
+def _known(film: Film, flat: F4, before: F4, pixel: float) -> _Known:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then = rest_of(flat, pixel), rest_of(before, pixel)
+    now, then, shift_mm = rest_of(flat, pixel), rest_of(before, pixel), SHIFT_DEVIATION_PX * pixel
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_px * pixel)
+        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
     light = float(np.median(flat) / np.median(before))
-    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_px * pixel)
+    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
 
 
 def _level(logarithm: F8) -> F8:
@@ -312,8 +302,7 @@ def _fit(
         # The LEDs stay, so a film at rest that is darker reflects less.
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
-    lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
-    places = np.column_stack([np.full((count, 2), known.shift_mm), lift]).ravel()
+    places = place_deviations(balls, known.shift_mm).ravel()
     spread = np.concatenate([places, [OPEN_PARAMETERS[name].spread for name in names]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))

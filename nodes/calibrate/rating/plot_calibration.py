@@ -3,7 +3,7 @@
 Long because it draws up to six pictures on one page.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node
+from tactograph.graph import node
 from tactograph.nodes import (
     F4,
     U1,
@@ -22,8 +22,10 @@ from tactograph.nodes import (
     Reflectance,
     Spread,
 )
-from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
+from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
+from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
 from tactograph.nodes.drawing.new_picture import (
     BLUE,
     GREY,
@@ -50,28 +52,6 @@ class Binned(NamedTuple):
     factor: int
 
 
-class NullTest(NamedTuple):
-    """The null vector, and the standard deviation of a.I on lit pixels."""
-
-    null: NullVector
-    spread: Spread
-
-
-class NamedBalls(NamedTuple):
-    """Circle and press of every ball, and the presses' names."""
-
-    circle: BallCircles
-    of: BallPress
-    names: list[str]
-
-
-class HeldOutErrors(NamedTuple):
-    """Errors by press of slope and height; NaN where there are none."""
-
-    degrees: Annotated[F4, Port("P", "deg", nan=True)]
-    microns: Annotated[F4, Port("P", "um", nan=True)]
-
-
 _FORMER_INPUTS = {
     **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
     "lut_slope": "it follows from 'slope', 'mask' and 'lit'",
@@ -89,10 +69,10 @@ def plot_calibration(
     slope: SheetSlope,
     lit: SheetLabels,
     reflectance: Reflectance,
-    null: NullTest,
+    null: NullFit,
     quality: Metrics,
-    balls: NamedBalls | None = None,
-    held_out: HeldOutErrors | None = None,
+    balls: FoundBalls | None = None,
+    held_out: HeldOut | None = None,
     advice: str | None = None,
     area: Mask | None = None,
     *,
@@ -142,7 +122,7 @@ def plot_calibration(
         used = np.array([part.any() for part in masks])
         _draw_presses(axes[0, 0], masks, balls.names, balls.circle, balls.of, used, wide)
         if held_out is not None:
-            degrees, microns = held_out
+            degrees, microns, _ = held_out
             _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
     if area is not None and not area.all():
