@@ -13,11 +13,7 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 @node(neutral="light")
-def level_touches(
-    light: SheetLight,
-    flat: Light,
-    noise: Noise,
-) -> SheetLight:
+def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 
     Pressed film brightens the untouched film around it by some per cent, differently for each

@@ -42,6 +42,11 @@ class Balls:
         """The unit for holding out samples: their ball, or the slice of a single ball."""
         return self.ball if len(self.centre) > 1 else self.sector
 
+    @property
+    def whole(self) -> F8:
+        """Light that residuals are relative to: that of the samples, or more."""
+        return np.maximum(self.light, MIN_WEIGHT_LIGHT)
+
     def only(self, chosen: NDArray[np.bool_]) -> Self:
         """Return some of the samples; balls without samples remain."""
         of_samples = "u", "v", "light", "ball", "bounced", "by_lift", "by_rim", "sector"

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
-    F8,
     Film,
     Light,
     LightPlaces,
@@ -46,7 +45,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted, sunk
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -156,14 +155,9 @@ def fit_film(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
-    def samples(
-        film: Film,
-        shifts: F8 | None = None,
-        rim: F8 | None = None,
-        **options: Any,
-    ) -> Balls:
+    def samples(film: Film, **options: Any) -> Balls:
         given = light, flat, circle, radius, of, film, noise, pixel
-        return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, bounce=bounce, **options)
+        return sample_balls(*given, bare=bare, bounce=bounce, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
@@ -172,14 +166,12 @@ def fit_film(
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
-    tall = balls.radius - np.sqrt(np.maximum(balls.radius**2 - balls.rim**2, 0))
+    tall = balls.radius - sunk(balls.radius, balls.rim)
     closed: set[str] = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
         closed.add("camera")
-    if (
-        np.median(balls.rim)
-        < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
-    ):
+    cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
+    if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
     trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
@@ -195,8 +187,7 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        fit_of = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
-        others = other_places(*fit_of)
+        others = other_places(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
     left = balls.light - predicted(balls, best.fitted)
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)

@@ -76,9 +76,7 @@ def judge_press_radius(
     nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
     every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel),
-        most=None,
-        fine=True,
+        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel), most=None, fine=True
     )
     strength = np.ones(len(flat), np.float32)
     tried = try_radii(balls, flat, pixel, _directions(balls), strength, COARSE_FACTORS, 0)

@@ -23,13 +23,10 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
-from tactograph.nodes.calibrate.lights.light_fit import (
-    HUBER_DEVIATIONS,
-    LIGHT_DEVIATION,
-)
+from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
@@ -65,11 +62,7 @@ OPEN_PARAMETERS = {
     "refraction": _Open(0.15, 1.0, 2.0),
 }
 """Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
-FILM_CHANGES = (
-    ("thicker",),
-    ("thicker", "gain", "diffuse", "albedo"),
-    tuple(OPEN_PARAMETERS),
-)
+FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_PARAMETERS))
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
 FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
@@ -182,14 +175,11 @@ def refit_film(
         other = _choose(known._replace(film=plain), balls)
         if other[1] < MAX_ERROR_RATIO * error:
             best, error, folds = other
-    before_error = _judged(known, balls, (), None)[1]
+    before_error = _judged(known, balls, ())[1]
     whole = sample_balls(*given, most=None, bounce=bounce)
-    held = [
-        Held(whole.only(whole.held_by % FOLD_COUNT == number), fold.fitted)
-        for number, fold in enumerate(folds)
-    ]
+    parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
+    held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
     away = np.asarray(film.others - film.lights, np.float64)
-    held = [part for part in held if part.balls.u.size]
     uneven = unevenness(held, pixel)
     new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
@@ -244,19 +234,19 @@ def _level(logarithm: F8) -> F8:
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
     """The simplest change that the held-out slices support, its error and its folds."""
-    best, error, folds = _judged(known, balls, FILM_CHANGES[0], None)
+    best, error, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
-        tried = _judged(known, balls, names, FIRST_COAT if "base" in names else None)
+        tried = _judged(known, balls, names)
         if tried[1] < MAX_ERROR_RATIO * error:
             best, error, folds = tried
     return best, error, folds
 
 
 def _judged(
-    known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float] | None
+    known: _Known, balls: Balls, names: tuple[str, ...]
 ) -> tuple[_Refitted, float, list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
-    whole = _fit(known, balls, names, start)
+    whole = _fit(known, balls, names, FIRST_COAT if "base" in names else {})
     folds, errors = [], []
     for number in range(FOLD_COUNT):
         held = balls.held_by % FOLD_COUNT == number
@@ -282,19 +272,11 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
 
 def _scaled(balls: Balls, by: float) -> Balls:
     """The samples' positions on a film that is farther from the camera, scaled by `by`."""
-    if by == 1:
-        return balls
-    return replace(
-        balls, u=balls.u * by, v=balls.v * by, centre=balls.centre * by, rim=balls.rim * by
-    )
+    scaled = {name: getattr(balls, name) * by for name in ("u", "v", "centre", "rim")}
+    return replace(balls, **scaled)
 
 
-def _fit(
-    known: _Known,
-    balls: Balls,
-    names: tuple[str, ...],
-    start: dict[str, float] | None = None,
-) -> _Refitted:
+def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
     film, count = known.film, len(balls.centre)
     old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
@@ -303,10 +285,11 @@ def _fit(
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
     places = place_deviations(balls, known.shift_mm).ravel()
-    spread = np.concatenate([places, [OPEN_PARAMETERS[name].spread for name in names]])
+    opened = [OPEN_PARAMETERS[name] for name in names]
+    spread = np.concatenate([places, [each.spread for each in opened]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
-    whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT) * samples
+    whole = balls.whole * samples
     level = np.log(rest_light(film, known.fall.x, known.fall.y))
 
     def at(values: F8) -> _Refitted:
@@ -326,12 +309,9 @@ def _fit(
         return np.concatenate(parts)
 
     usual = np.concatenate([np.zeros(3 * count), first])
-    begin = [(start or {}).get(name, value) for name, value in zip(names, first, strict=True)]
-    bounds = np.array(
-        [(OPEN_PARAMETERS[name].low, OPEN_PARAMETERS[name].high) for name in names]
-    ).reshape(-1, 2)
-    low = np.concatenate([-10 * places, bounds[:, 0]])
-    high = np.concatenate([10 * places, bounds[:, 1]])
+    begin = [start.get(name, value) for name, value in zip(names, first, strict=True)]
+    low = np.concatenate([-10 * places, [each.low for each in opened]])
+    high = np.concatenate([10 * places, [each.high for each in opened]])
     margin = 1e-6 * spread
     solved = least_squares(
         left,

@@ -7,12 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.calibrate.lights.light_fit import (
-    other_places,
-    place_leds,
-    residual_of,
-    spread_of,
-)
+from tactograph.nodes.calibrate.lights.light_fit import other_places, place_leds, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     rest_of,
@@ -105,6 +100,7 @@ def calibrate_lights(
         residual_of(there, placed.leds, shift, placed.flat)
         for there, shift in zip(objects, placed.shifts, strict=True)
     ]
-    spread = spread_of(np.hstack(left), np.hstack([there.lit for there in objects]))
+    lit = np.hstack([there.lit for there in objects])
+    spread = np.sqrt(np.square(np.hstack(left)).sum(axis=1) / lit.sum(axis=1))
     others = other_places(objects, rest, placed, width)
     return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

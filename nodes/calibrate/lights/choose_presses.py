@@ -147,12 +147,10 @@ def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Ag
     alone = [place_leds([objects[i]], rest, width_mm) for i in tried]
     explanations = [_explain(objects, placed) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
-    best = min(explanations, key=lambda a: _middle(a.residual))
-    good = [
-        o for o, bad in zip(objects, _far(best.residual, INLIER_RESIDUAL), strict=True) if not bad
-    ]
-    start = alone[next(i for i, a in enumerate(explanations) if a is best)]
-    return _explain(objects, place_leds(good, rest, width_mm, start))
+    best = min(range(len(alone)), key=lambda i: _middle(explanations[i].residual))
+    far = _far(explanations[best].residual, INLIER_RESIDUAL)
+    good = [there for there, bad in zip(objects, far, strict=True) if not bad]
+    return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
 
 
 def _explain(objects: list[Object], placed: Placed) -> _Agreement:
@@ -197,17 +195,11 @@ def _far(values: F8, harmless: float) -> NDArray[np.bool_]:
 
 
 def _out_of_line(agreement: _Agreement) -> Iterator[tuple[int, str]]:
-    residual, moved = (
-        _far(agreement.residual, INLIER_RESIDUAL),
-        _far(agreement.moved, INLIER_MOVEMENT_PX),
-    )
-    for i in np.flatnonzero(residual | moved):
+    moved = _far(agreement.moved, INLIER_MOVEMENT_PX)
+    for i in np.flatnonzero(_far(agreement.residual, INLIER_RESIDUAL) | moved).tolist():
         if moved[i]:
-            yield int(i), f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
+            yield i, f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
         else:
             left, others = agreement.residual[i], _middle(agreement.residual)
-            yield (
-                int(i),
-                f"LEDs that explain the others' light to {others:.1%} leave {left:.1%} of its; "
-                "is its ball_radius_mm right?",
-            )
+            explained = f"LEDs that explain the others' light to {others:.1%} leave {left:.1%}"
+            yield i, f"{explained} of its; is its ball_radius_mm right?"

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
 from tactograph.nodes import F4, F8
@@ -106,8 +105,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width
     leds, flat = placed.leds, rest is not None
     slopes = _jacobian(objects, rest, leds, placed.shifts)
     on_objects = np.concatenate(
-        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)],
-        axis=1,
+        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
     on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
     lit = np.hstack([there.lit for there in objects])
@@ -242,11 +240,6 @@ def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     """Light minus model, K x N; zero where an LED does not reach."""
     normal, z = there.moved(shift)
     return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
-
-
-def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
-    """Root mean square per LED over the pixels that it reaches."""
-    return np.asarray(np.sqrt((left * left).sum(axis=1) / lit.sum(axis=1)))
 
 
 def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:

@@ -12,16 +12,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import (
-    F4,
-    U1,
-    Light,
-    Mask,
-    Metrics,
-    NullVector,
-    Reflectance,
-    Spread,
-)
+from tactograph.nodes import F4, U1, Light, Mask, Metrics, NullVector, Reflectance, Spread
 from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables

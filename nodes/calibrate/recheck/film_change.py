@@ -53,12 +53,7 @@ class FilmChange(NamedTuple):
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave the film's tilt open")})
 def film_change(
-    then: Light,
-    now: Light,
-    tilt: TiltResponse,
-    pixel: PixelSize,
-    *,
-    new_film: bool = False,
+    then: Light, now: Light, tilt: TiltResponse, pixel: PixelSize, *, new_film: bool = False
 ) -> FilmChange:
     """Distinguish a weaker LED, ambient light, a moved camera, dirt and dents.
 

@@ -33,10 +33,7 @@ class FilmArea(NamedTuple):
 
 @node
 def find_film(
-    flat: Light,
-    *,
-    dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
-    told: bool = False,
+    flat: Light, *, dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1, told: bool = False
 ) -> FilmArea:
     """Return where a frame shows film, and its light continued over the rest of the frame.
 
