@@ -254,12 +254,9 @@ def add_harmonics(
         left = predicted(balls, now) - balls.light
         now = place_balls(balls, now._replace(scale=_scale(balls, left)), shift_mm)
         away = (balls.light - predicted(balls, now)) / balls.whole
-        weight = _cauchy(away, now.scale) / balls.whole**2
+        # Cauchy's weights.
+        weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.whole**2
     return now._replace(scale=_scale(balls, predicted(balls, now) - balls.light))
-
-
-def _cauchy(left: F8, scale: float) -> F8:
-    return np.asarray(1 / (1 + (left / (3 * scale)) ** 2))
 
 
 def _weight(balls: Balls, left: F8, scale: float) -> F8:

@@ -105,8 +105,7 @@ def samples_for(presses: int) -> float:
 
 def unreached(objects: list[Object]) -> tuple[int, int] | None:
     """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
-    reach = sum(there.reach for there in objects)
-    assert isinstance(reach, np.ndarray)
+    reach = np.sum([there.reach for there in objects], axis=0)
     weakest = int(reach.argmin())
     return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
 

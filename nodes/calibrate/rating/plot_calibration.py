@@ -111,7 +111,7 @@ def plot_calibration(
         _draw_found(axes[0, 0], light, mask, wide)
     elif balls is not None and balls.names:
         used = np.array([part.any() for part in masks])
-        _draw_presses(axes[0, 0], masks, balls.names, balls.circle, balls.of, used, wide)
+        _draw_presses(axes[0, 0], masks, balls, used, wide)
         if held_out is not None:
             degrees, microns, _ = held_out
             _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
@@ -164,13 +164,7 @@ def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
 
 
 def _draw_presses(
-    axes: Axes,
-    masks: list[U1],
-    names: list[str],
-    circle: F4,
-    of: NDArray[np.int32],
-    used: NDArray[np.bool_],
-    wide: int,
+    axes: Axes, masks: list[U1], balls: FoundBalls, used: NDArray[np.bool_], wide: int
 ) -> None:
     """Draw the film with all contacts; those left out are grey and dashed."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
@@ -178,16 +172,15 @@ def _draw_presses(
     axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
     # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
     middle = (wide - 1) / 2
-    placed = circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
-    for press, (x, y, radius) in zip(of, placed, strict=True):
+    placed = balls.circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
+    for press, (x, y, radius) in zip(balls.of, placed, strict=True):
         if radius == 0:
             continue
         look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        if len(circle) <= MAX_NAMES:
-            axes.text(
-                x, y - radius, names[press][:MAX_NAME_LETTERS], fontsize=7, ha="center", va="bottom"
-            )
+        if len(placed) <= MAX_NAMES:
+            name = balls.names[press][:MAX_NAME_LETTERS]
+            axes.text(x, y - radius, name, fontsize=7, ha="center", va="bottom")
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",
