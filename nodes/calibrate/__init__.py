@@ -25,6 +25,10 @@ TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
 
 MIN_FLAT_LIGHT = np.float32(0.02)
 """Light of the film at rest below which nothing is divided by it."""
+MAX_SAMPLE_SLOPE = 3.0
+"""Steepest slope of a sample: where a shape is steeper, it is least certain."""
+SHIFT_DEVIATION_PX = 0.5
+"""Standard deviation of an object's position along x and along y."""
 MIN_PIXELS = 100
 """Fewest pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4

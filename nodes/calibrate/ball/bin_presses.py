@@ -4,7 +4,6 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
@@ -39,8 +38,6 @@ def bin_presses(
     radius: Radii | None = None,
     known: KnownCircles | None = None,
     marks: Marks | None = None,
-    *,
-    pixels: Annotated[float, Gt(0)] = MIN_IMAGE_PIXELS,
 ) -> BinnedPresses:
     """Bin all inputs of a calibration by n x n pixels.
 
@@ -59,14 +56,12 @@ def bin_presses(
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     marks
         M x 3, marked balls: x, y in px, press.
-    pixels
-        Fewest pixels of the binned image.
     """
     if radius is None or known is None:
         return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel, 1)
     rows, columns = dark.shape
     by_ball = float(radius.min()) / pixel / MIN_BALL_RADIUS_PX
-    factor = int(min(by_ball, np.sqrt(rows * columns / pixels)))
+    factor = int(min(by_ball, np.sqrt(rows * columns / MIN_IMAGE_PIXELS)))
     if factor <= 1:
         return BinnedPresses(image, flat, dark, known, pixel, 1, marks)
     size = (columns // factor, rows // factor)

@@ -150,12 +150,9 @@ def _grids(
             f"none of {len(names)} presses shows a grid of balls; check ball_radius_mm, "
             "ball_pitch_mm and pixel_size_mm"
         )
-    return FoundBalls(
-        np.concatenate([grid.circle for *_, grid in grids]).astype(np.float32),
-        np.concatenate([grid.goodness for *_, grid in grids]).astype(np.float32),
-        np.concatenate([np.full(len(grid.circle), size) for _, size, grid in grids]).astype(
-            np.float32
-        ),
-        np.concatenate([np.full(len(grid.circle), i) for i, _, grid in grids]).astype(np.int32),
-        names,
-    )
+    numbers, sizes, found = zip(*grids, strict=True)
+    circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*found, strict=True))
+    counts = [len(grid.circle) for grid in found]
+    radii = np.repeat(np.array(sizes, np.float32), counts)
+    of = np.repeat(np.array(numbers, np.int32), counts)
+    return FoundBalls(circle, goodness, radii, of, names)

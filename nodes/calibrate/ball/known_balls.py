@@ -1,9 +1,8 @@
 """The slopes of the balls on a sheet of presses."""
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from annotated_types import Ge
 
 from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
@@ -28,8 +27,6 @@ def known_balls(
     radius: BallRadii,
     of: BallPress,
     pixel: PixelSize,
-    *,
-    margin_px: Annotated[float, Ge(0)] = 0.5,
 ) -> KnownBalls:
     """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`sheet`).
 
@@ -42,14 +39,12 @@ def known_balls(
     radius, of
         Length B: the balls' radii in mm, and the press that each is in.
     pixel : mm per px
-    margin_px
-        Width of the rim that is left out.
     """
     rows = flat.shape[1]
     slope = np.zeros((2, *light.shape[1:]), np.float32)
     mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
     for c, r, press in zip(circle, radius, of, strict=True):
-        ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r), margin_px=margin_px)
+        ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
         inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)
         slope[:, at][:, inside] = ball.slope[:, inside]
         mask[at][inside] = 1

@@ -1,9 +1,6 @@
 """Remove the drift of the light from every press on a sheet."""
 
-from typing import Annotated
-
 import numpy as np
-from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Light, Noise
@@ -16,14 +13,7 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
 @node(neutral="light")
-def level_touches(
-    light: SheetLight,
-    flat: Light,
-    noise: Noise,
-    *,
-    degree: Annotated[int, Interval(ge=0, le=2)] = DRIFT_DEGREE,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = FILM_ROUGHNESS,
-) -> SheetLight:
+def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 
     Pressed film brightens the untouched film around it by some per cent, differently for each
@@ -37,12 +27,10 @@ def level_touches(
     flat
         K x H x W, the film at rest.
     noise : (shot, read), a captured light I has the variance shot * I + read
-    degree, rough
-        As for `film_drift`.
     """
     sigma = coarsen(light_noise(flat, flat, noise))
     levelled = []
     for press in cut(light, flat.shape[1]):
-        drift = film_drift(coarsen(press), sigma, degree=degree, rough=rough)
+        drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         levelled.append(level_light(press, drift))
     return np.concatenate(levelled, axis=1)

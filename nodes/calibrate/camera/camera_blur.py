@@ -98,14 +98,11 @@ def camera_blur(
         middle = float(x + (scale - 1) / 2), float(y + (scale - 1) / 2)
         edges += _edges(presses[of[ball]], flat, middle, float(radius))
     edges = sorted(edges, key=lambda edge: -edge.step)[:MAX_EDGES]
-    if len(edges) < MIN_EDGES:
-        return _told(0.0)
-    width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
-    blur = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
-    return _told(blur if blur >= MIN_BLUR_PX else 0.0)
-
-
-def _told(blur: float) -> CameraBlur:
+    blur = 0.0
+    if len(edges) >= MIN_EDGES:
+        width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
+        wider = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
+        blur = wider if wider >= MIN_BLUR_PX else 0.0
     return CameraBlur(blur, {"camera_blur_px": blur})
 
 

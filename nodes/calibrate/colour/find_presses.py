@@ -91,11 +91,10 @@ def find_presses(
             for press, (x, y, _) in zip(of, circle, strict=True)
         ]
         return FoundPresses(circle, ball_goodness, of, told)
-    circles, goodness, missed = [], [], []
+    balls, missed = list[tuple[float, ...]](), []
     for press, name, (x, y, contact) in zip(image, names, known, strict=True):
         if np.isfinite([x, y, contact]).all():
-            circles.append((x, y, contact))
-            goodness.append(float(contact > 0))
+            balls.append((x, y, contact, contact > 0))
             continue
         light = press / np.maximum(flat, MIN_FLAT_LIGHT)
         center = (float(x), float(y)) if np.isfinite([x, y]).all() else None
@@ -104,12 +103,11 @@ def find_presses(
             ball = find_ball(light, pixel, radius_mm=radius_mm, center_px=center, contact_px=size)
         except InputError:
             missed.append(name or "1")
-            circles.append((0.0, 0.0, 0.0))
-            goodness.append(0.0)
+            balls.append((0.0, 0.0, 0.0, 0.0))
         else:
-            circles.append((*ball.center, ball.contact))
-            goodness.append(ball.goodness)
-    ball_count = int(np.count_nonzero(goodness))
+            balls.append((*ball.center, ball.contact, ball.goodness))
+    found = np.asarray(balls, np.float32)
+    ball_count = int(np.count_nonzero(found[:, 3]))
     if ball_count < fewest:
         where = f": none in {', '.join(missed)}" if missed else ""
         raise InputError(
@@ -120,6 +118,4 @@ def find_presses(
         )
     for name in missed:
         warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
-    return FoundPresses(
-        np.asarray(circles, np.float32), np.asarray(goodness, np.float32), every, names
-    )
+    return FoundPresses(found[:, :3].copy(), found[:, 3].copy(), every, names)

@@ -10,7 +10,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, F8, I4, U1, Light, PixelSize
-from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.height.enlarge_height import enlarge_height
@@ -86,7 +86,6 @@ def fit_reflectance_map(
     *,
     radius_mm: Annotated[float, Gt(0)],
     rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
-    degree: Annotated[int, Interval(ge=0, le=4)] | None = None,
 ) -> MapFit:
     """Fit the coefficients of equation M1 (`reflectance_map`) to the presses.
 
@@ -111,9 +110,6 @@ def fit_reflectance_map(
         The ball's radius.
     rounds
         How often map and centres are updated.
-    degree
-        Degree of the polynomials in x and y.  None: the highest that the number of presses
-        allows.
 
     Returns
     -------
@@ -128,8 +124,7 @@ def fit_reflectance_map(
         If fewer than 4 presses are left.
     """
     kept = circle[:, 2] > 0
-    order = degree_for(int(kept.sum())) if degree is None else degree
-    bench = make_bench(image, flat, radius_mm, pixel, order, of)
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(kept.sum())), of)
     circles = circle.astype(np.float64)
     rim = FIRST_RIM_MM
     reflectance, circles = fit_presses(bench, circles, kept, rim, rounds)
@@ -164,8 +159,7 @@ def make_bench(
     image: F4, flat: F4, radius_mm: float, pixel: float, degree: int, of: I4 | None = None
 ) -> Bench:
     """Return the inputs of the fit's steps; the light is smoothed as for a measurement."""
-    floor = np.maximum(flat, np.float32(0.02))
-    light = [smooth_light(press / floor) for press in image]
+    light = [smooth_light(press / np.maximum(flat, MIN_FLAT_LIGHT)) for press in image]
     seen = light if of is None else [light[press] for press in of]
     return Bench(seen, flat, radius_mm / pixel, pixel, degree)
 
@@ -208,11 +202,7 @@ def refine_center(
 def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
     light, known = bench.light[press], reflectance.astype(np.float32)
-    light_c, flat_c, pixel_c = (
-        coarsen(light),
-        coarsen(bench.flat),
-        coarsen_pixel(bench.pixel),
-    )
+    light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):
         slope = solve_reflectance_map(light_c, flat_c, height, known)

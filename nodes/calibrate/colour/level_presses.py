@@ -7,7 +7,7 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Light, Mask
-from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
+from tactograph.nodes.calibrate import FILM_ROUGHNESS, MIN_FLAT_LIGHT
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
@@ -21,7 +21,6 @@ def level_presses(
     area: Mask | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.01,
 ) -> PressImages:
     """Divide each press by its drift, so that untouched film has the flat frame's light.
 
@@ -33,7 +32,7 @@ def level_presses(
         P x K x H x W presses and the K x H x W film at rest.
     area
         H x W, 1 where the frame shows film; elsewhere the presses get the light of film at rest.
-    degree, rough
+    degree
         As for `film_drift`.
     """
     if area is not None:
@@ -41,6 +40,6 @@ def level_presses(
     rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:
-        drift = film_drift(coarsen(press / rest), degree=degree, rough=rough)
+        drift = film_drift(coarsen(press / rest), degree=degree, rough=FILM_ROUGHNESS)
         levelled.append(level_light(press, drift))
     return np.stack(levelled)

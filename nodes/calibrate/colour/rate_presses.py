@@ -3,8 +3,7 @@
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt, Interval
-from numpy.typing import NDArray
+from annotated_types import Gt
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, Metrics, PixelSize
@@ -27,6 +26,8 @@ COVERAGE_CELLS = (4, 6)
 MIN_COVERED_SHARE = 0.85
 """Share of the cells that contacts should reach."""
 MIN_RIM_SLOPE = 0.5
+PART_COUNT = 5
+"""Parts into which the presses are split, each held out in turn."""
 
 
 class PressRating(NamedTuple):
@@ -53,7 +54,6 @@ def rate_presses(
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
-    folds: Annotated[int, Interval(ge=2, le=20)] = 5,
 ) -> PressRating:
     """Return the errors on held-out presses, the coverage, and what to press next.
 
@@ -76,8 +76,6 @@ def rate_presses(
         Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
-    folds
-        Parts into which the presses are split.
 
     Returns
     -------
@@ -90,13 +88,14 @@ def rate_presses(
         sentence of advice; the doubts, each of them also a warning; and the verdict.
     """
     chosen = np.flatnonzero(kept)
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(chosen.size * 4 // 5), of)
-    errors = [
-        _judge(bench, reflectance, found[press].astype(np.float64), int(press), rim)
-        for fold in range(folds)
-        for reflectance in [_map_without(bench, circle, kept, rim, chosen[fold::folds])]
-        for press in chosen[fold::folds]
-    ]
+    degree, errors = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT), []
+    bench = make_bench(image, flat, radius_mm, pixel, degree, of)
+    for part in range(PART_COUNT):
+        held_out, training = chosen[part::PART_COUNT], kept > 0
+        training[held_out] = False
+        reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
+        for press in held_out.tolist():
+            errors.append(_judge(bench, reflectance, found[press].astype(np.float64), press, rim))
     degrees, microns, percent = np.mean(errors, axis=0)
     pressed = presses_per_cell(circle[chosen], bench.shape)
     steepest = rim_slope(circle[chosen], bench.radius)
@@ -116,13 +115,6 @@ def rate_presses(
     counting = "heldout_normal_deg", float(degrees)
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
-
-
-def _map_without(bench: Bench, circle: F4, kept: U1, rim: float, held_out: NDArray[np.intp]) -> F8:
-    training = kept > 0
-    training[held_out] = False
-    reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
-    return reflectance
 
 
 def _judge(

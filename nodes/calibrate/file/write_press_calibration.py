@@ -55,24 +55,10 @@ def write_press_calibration(
         If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
         cannot be written.
     """
-    write_arrays(
-        file,
-        PRESS_CALIBRATION,
-        {
-            "flat": flat,
-            "pixel_size": pixel,
-            "reflectance": reflectance,
-            "area": area,
-            "lens": lens,
-        },
-        {
-            "quality": quality,
-            "advice": advice,
-            "doubts": doubts or [],
-            "sensor": sensor or identity_from(provenance).name or None,
-            "serial": serial,
-            "made": provenance,
-        },
-    )
+    sensor = sensor or identity_from(provenance).name or None
+    arrays = {"flat": flat, "pixel_size": pixel, "reflectance": reflectance}
+    said = {"quality": quality, "advice": advice, "doubts": doubts or []}
+    made = {"sensor": sensor, "serial": serial, "made": provenance}
+    write_arrays(file, PRESS_CALIBRATION, arrays | {"area": area, "lens": lens}, said | made)
     if advice.startswith("press"):
         warn(advice)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
-from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS
+from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, ball_height, sunk
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -70,7 +70,6 @@ def sample_balls(
     film: Film,
     noise: F4,
     pixel: float,
-    steepest: float,
     most: int | None = MAX_INDEPENDENT_SAMPLES,
     bare: U1 | None = None,
     shifts: F8 | None = None,
@@ -93,8 +92,6 @@ def sample_balls(
         The film, whose LEDs and coat determine the light from film to film.
     noise, pixel
         (shot, read), mm per px.
-    steepest
-        Steeper samples are left out.
     most
         Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
     bare
@@ -123,17 +120,15 @@ def sample_balls(
     throw = bounce if lights_itself(film) else film_bounce
     if rim is not None:
         circle = np.column_stack([circle[:, :2], rim / pixel])
-    still, lifted, rimmed = {}, {}, {}
+    thrown = {}
     for i in np.unique(of):
         balls = circle[of == i], radius[of == i], moved[of == i]
-        presses[i], still[i], lifted[i], rimmed[i] = _thrown_on(
-            presses[i], sigma, balls, film, pixel, fine, throw
-        )
+        thrown[i] = _thrown_on(presses[i], sigma, balls, film, pixel, fine, throw)
     if edges:
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
         edge = np.empty(len(of))
         for number, i in enumerate(of):
-            seen = presses[i], masks[i], still[i]
+            seen = thrown[i].light, masks[i], thrown[i].bounced
             placed = circle[number], float(radius[number]), moved[number]
             edge[number] = _edge(*seen, *placed, film, pixel)
         moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
@@ -142,7 +137,8 @@ def sample_balls(
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
         reach = min(
-            FITTED_RADIUS_SHARE * contact, radius[number] / pixel * np.sin(np.arctan(steepest))
+            FITTED_RADIUS_SHARE * contact,
+            radius[number] / pixel * np.sin(np.arctan(MAX_SAMPLE_SLOPE)),
         )
         yy, xx = np.mgrid[
             max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
@@ -154,9 +150,9 @@ def sample_balls(
         inside = np.flatnonzero(within)
         yy, xx = yy[inside], xx[inside]
         sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * BALL_SLICES).astype(int)
-        values, bounced = presses[i][:, yy, xx], still[i][:, yy, xx].astype(np.float64)
-        by_lift = lifted[i][:, yy, xx] / radius[number].astype(np.float64)
-        by_rim = rimmed[i][:, yy, xx].astype(np.float64)
+        of_press = (part[:, yy, xx].astype(np.float64) for part in thrown[i])
+        values, bounced, by_lift, by_rim = of_press
+        by_lift /= radius[number].astype(np.float64)
         bounced -= moved[number, 2] * by_lift + film.rim * by_rim
         each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
         parts.append((x[xx], y[yy], *each_ball))
@@ -326,7 +322,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT)
-    variance = np.median(np.square(left / whole)) / 0.455
-    alone = np.median(camera / whole**2)
+    variance = np.median(np.square(left / balls.whole)) / 0.455
+    alone = np.median(camera / balls.whole**2)
     return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

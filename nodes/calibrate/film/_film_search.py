@@ -61,13 +61,10 @@ class Trial(NamedTuple):
         """Fit a model to all samples, or to the given ones."""
         return fit(balls or self.balls, self.rest, parts, start, self.shift_mm, self.width_mm)
 
-    def folds(self) -> list[NDArray[np.bool_]]:
+    def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""
-        return [self.balls.held_by % FOLD_COUNT == fold for fold in self.fold_numbers()]
-
-    def fold_numbers(self) -> NDArray[np.intp]:
-        """The fold numbers that occur: ball, or slice, modulo `FOLD_COUNT`."""
-        return np.unique(self.balls.held_by % FOLD_COUNT)
+        numbers = np.unique(self.balls.held_by % FOLD_COUNT)
+        return [balls.held_by % FOLD_COUNT == number for number in numbers]
 
 
 class Model(NamedTuple):
@@ -88,7 +85,7 @@ class Model(NamedTuple):
 def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
     errors, folds, weights = [], [], []
-    for held in trial.folds():
+    for held in trial.folds(trial.balls):
         train, test = trial.balls.only(~held), trial.balls.only(held)
         refitted = trial.fit(parts, fitted, train)
         if degree is not None:
@@ -104,11 +101,7 @@ def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | Non
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
     """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
     good = whole.only(~bad[whole.ball])
-    numbers = trial.fold_numbers()
-    held = [
-        (good.only(good.held_by % FOLD_COUNT == number), fold)
-        for number, fold in zip(numbers, best.folds, strict=True)
-    ]
+    held = zip(map(good.only, trial.folds(good)), best.folds, strict=True)
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
 
 
@@ -171,8 +164,9 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
     """Sample again with a better-known film, up to where it leaves the balls."""
     before, film = trial.balls, fitted.film
-    edges = lights_itself(film)
-    balls = trial.samples(film, fitted.shifts, before.rim, edges=edges, **options)
+    balls = trial.samples(
+        film, shifts=fitted.shifts, rim=before.rim, edges=lights_itself(film), **options
+    )
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 

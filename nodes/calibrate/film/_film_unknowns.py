@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F8, USUAL_RIM_MM, Film
+from tactograph.nodes import F8, USUAL_RIM_MM
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import matt_film
@@ -31,8 +31,9 @@ SHARED_UNKNOWNS = {
     "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
     "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
+    "diffuse": Unknown(0.2, 0.3, 0.0, 0.9),
 }
-DIFFUSE_UNKNOWN = Unknown(0.2, 0.3, 0.0, 0.9)
+"""By name; `diffuse` is one for each LED."""
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002
@@ -67,44 +68,33 @@ def opened(start: Fitted, names: list[str]) -> Fitted:
     changed: dict[str, Any] = {
         name: SHARED_UNKNOWNS[name].start
         for name in names
-        if name in SHARED_UNKNOWNS and getattr(start.film, name) == getattr(off, name)
+        if np.all(getattr(start.film, name) == getattr(off, name))
     }
-    if "diffuse" in names and not start.film.diffuse.any():
-        changed["diffuse"] = np.full(len(start.leds), DIFFUSE_UNKNOWN.start)
+    if "diffuse" in changed:
+        changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])
     return start._replace(film=start.film._replace(**changed))
 
 
 def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
     """Number, departure and standard deviation of every unknown with a prior."""
-    count = len(now.leds)
+    numbers = numbered(now, names)
     for k, (_, _, c, _, emission) in enumerate(now.leds):
         yield UNKNOWNS_PER_LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
         yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
-    for number, (_, value, about) in _numbers(now, names):
-        yield UNKNOWNS_PER_LED * count + number, value - about.start, about.spread
-
-
-def _numbers(now: Fitted, names: list[str]) -> Iterator[tuple[int, tuple[str, float, Unknown]]]:
-    """The film's unknowns, in order."""
-    number = 0
     for name in names:
-        if name == "diffuse":
-            for share in now.film.diffuse:
-                yield number, (name, float(share), DIFFUSE_UNKNOWN)
-                number += 1
-        else:
-            yield number, (name, float(getattr(now.film, name)), SHARED_UNKNOWNS[name])
-            number += 1
+        about, values = SHARED_UNKNOWNS[name], np.atleast_1d(getattr(now.film, name))
+        for number, value in zip(numbers[name].tolist(), values.tolist(), strict=True):
+            yield number, value - about.start, about.spread
 
 
 def albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
     """Normalised difference of the two albedos, and its derivatives by all shared unknowns."""
     if not ALBEDO_DIFFERENCE.keys() <= set(names):
         return
-    numbers = [(number, name) for number, (name, *_) in _numbers(now, names)]
-    by = np.zeros(now.leds.size + len(numbers))
-    for number, name in numbers:
-        by[now.leds.size + number] = ALBEDO_DIFFERENCE.get(name, 0) / ALBEDO_DEVIATION
+    numbers = numbered(now, names)
+    by = np.zeros(sum(map(len, numbers.values())))
+    for name, sign in ALBEDO_DIFFERENCE.items():
+        by[numbers[name]] = sign / ALBEDO_DEVIATION
     yield (now.film.base - now.film.albedo) / ALBEDO_DEVIATION, by
 
 
@@ -125,7 +115,7 @@ def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     An LED's own unknowns change its own light alone, so one prediction tells of all of them.
     """
     if name not in LED_UNKNOWNS:
-        about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
+        about = SHARED_UNKNOWNS[name]
         film = now.film._replace(**{name: getattr(now.film, name) + about.step})
         return now._replace(film=film), np.array([about.step])
     step, leds = np.full(len(now.leds), 1e-5), now.leds.copy()
@@ -158,22 +148,15 @@ def differences(
     return by
 
 
-def _film_moved(film: Film, names: list[str], by: F8) -> Film:
-    changed: dict[str, Any] = {}
-    number = 0
-    for name in names:
-        size = len(film.diffuse) if name == "diffuse" else 1
-        about = DIFFUSE_UNKNOWN if name == "diffuse" else SHARED_UNKNOWNS[name]
-        value = np.clip(getattr(film, name) + by[number : number + size], about.low, about.high)
-        changed[name] = value if name == "diffuse" else float(value[0])
-        number += size
-    return film._replace(**changed)
-
-
 def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
-    count = len(now.leds)
-    leds = now.leds + by[: UNKNOWNS_PER_LED * count].reshape(-1, UNKNOWNS_PER_LED)
+    leds = now.leds + by[: now.leds.size].reshape(now.leds.shape)
     leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
     leds[:, 4] = np.clip(leds[:, 4], EMISSION_UNKNOWN.low, EMISSION_UNKNOWN.high)
-    film = _film_moved(now.film, names, by[UNKNOWNS_PER_LED * count :])
+    changed: dict[str, Any] = {}
+    numbers = numbered(now, names)
+    for name in names:
+        about = SHARED_UNKNOWNS[name]
+        value = np.clip(getattr(now.film, name) + by[numbers[name]], about.low, about.high)
+        changed[name] = value if name == "diffuse" else float(value[0])
+    film = now.film._replace(**changed)
     return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)

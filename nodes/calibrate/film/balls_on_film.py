@@ -42,19 +42,15 @@ class Balls:
         """The unit for holding out samples: their ball, or the slice of a single ball."""
         return self.ball if len(self.centre) > 1 else self.sector
 
+    @property
+    def whole(self) -> F8:
+        """Light that residuals are relative to: that of the samples, or more."""
+        return np.maximum(self.light, MIN_WEIGHT_LIGHT)
+
     def only(self, chosen: NDArray[np.bool_]) -> Self:
         """Return some of the samples; balls without samples remain."""
-        return replace(
-            self,
-            u=self.u[chosen],
-            v=self.v[chosen],
-            light=self.light[:, chosen],
-            ball=self.ball[chosen],
-            bounced=self.bounced[:, chosen],
-            by_lift=self.by_lift[:, chosen],
-            by_rim=self.by_rim[:, chosen],
-            sector=self.sector[chosen],
-        )
+        of_samples = "u", "v", "light", "ball", "bounced", "by_lift", "by_rim", "sector"
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in of_samples})
 
     def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
         """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
@@ -127,7 +123,8 @@ def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
     """
     film, shifts = fitted.film, fitted.shifts
     n, x, y, z = balls.seen(shifts, film.camera)
-    own_light = predict(film, n, x, y, _touched(z, film), rest)
+    # Film on a ball is touched, however low its rim is.
+    own_light = predict(film, n, x, y, np.maximum(z, film.contact), rest)
     return np.asarray(own_light + balls.thrown(shifts, film))
 
 
@@ -137,8 +134,3 @@ def rest_seen(balls: Balls, film: Film) -> F8 | None:
     None under a near camera, because the point that a pixel sees then depends on the ball.
     """
     return None if film.camera else at_rest(film, balls.u, balls.v)
-
-
-def _touched(z: F8, film: Film) -> F8:
-    """Heights of at least `film.contact`: the film on a ball is touched, however low its rim is."""
-    return np.maximum(z, film.contact)

@@ -26,7 +26,6 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     priors,
 )
 from tactograph.nodes.calibrate.film.balls_on_film import (
-    MIN_WEIGHT_LIGHT,
     Balls,
     Fitted,
     predicted,
@@ -178,7 +177,7 @@ def other_places(
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     problem = _Problem(balls, rest, names, shift_mm, width_mm)
     left = problem.left(fitted)
-    robust = _robust_spread(_weighted(balls, left.light))
+    robust = _robust_spread(left.light / balls.whole)
     known = _equations(problem.judged(left)._replace(scale=robust), fitted, left)
     shared, _ = _without_shifts(known.shared, known.mixed, known.own)
     scale = np.sqrt(np.diag(shared))
@@ -191,14 +190,11 @@ def other_places(
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
     now, scale = fitted, fitted.scale
-    spread, rest = _spread(balls, shift_mm), rest_seen(balls, fitted.film)
+    spread, rest = place_deviations(balls, shift_mm), rest_seen(balls, fitted.film)
     for _ in range(10):
         left = predicted(balls, now, rest) - balls.light
         by = _by_shift(balls, now, left + balls.light, rest)
-        weight = (
-            _robust(_weighted(balls, left) / scale)
-            / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
-        )
+        weight = _weight(balls, left, scale)
         normal = balls.by_ball(by * weight, by) + _diagonals(spread**-2)
         right = -balls.by_ball(by, (weight * left)[None])[..., 0] - now.shifts * spread**-2
         step = np.clip(np.linalg.solve(normal, right[..., None])[..., 0], -spread, spread)
@@ -208,8 +204,8 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     return now
 
 
-def _spread(balls: Balls, shift_mm: float) -> F8:
-    """Standard deviations of the balls' positions in x, y and z, P x 3."""
+def place_deviations(balls: Balls, shift_mm: float) -> F8:
+    """Return standard deviations of the balls' positions in x, y and z, P x 3."""
     lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
 
@@ -232,7 +228,7 @@ def add_harmonics(
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
     physics = fitted._replace(film=film)
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
-    weight = 1 / np.maximum(balls.light, MIN_WEIGHT_LIGHT) ** 2
+    weight = 1 / balls.whole**2
     held = np.full(count * size + 1, RIDGE_SHARE * balls.u.size)
     held[-1] = 0
     for _ in range(HARMONICS_ROUNDS):
@@ -257,22 +253,20 @@ def add_harmonics(
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         left = predicted(balls, now) - balls.light
         now = place_balls(balls, now._replace(scale=_scale(balls, left)), shift_mm)
-        weight = _cauchy(_weighted(balls, balls.light - predicted(balls, now)), now.scale)
-        weight = weight / np.maximum(balls.light, MIN_WEIGHT_LIGHT) ** 2
+        away = (balls.light - predicted(balls, now)) / balls.whole
+        # Cauchy's weights.
+        weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.whole**2
     return now._replace(scale=_scale(balls, predicted(balls, now) - balls.light))
 
 
-def _cauchy(left: F8, scale: float) -> F8:
-    return np.asarray(1 / (1 + (left / (3 * scale)) ** 2))
-
-
-def _weighted(balls: Balls, left: F8) -> F8:
-    return np.asarray(left / np.maximum(balls.light, MIN_WEIGHT_LIGHT))
+def _weight(balls: Balls, left: F8, scale: float) -> F8:
+    """Weights of the samples' residuals in the normal equations."""
+    return np.asarray(_robust(left / balls.whole / scale) / (scale * balls.whole) ** 2)
 
 
 def _scale(balls: Balls, left: F8) -> float:
     """Robust standard deviation of a sample's residual."""
-    return max(LIGHT_DEVIATION, _robust_spread(_weighted(balls, left)))
+    return max(LIGHT_DEVIATION, _robust_spread(left / balls.whole))
 
 
 def _robust_spread(left: F8) -> float:
@@ -286,8 +280,8 @@ def _robust(left: F8) -> F8:
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     balls, _, names, shift_mm, width_mm, scale, certain = problem
-    total = float(np.square(now.shifts / _spread(balls, shift_mm)).sum())
-    total += problem.each * huber(_weighted(balls, left.light) / scale)
+    total = float(np.square(now.shifts / place_deviations(balls, shift_mm)).sum())
+    total += problem.each * huber(left.light / balls.whole / scale)
     total += huber(left.flat / certain)
     total += float(now.leds[:, 3].mean() ** 2)
     total += sum(away**2 for away, _ in albedos(now, names))
@@ -300,12 +294,8 @@ def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
     left = residuals.light
     light = left + balls.light
     by_own, by = _by_shift(balls, now, light, seen), _by_shared(balls, now, names, light, seen)
-    weight = (
-        _robust(_weighted(balls, left) / scale)
-        / (scale * np.maximum(balls.light, MIN_WEIGHT_LIGHT)) ** 2
-    )
-    weight *= problem.each
-    spread = _spread(balls, shift_mm)
+    weight = problem.each * _weight(balls, left, scale)
+    spread = place_deviations(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T
     right = -(by.reshape(len(by), -1) @ away.ravel())

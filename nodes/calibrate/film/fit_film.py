@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
-    F8,
     Film,
     Light,
     LightPlaces,
@@ -26,7 +25,13 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
 )
-from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import (
+    MAX_SAMPLE_SLOPE,
+    SHIFT_DEVIATION_PX,
+    BallCircles,
+    BallPress,
+    BallRadii,
+)
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
@@ -40,7 +45,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted, sunk
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -104,8 +109,6 @@ def fit_film(
     bare: SheetMask | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
     without: tuple[FilmPart, ...] = (),
     bounce: NodeCall = film_bounce,
 ) -> FilmFit:
@@ -137,8 +140,6 @@ def fit_film(
         S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
     camera_mm
         Height of the pupil above the film, if known.
-    steepest, shift_px
-        As for `calibrate_lights`.
     without
         Parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``.
 
@@ -154,30 +155,23 @@ def fit_film(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
-    def samples(
-        film: Film,
-        shifts: F8 | None = None,
-        rim: F8 | None = None,
-        **options: Any,
-    ) -> Balls:
-        given = light, flat, circle, radius, of, film, noise, pixel, steepest
-        return sample_balls(*given, bare=bare, shifts=shifts, rim=rim, bounce=bounce, **options)
+    def samples(film: Film, **options: Any) -> Balls:
+        given = light, flat, circle, radius, of, film, noise, pixel
+        return sample_balls(*given, bare=bare, bounce=bounce, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
     width = pixel * flat.shape[2]
-    trial = Trial(balls, rest_of(flat, pixel), shift_px * pixel, width, samples)
+    trial = Trial(balls, rest_of(flat, pixel), SHIFT_DEVIATION_PX * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
-    tall = balls.radius - np.sqrt(np.maximum(balls.radius**2 - balls.rim**2, 0))
+    tall = balls.radius - sunk(balls.radius, balls.rim)
     closed: set[str] = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
         closed.add("camera")
-    if (
-        np.median(balls.rim)
-        < MIN_CONTACT_CELLS * cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
-    ):
+    cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
+    if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
     trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
     if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
@@ -193,23 +187,15 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        fit_of = balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width
-        others = other_places(*fit_of)
+        others = other_places(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
     left = balls.light - predicted(balls, best.fitted)
-    typed: dict[str, Any] = {
-        name: np.asarray(value, np.float32) if isinstance(value, np.ndarray) else float(value)
-        for name, value in film._asdict().items()
-    }
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         uneven = max(uneven, UNEVEN_OF_ONE)
-    typed["uneven"] = uneven
-    typed["grain"] = grain(balls, left, flat, noise)
-    typed["pressed_slope"] = pressed_slope(balls, steepest)
-    typed["others"] = others
+    rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
     return FilmFit(
-        Film(**typed),
+        stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),
         misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, trial.rest),
@@ -217,10 +203,19 @@ def fit_film(
     )
 
 
-def pressed_slope(balls: Balls, steepest: float) -> float:
+def stored(film: Film) -> Film:
+    """Return a film in the types of a file: 32-bit arrays, and numbers."""
+    typed: dict[str, Any] = {
+        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
+        for name, value in film._asdict().items()
+    }
+    return Film(**typed)
+
+
+def pressed_slope(balls: Balls) -> float:
     """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
     sine = float((balls.rim / balls.radius).max())
-    return min(sine / math.sqrt(1 - sine**2), steepest) if sine < 1 else steepest
+    return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
 def _properties(best: Model, rest: Rest | None) -> Metrics:

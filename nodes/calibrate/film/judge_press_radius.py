@@ -31,8 +31,6 @@ MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 MAX_PATTERN = 0.1
 """Departure of the light's means up to which lights are points: then a gamma shows."""
-MAX_SLOPE = 3.0
-"""Steepest film of a sample."""
 STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
 """Place of all lights until the samples tell."""
 
@@ -47,7 +45,6 @@ def judge_press_radius(
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> RadiusVerdict:
     """Fit a plain film under point lights with other radii, as `judge_radius` does.
 
@@ -65,8 +62,6 @@ def judge_press_radius(
         Length B, the press that each ball is in.  None: every press has one ball.
     radius_mm
         The ball's radius.
-    shift_px
-        Standard deviation of a ball's position.
 
     Returns
     -------
@@ -81,17 +76,14 @@ def judge_press_radius(
     nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
     every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel),
-        MAX_SLOPE,
-        most=None,
-        fine=True,
+        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel), most=None, fine=True
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(balls, flat, pixel, _directions(balls), strength, shift_px, COARSE_FACTORS, 0)
+    tried = try_radii(balls, flat, pixel, _directions(balls), strength, COARSE_FACTORS, 0)
     doubt, given = doubt_of_radius(tried, radius_mm), as_given(tried)
     doubts = [doubt.sentence] if doubt.sentence else []
     if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
-        gammas = try_gammas(balls, flat, pixel, _directions(balls), strength, shift_px)
+        gammas = try_gammas(balls, flat, pixel, _directions(balls), strength)
         doubts += doubt_of_pattern(tried, gammas, radius_mm)
     # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
     is_grid = of is not None and np.bincount(of[used]).max() > 1

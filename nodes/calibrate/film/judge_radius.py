@@ -20,6 +20,7 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, F8, Film, Metrics
+from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.film._ball_samples import lights_itself, sample_balls, thinned
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._light_pattern import light_pattern
@@ -116,8 +117,6 @@ def judge_radius(
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> RadiusVerdict:
     """Fit a plain film with other radii; doubt the given one if another explains the light better.
 
@@ -133,8 +132,6 @@ def judge_radius(
         gives it.
     force
         Whether a radius that the light contradicts is doubted instead of refused.
-    steepest, shift_px
-        As for `fit_film`.
 
     Returns
     -------
@@ -154,19 +151,18 @@ def judge_radius(
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
-        steepest,
         most=None,
         fine=True,
     )
     left = _left(fitted) if led_distance_mm is None else np.inf
-    trials = try_radii(balls, flat, pixel, lights, strength, shift_px, left=left)
+    trials = try_radii(balls, flat, pixel, lights, strength, left=left)
     first, left = float(radius[used[0]]), _left(fitted)
     doubt = doubt_of_radius(trials, first, left)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
     if not doubts and not lights_itself(film) and as_given(trials).pattern >= MIN_PATTERN:
-        gammas = try_gammas(balls, flat, pixel, lights, strength, shift_px)
+        gammas = try_gammas(balls, flat, pixel, lights, strength)
         doubts += doubt_of_pattern(trials, gammas, first)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
@@ -186,7 +182,6 @@ def try_radii(
     pixel: float,
     lights: F4,
     strength: F4,
-    shift_px: float,
     factors: tuple[float, ...] = RADIUS_FACTORS,
     rounds: int = FINER_ROUNDS,
     left: float = np.inf,
@@ -201,7 +196,7 @@ def try_radii(
     deepest = min(float((balls.rim / balls.radius).max()), 1.0)
 
     def tried(factors: Iterable[float]) -> list[Tried]:
-        return [_try(balls, rest, start, f, shift_px * pixel, width) for f in factors]
+        return [_try(balls, rest, start, f, pixel, width) for f in factors]
 
     trials = tried([1.0])
     if is_noise := _is_noise(trials[0], left):
@@ -216,7 +211,7 @@ def try_radii(
 
 
 def try_gammas(
-    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4, shift_px: float
+    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4
 ) -> dict[float, float]:
     """Return what a plain film leaves of light raised to a power, by power (`light_pattern`)."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
@@ -225,7 +220,7 @@ def try_gammas(
         start = _start(lights, strength**power, len(balls.centre), width)
         linear = replace(balls, light=np.maximum(balls.light, 0) ** power)
         even = None if rest is None else replace(rest, logarithm=rest.logarithm * power)
-        left[power] = _try(linear, even, start, 1.0, shift_px * pixel, width).pattern / power
+        left[power] = _try(linear, even, start, 1.0, pixel, width).pattern / power
     return left
 
 
@@ -332,7 +327,7 @@ def _left(fitted: Metrics) -> float:
 
 
 def _try(
-    balls: Balls, rest: Rest | None, start: Fitted, factor: float, shift_mm: float, width_mm: float
+    balls: Balls, rest: Rest | None, start: Fitted, factor: float, pixel: float, width_mm: float
 ) -> Tried:
     """Fit the plain film to balls of other radii and the same contacts.
 
@@ -345,7 +340,7 @@ def _try(
     samples = thinned(other, MAX_SAMPLES)
 
     def fitted(start: Fitted, parts: frozenset[str]) -> Fitted:
-        return fit(samples, rest, parts, start, shift_mm, width_mm)
+        return fit(samples, rest, parts, start, SHIFT_DEVIATION_PX * pixel, width_mm)
 
     def tried(start: Fitted) -> Tried:
         found = fitted(start, PLAIN_PARTS)

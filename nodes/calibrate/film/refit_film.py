@@ -4,10 +4,9 @@ Long because each property that may change has its prior, its bounds and its fig
 """
 
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 from scipy.optimize import least_squares
 
 from tactograph.graph import NodeCall, SizeLimit, node, warn
@@ -16,6 +15,7 @@ from tactograph.nodes.calibrate import (
     FOLD_COUNT,
     MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
+    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -23,14 +23,10 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.film_fit import HEIGHT_DEVIATION_SHARE
-from tactograph.nodes.calibrate.film.fit_film import pressed_slope
-from tactograph.nodes.calibrate.lights.light_fit import (
-    HEIGHT_DEVIATION_MM,
-    HUBER_DEVIATIONS,
-    LIGHT_DEVIATION,
-)
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film.film_fit import place_deviations
+from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
+from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
@@ -66,11 +62,7 @@ OPEN_PARAMETERS = {
     "refraction": _Open(0.15, 1.0, 2.0),
 }
 """Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
-FILM_CHANGES = (
-    ("thicker",),
-    ("thicker", "gain", "diffuse", "albedo"),
-    tuple(OPEN_PARAMETERS),
-)
+FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_PARAMETERS))
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
 FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
@@ -125,8 +117,6 @@ def refit_film(
     pixel: PixelSize,
     even_pixel: PixelSize,
     *,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
     bounce: NodeCall = film_bounce,
 ) -> FilmRefit:
     """Return the model of a new film: the old one, with the changes that a check press shows.
@@ -155,8 +145,6 @@ def refit_film(
         mm per px on the old film.
     even_pixel
         mm per px, the camera's own pixels, if `light` is binned.
-    steepest, shift_px
-        As for `calibrate_lights`.
 
     Returns
     -------
@@ -173,28 +161,25 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    given = (light, flat, circle, radius, of, film, noise, pixel, steepest)
+    given = (light, flat, circle, radius, of, film, noise, pixel)
     balls = sample_balls(*given, most=CHECK_SAMPLES, bounce=bounce)
-    if (slope := pressed_slope(balls, steepest)) < SHALLOW_SHARE * film.pressed_slope:
+    if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
-    known = _known(precise, flat, before, pixel, shift_px)
+    known = _known(precise, flat, before, pixel)
     best, error, folds = _choose(known, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(known._replace(film=plain), balls)
         if other[1] < MAX_ERROR_RATIO * error:
             best, error, folds = other
-    before_error = _judged(known, balls, (), None)[1]
+    before_error = _judged(known, balls, ())[1]
     whole = sample_balls(*given, most=None, bounce=bounce)
-    held = [
-        Held(whole.only(whole.held_by % FOLD_COUNT == number), fold.fitted)
-        for number, fold in enumerate(folds)
-    ]
+    parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
+    held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
     away = np.asarray(film.others - film.lights, np.float64)
-    held = [part for part in held if part.balls.u.size]
     uneven = unevenness(held, pixel)
     new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
@@ -210,14 +195,9 @@ def refit_film(
 
 
 def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> FilmRefit:
-    typed: dict[str, Any] = {
-        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
-        for name, value in new._asdict().items()
-    }
-    typed["others"] = np.asarray(old.others + (typed["lights"] - old.lights), np.float32)
-    return FilmRefit(
-        Film(**typed), misfit=np.asarray(left, np.float32), pixel_size=pixel, quality=figures
-    )
+    film = stored(new)
+    others = np.asarray(old.others + (film.lights - old.lights), np.float32)
+    return FilmRefit(film._replace(others=others), np.asarray(left, np.float32), pixel, figures)
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
@@ -236,14 +216,14 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
     }
 
 
-def _known(film: Film, flat: F4, before: F4, pixel: float, shift_px: float) -> _Known:
+def _known(film: Film, flat: F4, before: F4, pixel: float) -> _Known:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then = rest_of(flat, pixel), rest_of(before, pixel)
+    now, then, shift_mm = rest_of(flat, pixel), rest_of(before, pixel), SHIFT_DEVIATION_PX * pixel
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_px * pixel)
+        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
     light = float(np.median(flat) / np.median(before))
-    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_px * pixel)
+    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
 
 
 def _level(logarithm: F8) -> F8:
@@ -254,19 +234,19 @@ def _level(logarithm: F8) -> F8:
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
     """The simplest change that the held-out slices support, its error and its folds."""
-    best, error, folds = _judged(known, balls, FILM_CHANGES[0], None)
+    best, error, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
-        tried = _judged(known, balls, names, FIRST_COAT if "base" in names else None)
+        tried = _judged(known, balls, names)
         if tried[1] < MAX_ERROR_RATIO * error:
             best, error, folds = tried
     return best, error, folds
 
 
 def _judged(
-    known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float] | None
+    known: _Known, balls: Balls, names: tuple[str, ...]
 ) -> tuple[_Refitted, float, list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
-    whole = _fit(known, balls, names, start)
+    whole = _fit(known, balls, names, FIRST_COAT if "base" in names else {})
     folds, errors = [], []
     for number in range(FOLD_COUNT):
         held = balls.held_by % FOLD_COUNT == number
@@ -292,19 +272,11 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
 
 def _scaled(balls: Balls, by: float) -> Balls:
     """The samples' positions on a film that is farther from the camera, scaled by `by`."""
-    if by == 1:
-        return balls
-    return replace(
-        balls, u=balls.u * by, v=balls.v * by, centre=balls.centre * by, rim=balls.rim * by
-    )
+    scaled = {name: getattr(balls, name) * by for name in ("u", "v", "centre", "rim")}
+    return replace(balls, **scaled)
 
 
-def _fit(
-    known: _Known,
-    balls: Balls,
-    names: tuple[str, ...],
-    start: dict[str, float] | None = None,
-) -> _Refitted:
+def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
     film, count = known.film, len(balls.centre)
     old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
@@ -312,12 +284,12 @@ def _fit(
         # The LEDs stay, so a film at rest that is darker reflects less.
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
-    lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
-    places = np.column_stack([np.full((count, 2), known.shift_mm), lift]).ravel()
-    spread = np.concatenate([places, [OPEN_PARAMETERS[name].spread for name in names]])
+    places = place_deviations(balls, known.shift_mm).ravel()
+    opened = [OPEN_PARAMETERS[name] for name in names]
+    spread = np.concatenate([places, [each.spread for each in opened]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
-    whole = np.maximum(balls.light, MIN_WEIGHT_LIGHT) * samples
+    whole = balls.whole * samples
     level = np.log(rest_light(film, known.fall.x, known.fall.y))
 
     def at(values: F8) -> _Refitted:
@@ -337,12 +309,9 @@ def _fit(
         return np.concatenate(parts)
 
     usual = np.concatenate([np.zeros(3 * count), first])
-    begin = [(start or {}).get(name, value) for name, value in zip(names, first, strict=True)]
-    bounds = np.array(
-        [(OPEN_PARAMETERS[name].low, OPEN_PARAMETERS[name].high) for name in names]
-    ).reshape(-1, 2)
-    low = np.concatenate([-10 * places, bounds[:, 0]])
-    high = np.concatenate([10 * places, bounds[:, 1]])
+    begin = [start.get(name, value) for name, value in zip(names, first, strict=True)]
+    low = np.concatenate([-10 * places, [each.low for each in opened]])
+    high = np.concatenate([10 * places, [each.high for each in opened]])
     margin = 1e-6 * spread
     solved = least_squares(
         left,

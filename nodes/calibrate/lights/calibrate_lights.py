@@ -3,17 +3,11 @@
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.calibrate.lights.light_fit import (
-    other_places,
-    place_leds,
-    residual_of,
-    spread_of,
-)
+from tactograph.nodes.calibrate.lights.light_fit import other_places, place_leds, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     rest_of,
@@ -49,9 +43,6 @@ def calibrate_lights(
     lit: SheetLabels,
     pixel: PixelSize,
     slants: Annotated[F4, Port("K 2", "1", low=-1, high=1)] | None = None,
-    *,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> LightsFit:
     """Fit the LEDs' positions to the light of known shapes and to the fall-off over the film.
 
@@ -77,11 +68,6 @@ def calibrate_lights(
     slants
         L_x / L_z and L_y / L_z of each LED, from which the search starts; else it starts from the
         objects' light.
-    steepest
-        Pixels steeper than this (mm per mm) are left out, because the shape is least certain
-        there.
-    shift_px
-        Standard deviation of the object's position along x and along y.
 
     Returns
     -------
@@ -101,7 +87,7 @@ def calibrate_lights(
     if not presses:
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
     most = samples_for(len(presses))
-    objects = [sample(press, pixel, steepest, most) for press in presses]
+    objects = [sample(press, pixel, most) for press in presses]
     dark = unreached(objects)
     if dark:
         raise InputError(
@@ -109,11 +95,12 @@ def calibrate_lights(
             f"({MIN_PIXELS} are needed): is it on?"
         )
     rest, width = rest_of(flat, pixel), pixel * light.shape[2]
-    placed = place_leds(objects, rest, shift_px, width, slants=slants)
+    placed = place_leds(objects, rest, width, slants=slants)
     left = [
         residual_of(there, placed.leds, shift, placed.flat)
         for there, shift in zip(objects, placed.shifts, strict=True)
     ]
-    spread = spread_of(np.hstack(left), np.hstack([there.lit for there in objects]))
-    others = other_places(objects, rest, placed, shift_px, width)
+    lit = np.hstack([there.lit for there in objects])
+    spread = np.sqrt(np.square(np.hstack(left)).sum(axis=1) / lit.sum(axis=1))
+    others = other_places(objects, rest, placed, width)
     return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
@@ -64,9 +63,6 @@ def choose_presses(
     lit: SheetLabels,
     pixel: PixelSize,
     names: list[str],
-    *,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> ChosenPresses:
     """Leave out the pixels of presses that are inconsistent with the others.
 
@@ -88,8 +84,6 @@ def choose_presses(
     pixel : mm per px
     names
         The presses' names, for messages.
-    steepest, shift_px
-        As for `calibrate_lights`.
 
     Returns
     -------
@@ -109,7 +103,7 @@ def choose_presses(
     kept[pressed] = 1
     if len(presses) > 1:
         captured = cut(image, flat.shape[1])
-        objects = {i: sample(presses[i], pixel, steepest, MAX_SAMPLES_EACH) for i in pressed}
+        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH) for i in pressed}
         spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in pressed}
         why = {i: reason for i, reason in spoilt.items() if reason}
         usable = [i for i in pressed if i not in why]
@@ -119,7 +113,7 @@ def choose_presses(
                 + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
             )
         agreed = _consensus(
-            [objects[i] for i in usable], rest_of(flat, pixel), shift_px, pixel * light.shape[2]
+            [objects[i] for i in usable], rest_of(flat, pixel), pixel * light.shape[2]
         )
         residual[usable] = agreed.residual
         why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}
@@ -147,26 +141,22 @@ def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
     return None
 
 
-def _consensus(
-    objects: list[Object], rest: Rest | None, shift_px: float, width_mm: float
-) -> _Agreement:
+def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Agreement:
     """The fit to each press of the LEDs that most presses agree on."""
     tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
-    alone = [place_leds([objects[i]], rest, shift_px, width_mm) for i in tried]
-    explanations = [_explain(objects, placed, shift_px) for placed in alone]
+    alone = [place_leds([objects[i]], rest, width_mm) for i in tried]
+    explanations = [_explain(objects, placed) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
-    best = min(explanations, key=lambda a: _middle(a.residual))
-    good = [
-        o for o, bad in zip(objects, _far(best.residual, INLIER_RESIDUAL), strict=True) if not bad
-    ]
-    start = alone[next(i for i, a in enumerate(explanations) if a is best)]
-    return _explain(objects, place_leds(good, rest, shift_px, width_mm, start), shift_px)
+    best = min(range(len(alone)), key=lambda i: _middle(explanations[i].residual))
+    far = _far(explanations[best].residual, INLIER_RESIDUAL)
+    good = [there for there, bad in zip(objects, far, strict=True) if not bad]
+    return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
 
 
-def _explain(objects: list[Object], placed: Placed, shift_px: float) -> _Agreement:
+def _explain(objects: list[Object], placed: Placed) -> _Agreement:
     left, moved = [], []
     for there in objects:
-        shift = shift_of(there, placed, shift_px)
+        shift = shift_of(there, placed)
         error = residual_of(there, placed.leds, shift, placed.flat)
         left.append(np.sqrt((error * error).sum() / there.lit.sum()))
         moved.append(_movement(there, placed, shift, error))
@@ -205,17 +195,11 @@ def _far(values: F8, harmless: float) -> NDArray[np.bool_]:
 
 
 def _out_of_line(agreement: _Agreement) -> Iterator[tuple[int, str]]:
-    residual, moved = (
-        _far(agreement.residual, INLIER_RESIDUAL),
-        _far(agreement.moved, INLIER_MOVEMENT_PX),
-    )
-    for i in np.flatnonzero(residual | moved):
+    moved = _far(agreement.moved, INLIER_MOVEMENT_PX)
+    for i in np.flatnonzero(_far(agreement.residual, INLIER_RESIDUAL) | moved).tolist():
         if moved[i]:
-            yield int(i), f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
+            yield i, f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
         else:
             left, others = agreement.residual[i], _middle(agreement.residual)
-            yield (
-                int(i),
-                f"LEDs that explain the others' light to {others:.1%} leave {left:.1%} of its; "
-                "is its ball_radius_mm right?",
-            )
+            explained = f"LEDs that explain the others' light to {others:.1%} leave {left:.1%}"
+            yield i, f"{explained} of its; is its ball_radius_mm right?"

@@ -1,10 +1,9 @@
 """Estimate the ambient light where no image with all LEDs off was taken."""
 
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 from scipy import optimize
 from scipy.ndimage import uniform_filter
 
@@ -60,8 +59,6 @@ def find_ambient(
     pixel: PixelSize,
     *,
     taken: Path | None = None,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> WithoutAmbient:
     """Return flat frame and dark image of a sensor that ambient light reaches.
 
@@ -83,8 +80,6 @@ def find_ambient(
     pixel : mm per px
     taken
         The image with all LEDs off, if one was taken; then nothing is estimated.
-    steepest, shift_px
-        As for `calibrate_lights`.
 
     Returns
     -------
@@ -105,12 +100,12 @@ def find_ambient(
     def misfit(ambient: float) -> float:
         """The misfit of LEDs placed after this much ambient light is subtracted."""
         less = _less(flat, ambient)
-        objects = [_object(press, less, ambient, pixel, steepest) for press in presses]
+        objects = [_object(press, less, ambient, pixel) for press in presses]
         if unreached(objects):
             return np.inf
         rest = rest_of(less, pixel)
-        placed = place_leds(objects, rest, shift_px, pixel * flat.shape[2])
-        return misfit_of(objects, rest, placed, shift_px)
+        placed = place_leds(objects, rest, pixel * flat.shape[2])
+        return misfit_of(objects, rest, placed)
 
     if misfit(0.0) <= misfit(MIN_AMBIENT * film):
         return nothing
@@ -142,9 +137,7 @@ def _less(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
 
 
-def _object(press: Press, flat: F4, ambient: float, pixel: float, steepest: float) -> Object:
+def _object(press: Press, flat: F4, ambient: float, pixel: float) -> Object:
     """Samples of a press without ambient light."""
     light = flat_field(press.light, flat, np.full(press.mask.shape, ambient, np.float32))
-    return sample(
-        press._replace(light=light, lit=label_lit(light)), pixel, steepest, MAX_SAMPLES_EACH
-    )
+    return sample(press._replace(light=light, lit=label_lit(light)), pixel, MAX_SAMPLES_EACH)

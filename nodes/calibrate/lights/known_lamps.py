@@ -65,12 +65,11 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
             )
         quality["flat_residual_percent"] = float(100 * misfit)
         if misfit > MAX_MISFIT:
-            doubts.append(
+            doubts = [
                 f"the untouched film's light departs by {misfit:.1%} from that of the lamps: check "
                 "their places, the pixel size and that other light is kept out"
-            )
-    for doubt in doubts:
-        warn(doubt)
+            ]
+            warn(doubts[0])
     return KnownLamps(lamps, _others(lamps, pixel * flat.shape[2]), quality, doubts)
 
 

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import hadamard
 
 from tactograph.nodes import F4, F8
+from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
 from tactograph.nodes.optics.near_light import irradiance_ratio
 
@@ -24,6 +24,8 @@ INFINITY_MM = 1e6
 """Distance in mm that stands for infinity."""
 HEIGHT_DEVIATION_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
+SHIFT_DEVIATIONS = np.array([SHIFT_DEVIATION_PX, SHIFT_DEVIATION_PX, HEIGHT_DEVIATION_MM])
+"""Of x and y in px, and of the height in mm."""
 OTHER_PLACES = 8
 """Number of sampled LED positions, and of the least certain directions that they span."""
 MIN_INVERSE_HEIGHT_RATIO = 0.25
@@ -57,7 +59,6 @@ class Placed:
 def place_leds(
     objects: list[Object],
     rest: Rest | None,
-    shift_px: float,
     width_mm: float,
     start: Placed | None = None,
     slants: F4 | None = None,
@@ -79,23 +80,21 @@ def place_leds(
         return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
 
     def residual(unknown: F8) -> F8:
-        return _all_residuals(objects, rest, *split(unknown), shift_px)
+        return _all_residuals(objects, rest, *split(unknown))
 
     def jacobian(unknown: F8) -> F8:
-        return _jacobian(objects, rest, *split(unknown), shift_px)
+        return _jacobian(objects, rest, *split(unknown))
 
     solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
     return Placed(*split(solution), flat)
 
 
-def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float) -> float:
+def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed) -> float:
     """The minimum of the cost that `place_leds` reaches."""
-    return huber(_all_residuals(objects, rest, placed.leds, placed.shifts, shift_px))
+    return huber(_all_residuals(objects, rest, placed.leds, placed.shifts))
 
 
-def other_places(
-    objects: list[Object], rest: Rest | None, placed: Placed, shift_px: float, width_mm: float
-) -> F4:
+def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width_mm: float) -> F4:
     """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
     The covariance of the unknowns is that of least squares, from the residuals of the objects
@@ -104,10 +103,9 @@ def other_places(
     effects add up exactly.
     """
     leds, flat = placed.leds, rest is not None
-    slopes = _jacobian(objects, rest, leds, placed.shifts, shift_px)
+    slopes = _jacobian(objects, rest, leds, placed.shifts)
     on_objects = np.concatenate(
-        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)],
-        axis=1,
+        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
     on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
     lit = np.hstack([there.lit for there in objects])
@@ -158,10 +156,9 @@ def _positions(leds: F8) -> F4:
     return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM), np.float32)
 
 
-def shift_of(there: Object, placed: Placed, shift_px: float) -> F8:
+def shift_of(there: Object, placed: Placed) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
-
-    weight = 1 / np.array([shift_px, shift_px, HEIGHT_DEVIATION_MM])
+    weight = 1 / SHIFT_DEVIATIONS
 
     def residual(shift: F8) -> F8:
         left = residual_of(there, placed.leds, shift, placed.flat)
@@ -217,15 +214,13 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
     return unknown
 
 
-def _all_residuals(
-    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
-) -> F8:
+def _all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
     left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
     return np.concatenate(
         [
-            (shifts / [shift_px, shift_px, HEIGHT_DEVIATION_MM]).ravel(),
+            (shifts / SHIFT_DEVIATIONS).ravel(),
             *(part.ravel() / LIGHT_DEVIATION for part in left),
             *_rest_residual(rest, leds),
         ]
@@ -245,11 +240,6 @@ def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     """Light minus model, K x N; zero where an LED does not reach."""
     normal, z = there.moved(shift)
     return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
-
-
-def spread_of(left: F8, lit: NDArray[np.bool_]) -> F8:
-    """Root mean square per LED over the pixels that it reaches."""
-    return np.asarray(np.sqrt((left * left).sum(axis=1) / lit.sum(axis=1)))
 
 
 def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
@@ -290,9 +280,7 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     return [left.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
 
 
-def _jacobian(
-    objects: list[Object], rest: Rest | None, leds: F8, shifts: F8, shift_px: float
-) -> F8:
+def _jacobian(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """The Jacobian by differences; an LED affects only its own light, a shift its own object."""
     count, flat = len(leds), rest is not None
     sizes = [o.light.shape[1] for o in objects]
@@ -300,7 +288,7 @@ def _jacobian(
     at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
     jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
     jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
-        [1 / shift_px, 1 / shift_px, 1 / HEIGHT_DEVIATION_MM], len(objects)
+        1 / SHIFT_DEVIATIONS, len(objects)
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
     before = [

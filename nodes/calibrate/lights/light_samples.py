@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, map_coordinates
 
 from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
-from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, MIN_PIXELS
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import cut
 
@@ -79,13 +79,13 @@ def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -
     return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
 
 
-def sample(press: Press, pixel: float, steepest: float, most: float = MAX_SAMPLES) -> Object:
+def sample(press: Press, pixel: float, most: float = MAX_SAMPLES) -> Object:
     """Choose about `most` samples of an object, spread evenly over it."""
     light, slope, mask, height, lit = press
     p, q = slope
     nz = 1 / np.sqrt(1 + p * p + q * q)
     known = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
-    rows, columns = np.nonzero(known & (p * p + q * q < steepest * steepest))
+    rows, columns = np.nonzero(known & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
     stride = max(1, int(np.sqrt(rows.size / most)))
     chosen = (rows % stride == 0) & (columns % stride == 0)
     rows, columns = rows[chosen], columns[chosen]
@@ -105,8 +105,7 @@ def samples_for(presses: int) -> float:
 
 def unreached(objects: list[Object]) -> tuple[int, int] | None:
     """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
-    reach = sum(there.reach for there in objects)
-    assert isinstance(reach, np.ndarray)
+    reach = np.sum([there.reach for there in objects], axis=0)
     weakest = int(reach.argmin())
     return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
 

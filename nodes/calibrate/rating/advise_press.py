@@ -7,6 +7,7 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import F4, F8, U1, Light, Metrics
 from tactograph.nodes.calibrate.rating.verdict import advice_after
+from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
 FILM_REGIONS = (
@@ -61,8 +62,7 @@ def advise_press(
     """
     count, rows, _ = flat.shape
     touched = _touched(mask, rows)
-    reached = np.bitwise_count(lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
-    steep = _steepest(slope[:, (mask > 0) & reached])
+    steep = _steepest(slope[:, in_tables(mask, lit, count)])
     presses = sum(bool(part.any()) for part in cut(mask, rows))
     quality = {
         "film_covered_percent": float(100 * (touched >= MIN_TOUCHED_SHARE).mean()),

@@ -3,7 +3,6 @@
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
@@ -18,7 +17,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
@@ -28,6 +27,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     samples_for,
 )
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import (
@@ -70,9 +70,6 @@ def hold_out_presses(
     noise: Noise,
     pixel: PixelSize,
     uneven: Uneven,
-    *,
-    steepest: Annotated[float, Gt(0)] = 3.0,
-    shift_px: Annotated[float, Gt(0)] = 0.5,
 ) -> HeldOut:
     """Place the LEDs without a press, measure it with them, and compare it with its ball.
 
@@ -96,14 +93,12 @@ def hold_out_presses(
     pixel : mm per px
     uneven
         Relative standard deviation of the film's brightness.
-    steepest, shift_px
-        As for `calibrate_lights`.
 
     Returns
     -------
     HeldOut
         For each press, over the inner nine tenths of its contact, where all LEDs but one reach
-        and the ball is not steeper than `steepest`: the mean angle between normals in degrees,
+        and the ball is not steeper than 3: the mean angle between normals in degrees,
         and the root mean square error of the height in um without its mean, because the height
         of the ball's rim is unknown.  The number of ``presses`` used, and from two presses on
         the means ``heldout_normal_deg``, ``heldout_height_um`` and ``heldout_height_percent``
@@ -118,15 +113,15 @@ def hold_out_presses(
         return HeldOut(degrees, microns, quality)
     rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(kept) - 1)
-    objects = {i: sample(presses[i], pixel, steepest, most) for i in kept}
-    everything = place_leds(list(objects.values()), rest, shift_px, width_mm)
+    objects = {i: sample(presses[i], pixel, most) for i in kept}
+    everything = place_leds(list(objects.values()), rest, width_mm)
     percent = []
     for i in kept:
         others = [other for j, other in objects.items() if j != i]
-        placed = place_leds(others, rest, shift_px, width_mm, start=everything)
-        shift = shift_of(objects[i], placed, shift_px)
+        placed = place_leds(others, rest, width_mm, start=everything)
+        shift = shift_of(objects[i], placed)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
-        judged = _judged(presses[i], steepest)
+        judged = _judged(presses[i])
         surface = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
         errors = [
             judge_contact(
@@ -152,11 +147,11 @@ def hold_out_presses(
     )
 
 
-def _judged(press: Press, steepest: float) -> NDArray[np.bool_]:
+def _judged(press: Press) -> NDArray[np.bool_]:
     """The pixels that at least all LEDs but one reach and that are not too steep."""
-    (p, q), count = press.slope, len(press.light)
-    reached = np.bitwise_count(press.lit & np.uint8((1 << count) - 1)) >= max(3, count - 1)
-    return np.asarray((press.mask > 0) & reached & (p * p + q * q < steepest * steepest))
+    p, q = press.slope
+    reached = in_tables(press.mask, press.lit, len(press.light))
+    return np.asarray(reached & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
 
 
 def _measure(

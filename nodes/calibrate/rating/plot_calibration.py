@@ -3,7 +3,7 @@
 Long because it draws up to six pictures on one page.
 """
 
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,19 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node
-from tactograph.nodes import (
-    F4,
-    U1,
-    Light,
-    Mask,
-    Metrics,
-    NullVector,
-    Reflectance,
-    Spread,
-)
-from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.graph import node
+from tactograph.nodes import F4, U1, Light, Mask, Metrics, NullVector, Reflectance, Spread
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
+from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
+from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
 from tactograph.nodes.drawing.new_picture import (
     BLUE,
     GREY,
@@ -50,28 +43,6 @@ class Binned(NamedTuple):
     factor: int
 
 
-class NullTest(NamedTuple):
-    """The null vector, and the standard deviation of a.I on lit pixels."""
-
-    null: NullVector
-    spread: Spread
-
-
-class NamedBalls(NamedTuple):
-    """Circle and press of every ball, and the presses' names."""
-
-    circle: BallCircles
-    of: BallPress
-    names: list[str]
-
-
-class HeldOutErrors(NamedTuple):
-    """Errors by press of slope and height; NaN where there are none."""
-
-    degrees: Annotated[F4, Port("P", "deg", nan=True)]
-    microns: Annotated[F4, Port("P", "um", nan=True)]
-
-
 _FORMER_INPUTS = {
     **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
     "lut_slope": "it follows from 'slope', 'mask' and 'lit'",
@@ -89,10 +60,10 @@ def plot_calibration(
     slope: SheetSlope,
     lit: SheetLabels,
     reflectance: Reflectance,
-    null: NullTest,
+    null: NullFit,
     quality: Metrics,
-    balls: NamedBalls | None = None,
-    held_out: HeldOutErrors | None = None,
+    balls: FoundBalls | None = None,
+    held_out: HeldOut | None = None,
     advice: str | None = None,
     area: Mask | None = None,
     *,
@@ -140,9 +111,9 @@ def plot_calibration(
         _draw_found(axes[0, 0], light, mask, wide)
     elif balls is not None and balls.names:
         used = np.array([part.any() for part in masks])
-        _draw_presses(axes[0, 0], masks, balls.names, balls.circle, balls.of, used, wide)
+        _draw_presses(axes[0, 0], masks, balls, used, wide)
         if held_out is not None:
-            degrees, microns = held_out
+            degrees, microns, _ = held_out
             _draw_errors(axes[0, 2], balls.names, degrees, used, "normal, held out / degrees")
             _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
     if area is not None and not area.all():
@@ -193,13 +164,7 @@ def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
 
 
 def _draw_presses(
-    axes: Axes,
-    masks: list[U1],
-    names: list[str],
-    circle: F4,
-    of: NDArray[np.int32],
-    used: NDArray[np.bool_],
-    wide: int,
+    axes: Axes, masks: list[U1], balls: FoundBalls, used: NDArray[np.bool_], wide: int
 ) -> None:
     """Draw the film with all contacts; those left out are grey and dashed."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
@@ -207,16 +172,15 @@ def _draw_presses(
     axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
     # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
     middle = (wide - 1) / 2
-    placed = circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
-    for press, (x, y, radius) in zip(of, placed, strict=True):
+    placed = balls.circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
+    for press, (x, y, radius) in zip(balls.of, placed, strict=True):
         if radius == 0:
             continue
         look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
-        if len(circle) <= MAX_NAMES:
-            axes.text(
-                x, y - radius, names[press][:MAX_NAME_LETTERS], fontsize=7, ha="center", va="bottom"
-            )
+        if len(placed) <= MAX_NAMES:
+            name = balls.names[press][:MAX_NAME_LETTERS]
+            axes.text(x, y - radius, name, fontsize=7, ha="center", va="bottom")
     out = int((~used).sum())
     axes.set(
         title=f"presses on the film: {int(used.sum())} used, {out} left out",

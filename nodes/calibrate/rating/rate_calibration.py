@@ -19,7 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
-from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
+from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE, RadiusVerdict
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
@@ -58,13 +58,6 @@ class LedFit(NamedTuple):
     refraction: Annotated[float, Port(unit="1")] | None = None
 
 
-class RadiusCheck(NamedTuple):
-    """The figures and doubts of `judge_radius`."""
-
-    quality: Metrics
-    doubts: list[str]
-
-
 _MODEL_ADVICE, _RADIUS_ADVICE = (
     "give the fit of the LEDs as 'model'",
     "give 'judge_radius' as 'radius'",
@@ -86,7 +79,7 @@ def rate_calibration(
     flat: Light | None = None,
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
-    radius: RadiusCheck | None = None,
+    radius: RadiusVerdict | None = None,
     others: list[str] | None = None,
     *,
     force: bool = False,
@@ -140,7 +133,7 @@ def rate_calibration(
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
-    figures, radius_doubts = radius or RadiusCheck({}, [])
+    figures, radius_doubts = radius or RadiusVerdict({}, [])
     error = figures.get("film_heldout_deg")
     doubts = (others or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)

@@ -62,8 +62,8 @@ def advise_recalibration(
         ``full_calibration_due``, 0 or 1.  A warning says if the check press cannot be right.
     """
     height, slope = _dent(dent, pixel)
-    full = next((before[name] for name in REFERENCE_FIGURES if name in before), None)
     kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}
+    full = next(iter(kept.values()), None)
     reasons = _reasons(strength, slope, refitted, full)
     quality = (
         refitted

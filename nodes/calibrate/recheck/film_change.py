@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, SizeLimit, node
@@ -31,8 +30,8 @@ MAX_SHIFT_WIDTHS = 0.1
 """Largest plausible shift of the image, as a share of its width."""
 MIN_RESPONSE = 0.3
 """Response of the phase correlation above which its peak is a shift, not chance."""
-
-
+SMOOTHING_PX = 1.0
+"""Standard deviation of the Gaussian over which the maps are averaged."""
 MAX_PIXELS = 400_000
 """Most pixels of an image that is compared; larger images are binned first."""
 
@@ -54,13 +53,7 @@ class FilmChange(NamedTuple):
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave the film's tilt open")})
 def film_change(
-    then: Light,
-    now: Light,
-    tilt: TiltResponse,
-    pixel: PixelSize,
-    *,
-    new_film: bool = False,
-    smooth_px: Annotated[float, Ge(0)] = 1.0,
+    then: Light, now: Light, tilt: TiltResponse, pixel: PixelSize, *, new_film: bool = False
 ) -> FilmChange:
     """Distinguish a weaker LED, ambient light, a moved camera, dirt and dents.
 
@@ -84,8 +77,6 @@ def film_change(
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
         ambient light and shift, which cannot be told from them, are returned as 0.
-    smooth_px
-        Standard deviation of the Gaussian over which the maps are averaged.
 
     Returns
     -------
@@ -113,7 +104,7 @@ def film_change(
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
     known &= (smooth > MIN_KEPT * strength[:, None, None]).all(axis=0)
     left = np.where(known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
-    left = np.stack([cv2.GaussianBlur(p, (0, 0), smooth_px) if smooth_px else p for p in left])
+    left = np.stack([cv2.GaussianBlur(plane, (0, 0), SMOOTHING_PX) for plane in left])
     albedo, slope = _local_part(left, tilt)
     dent = integrate_dct(slope.astype(np.float32), pixel)
     if factor > 1:

@@ -16,6 +16,8 @@ RIM_LIGHT_SHARE = 0.5
 """Light over that of film close by, which marks the blurred rim of a dark part."""
 MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
 """Shares of the frame and of its border that a dark part has, if it is no marker there."""
+MARGIN_PX = 5
+"""Film beside a dark part that does not count as film either: the flat frame is smoothed."""
 MAX_CONTINUED_RATIO = 1.5
 """Limit of continued light, as a multiple of the light on the film."""
 MAX_FIT_PIXELS = 20000
@@ -31,11 +33,7 @@ class FilmArea(NamedTuple):
 
 @node
 def find_film(
-    flat: Light,
-    *,
-    dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
-    margin_px: Annotated[int, Interval(ge=0, le=100)] = 5,
-    told: bool = False,
+    flat: Light, *, dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1, told: bool = False
 ) -> FilmArea:
     """Return where a frame shows film, and its light continued over the rest of the frame.
 
@@ -50,12 +48,10 @@ def find_film(
         K x H x W, dark level subtracted.
     dark
         Light that counts as none, as a share of the film's.
-    margin_px
-        Film beside a dark part that does not count as film either: the flat frame is smoothed.
     told
         Warn of parts without film.
     """
-    area = _area(flat, dark, margin_px)
+    area = _area(flat, dark)
     if area.all():
         return FilmArea(flat, area)
     if told:
@@ -69,10 +65,10 @@ def find_film(
     return FilmArea(continued, area)
 
 
-def _area(flat: Light, dark: float, margin_px: int) -> U1:
+def _area(flat: Light, dark: float) -> U1:
     """1 where the frame shows film."""
     brightest = flat.max(axis=0)
-    side = 2 * margin_px + 1
+    side = 2 * MARGIN_PX + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     missing = brightest < dark * np.percentile(brightest, FILM_PERCENTILE)
     missing |= brightest < RIM_LIGHT_SHARE * cv2.dilate(brightest, disc)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tests.conftest import Raytraced, real_data
+from tests.nodes.calibrate.film.test_judge_radius import image_of
 
 PIXEL = 0.1
 SIZE = (120, 160)
@@ -43,14 +44,9 @@ def uneven(light):
     return np.float32(light * falls[: len(light)])
 
 
-def capture(rig, thing):
-    folder = Raytraced() / rig / thing
-    images = [cv2.imread(str(folder / f"led{k}.png"), cv2.IMREAD_UNCHANGED) for k in range(1, 5)]
-    return np.stack([i / np.float32(np.iinfo(i.dtype).max) for i in images])
-
-
 def normalized(rig, thing):
-    return capture(rig, thing) / np.maximum(capture(rig, "flat"), np.float32(0.02))
+    flat = image_of(Raytraced() / rig / "flat")
+    return image_of(Raytraced() / rig / thing) / np.maximum(flat, np.float32(0.02))
 
 
 @settings(deadline=None, max_examples=3)
@@ -111,18 +107,20 @@ def test_empty_film_is_refused_and_the_way_out_is_named(level):
 
 
 @pytest.mark.parametrize(
-    ("center", "contact", "why"),
+    ("center", "contact", "radius", "why"),
     [
-        ((1e9, -1e9), 10.0, "ball_center_px=1e.09,-1e.09: .* beside the image of"),
-        ((-12.0, 5.0), 10.0, "beside the image"),
-        ((70.0, 55.0), 1e-9, "ball_contact_px=1e-09: a contact of less than 1 px"),
-        (None, 0.5, "less than 1 px"),
+        ((1e9, -1e9), 10.0, 4.0, "ball_center_px=1e.09,-1e.09: .* beside the image of"),
+        ((-12.0, 5.0), 10.0, 4.0, "beside the image"),
+        ((70.0, 55.0), 1e-9, 4.0, "ball_contact_px=1e-09: a contact of less than 1 px"),
+        (None, 0.5, 4.0, "less than 1 px"),
+        (None, None, 1e-5, r"radius_mm=1e-05: .* check ball_radius_mm"),
+        (None, 41.0, 4.0, r"contact_px=41 is larger than the ball.*40\.0 px"),
     ],
 )
-def test_a_circle_that_shows_no_ball_is_refused(center, contact, why):
+def test_a_circle_that_shows_no_ball_is_refused(center, contact, radius, why):
     light = pressed((70, 55), 27, 40)
     with pytest.raises(InputError, match=why):
-        find_ball(light, PIXEL, radius_mm=4.0, center_px=center, contact_px=contact)
+        find_ball(light, PIXEL, radius_mm=radius, center_px=center, contact_px=contact)
 
 
 def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
@@ -131,24 +129,15 @@ def test_a_contact_that_a_large_image_hardly_shows_has_no_goodness():
     assert found.goodness == 0
 
 
-def test_a_ball_smaller_than_a_pixel_is_refused():
-    with pytest.raises(InputError, match=r"radius_mm=1e-05: .* check ball_radius_mm"):
-        find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=1e-5)
-
-
-def test_contact_larger_than_the_ball_is_refused():
-    with pytest.raises(InputError, match=r"contact_px=41 is larger than the ball.*40\.0 px"):
-        find_ball(pressed((70, 55), 27, 40), PIXEL, radius_mm=4.0, contact_px=41.0)
-
-
 @pytest.mark.one_case
 @pytest.mark.parametrize(
     ("rig", "scale", "divided"),
     [("far28", 1, True), ("near33", 1, True), ("near33", 1, False), ("far28_vga16", 2, True)],
 )
 def test_ray_traced_hemisphere_is_found_through_its_shadows(rig, scale, divided):
-    light = normalized(rig, "calibration") if divided else capture(rig, "calibration")
-    height = np.load(Raytraced() / rig / "calibration" / "truth_height_mm.npy")
+    folder = Raytraced() / rig / "calibration"
+    light = normalized(rig, "calibration") if divided else image_of(folder)
+    height = np.load(folder / "truth_height_mm.npy")
     y, x = np.nonzero(height > 0.99 * height.max())
     found = find_ball(light, 1 / (14 * scale), radius_mm=7.0)
     np.testing.assert_allclose(found.center, (x.mean(), y.mean()), atol=0.2 * scale)

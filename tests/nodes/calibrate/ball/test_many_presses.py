@@ -16,14 +16,9 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.rating.advise_press import advise_press
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_flat import read_flat
-from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
+from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXEL, RING, SIZE, off
 
-PIXEL = 0.1
-SIZE = (120, 160)
-LIGHTS = light_ring(slant_deg=33.0, distance_mm=55.0)
-FILM = np.zeros(SIZE, np.float32)
-BLANK = np.zeros((4, *SIZE), np.float32)
 GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
 """x and y in px, the ball's radius in mm."""
 CONTACT = 33.0
@@ -32,7 +27,7 @@ CONTACT = 33.0
 def pressed(x: float, y: float, radius: float) -> F4:
     center = np.array([x, y], np.float32)
     height = ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=radius, margin_px=0.0).height
-    return render(height, PIXEL, LIGHTS, samples=2).light
+    return render(height, PIXEL, RING, samples=2).light
 
 
 def write(folder: Path, light: F4, about: str = "", seed: int = 0) -> None:
@@ -53,7 +48,7 @@ def ball(x: float, y: float, radius: float) -> str:
 def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Four good presses, of two balls, and one of each kind of bad ones."""
     folder = tmp_path_factory.mktemp("sensor")
-    rest = render(FILM, PIXEL, LIGHTS).light
+    rest = render(FILM, PIXEL, RING).light
     write(folder / "flat" / "1", rest, seed=1)
     write(folder / "flat" / "2", rest, seed=2)
     made = {name: pressed(*place) for name, place in GOOD.items()}
@@ -80,12 +75,6 @@ def calibrated(sensor: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return calibrate(sensor / "presses", out, sensor / "flat"), out
 
 
-def off(lights: F4) -> float:
-    """How far the LEDs found are off, as a share of their distance."""
-    away = np.linalg.norm(lights - LIGHTS, axis=1) / np.linalg.norm(LIGHTS, axis=1)
-    return float(away.max())
-
-
 def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
     result, _ = calibrated
     told = [note for note in result.warnings if "left out" in note]
@@ -101,7 +90,7 @@ def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
     _, out = calibrated
-    assert off(read_calibration(file=out).film.lights) < 0.005
+    assert off(read_calibration(file=out).film.lights, RING) < 0.005
 
 
 def test_errors_are_of_presses_held_out(calibrated) -> None:
@@ -131,7 +120,7 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
     assert result["quality"]["presses"] == 1
     assert "heldout_normal_deg" not in result["quality"]
     assert "press at the upper right" in result["advice"]
-    assert off(read_calibration(file=tmp_path / "cal.npz").film.lights) < 0.01
+    assert off(read_calibration(file=tmp_path / "cal.npz").film.lights, RING) < 0.01
 
 
 def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
@@ -215,7 +204,7 @@ def test_the_balls_that_are_marked_in_a_scan_are_found_there(tmp_path: Path) -> 
         centre = np.array([x, y], np.float32)
         ball = ball_slopes(BLANK, centre, 18.0, PIXEL, radius_mm=2.0, margin_px=0.0)
         height = np.maximum(height, ball.height)
-    light = render(height, PIXEL, LIGHTS, samples=2).light
+    light = render(height, PIXEL, RING, samples=2).light
     write(tmp_path / "scan", light)
     marks = "".join(
         f"  - {{type: GridCircle, gx: {k % 2}, gy: {k // 2}, x: {x - 2}, y: {y + 1}, r: 20}}\n"
@@ -227,7 +216,7 @@ def test_the_balls_that_are_marked_in_a_scan_are_found_there(tmp_path: Path) -> 
     )
     taken = read_balls(folder=tmp_path / "scan", crop=(10, 10, SIZE[1], SIZE[0]))
     assert (taken.radius.tolist(), taken.pixel_size) == ([2.0], PIXEL)
-    flat = 0.6 * render(FILM, PIXEL, LIGHTS).light[:, 10:, 10:]
+    flat = 0.6 * render(FILM, PIXEL, RING).light[:, 10:, 10:]
     found = find_balls(
         taken.image / flat, flat, taken.radius, taken.known, taken.names, PIXEL, taken.marks
     )

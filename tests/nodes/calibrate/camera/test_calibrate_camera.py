@@ -247,10 +247,6 @@ def test_a_cameras_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert about["quality"] == {"marks": 20.0}
 
 
-def test_without_a_file_there_is_no_lens() -> None:
-    assert not read_lens(np.zeros((3, 5, 7), np.float32)).any()
-
-
 def test_a_camera_of_other_images_is_refused(tmp_path: Path) -> None:
     file = stored(tmp_path / "camera.npz", NONE)
     with pytest.raises(InputError, match="320 x 240 pixels, but these have 300 x 240"):
@@ -300,8 +296,9 @@ def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     assert pixel_size(camera=tmp_path / "camera.npz") == pytest.approx(0.075, rel=1e-3)
 
 
-def test_a_pixel_of_one_length_or_of_two() -> None:
+def test_a_pixel_of_one_length_or_of_two_and_no_file_are_no_lens_or_an_oblong_one() -> None:
     image = np.zeros((4, *SHAPE), np.float32)
+    assert not read_lens(image).any()
     assert pixel_size(mm=0.08) == 0.08
     assert not read_lens(image, pixel_mm=(0.08,)).any()
     lens, pixel = read_lens(image, pixel_mm=(0.08, 0.1)), pixel_size(mm=(0.08, 0.1))

@@ -46,9 +46,6 @@ def test_the_circle_may_be_off_and_of_larger_pixels() -> None:
     assert found(press(0.8), radius=0.93 * RADIUS, binned=0.2) == pytest.approx(0.8, rel=0.15)
 
 
-def test_faint_rims_tell_nothing() -> None:
+def test_faint_rims_and_no_ball_tell_nothing() -> None:
     assert found(press(0.8, step=0.05)) == 0
-
-
-def test_without_a_ball_nothing_is_told() -> None:
     assert found(press(0.8), radius=0) == 0

@@ -32,7 +32,7 @@ def sampled(
     circle = np.repeat(np.float32([[column, MIDDLE[1], RIM / PIXEL]]), presses, axis=0)
     radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
     film = BOUNCING._replace(albedo=albedo)
-    return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, 3.0, **options)
+    return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, **options)
 
 
 @pytest.mark.one_case

@@ -46,7 +46,7 @@ def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, fl
     circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
     one = np.array([radius], np.float32)
     balls = sample_balls(
-        light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel, 3.0,
+        light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel,
         most=None, fine=True,
     )  # fmt: skip
     return balls, flat, pixel
@@ -54,7 +54,7 @@ def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, fl
 
 def tried(rig: Path, factor: float, gamma: float = 1.0) -> list[Tried]:
     """What the light of a rig's ball says of radii."""
-    return try_radii(*sampled(rig, factor, gamma), DISTANT, np.ones(4, np.float32), 0.5)
+    return try_radii(*sampled(rig, factor, gamma), DISTANT, np.ones(4, np.float32))
 
 
 @pytest.mark.one_case
@@ -84,7 +84,7 @@ def test_far_radii_are_tried_only_where_the_given_one_leaves_more_than_noise(
     raytraced: Raytraced, factor: float, is_noise: bool
 ) -> None:
     light = sampled(raytraced / "near33", factor)
-    found = try_radii(*light, DISTANT, np.ones(4, np.float32), 0.5, left=0.01)
+    found = try_radii(*light, DISTANT, np.ones(4, np.float32), left=0.01)
     assert all(abs(each.factor - 1) < 0.1 for each in found) == is_noise
     assert doubt_of_radius(found, BALL * factor, 0.01).is_clear != is_noise
 
@@ -97,7 +97,7 @@ def test_far_radii_are_tried_only_where_the_given_one_leaves_more_than_noise(
 def test_a_gamma_of_the_camera_is_told(
     raytraced: Raytraced, rig: str, gamma: float, told: bool
 ) -> None:
-    powers = try_gammas(*sampled(raytraced / rig, 1.0, gamma), DISTANT, np.ones(4, np.float32), 0.5)
+    powers = try_gammas(*sampled(raytraced / rig, 1.0, gamma), DISTANT, np.ones(4, np.float32))
     doubts = doubt_of_pattern(tried(raytraced / rig, 1.0, gamma), powers, BALL)
     assert ["raised to the power of 1.15" in doubt for doubt in doubts] == [True] * told
 

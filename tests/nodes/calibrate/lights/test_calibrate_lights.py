@@ -20,6 +20,7 @@ SIZE = (120, 160)
 CENTER = np.array([83.4, 57.8], np.float32)
 FILM = np.zeros(SIZE, np.float32)
 BLANK = np.zeros((4, *SIZE), np.float32)
+RING = light_ring(slant_deg=33.0, distance_mm=55.0)
 
 
 def known(center: F4 = CENTER) -> KnownBall:
@@ -58,47 +59,43 @@ def test_leds_are_found(slant: float, distance: float, count: int) -> None:
 
 
 def test_the_leds_are_as_far_off_as_the_fit_says() -> None:
-    lights = light_ring(slant_deg=33.0, distance_mm=55.0)
     off_by, stated = [], []
     for seed in range(4):
-        found = calibrate(*seen(lights, seed, noise=0.01), known())
-        off_by.append(np.square(found.lights - lights).mean())
+        found = calibrate(*seen(RING, seed, noise=0.01), known())
+        off_by.append(np.square(found.lights - RING).mean())
         stated.append(np.square(found.others - found.lights).mean())
     assert 0.5 < np.sqrt(np.mean(off_by) / np.mean(stated)) < 2
 
 
 def test_a_ball_that_is_off_by_a_fraction_of_a_pixel_is_put_right() -> None:
-    lights = light_ring(slant_deg=33.0, distance_mm=55.0)
     shifted = known(CENTER + np.array([0.3, -0.25], np.float32))
-    found = calibrate(*seen(lights), shifted)
-    assert off(found.lights, lights) < 0.01
+    found = calibrate(*seen(RING), shifted)
+    assert off(found.lights, RING) < 0.01
 
 
 def test_without_a_flat_frame_the_ball_alone_tells() -> None:
-    lights = light_ring(slant_deg=33.0, distance_mm=55.0)
-    ball = render(known().height, PIXEL, lights, samples=2).light
-    rest = render(FILM, PIXEL, lights).light
+    ball = render(known().height, PIXEL, RING, samples=2).light
+    rest = render(FILM, PIXEL, RING).light
     uniform = np.ones_like(ball)
     found = calibrate(ball, uniform, known())
-    assert off(found.lights, lights) < 0.02
+    assert off(found.lights, RING) < 0.02
     model = rest_light(uniform, found.lights, found.strength, PIXEL)
     assert np.abs(model / rest - 1).max() < 0.01
     assert rest_light(rest, found.lights, found.strength, PIXEL) is rest
 
 
 def test_any_known_height_serves() -> None:
-    lights = light_ring(slant_deg=33.0, distance_mm=55.0)
     y, x = np.mgrid[:120, :160]
     height = (1.5 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 2 / 22**2)).astype(np.float32)
     slope, mask = height_slopes(height, PIXEL)
-    light = render(height, PIXEL, lights).light
-    flat = render(FILM, PIXEL, lights).light
+    light = render(height, PIXEL, RING).light
+    flat = render(FILM, PIXEL, RING).light
     found = calibrate(light, flat, KnownBall(slope, mask, height))
-    assert off(found.lights, lights) < 0.01
+    assert off(found.lights, RING) < 0.01
 
 
 def test_an_led_that_is_off_is_named() -> None:
-    ball, flat = seen(light_ring(slant_deg=33.0, distance_mm=55.0))
+    ball, flat = seen(RING)
     ball[2] = 0
     with pytest.raises(InputError, match="LED 3 reaches only"):
         calibrate(ball, flat, known())

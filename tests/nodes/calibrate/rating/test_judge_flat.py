@@ -4,35 +4,29 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.judge_flat import judge_flat
-from tactograph.nodes.capture.read_capture import read_capture
 from tests.conftest import RIG_PIXEL_MM, Raytraced
+from tests.nodes.calibrate.film.test_judge_radius import image_of
 
 LIGHTS = np.array([[25, 25, 40], [-25, 25, 40], [-25, -25, 40], [25, -25, 40]], np.float32)
 RIG = "near33"
 
 
-def image(raytraced: Raytraced, name: str) -> F4:
-    (capture,) = read_capture(folder=raytraced / RIG / name)
-    return capture.image
-
-
 @pytest.mark.parametrize(("share", "told"), [(0.0, False), (0.1, True), (1.0, True)])
 def test_a_share_of_a_touch_is_told(raytraced: Raytraced, share: float, told: bool) -> None:
-    flat, touch = image(raytraced, "flat"), image(raytraced, "cat_film")
+    flat, touch = image_of(raytraced / RIG / "flat"), image_of(raytraced / RIG / "cat_film")
     mean = np.asarray((1 - share) * flat + share * touch, np.float32)
     doubts = judge_flat(mean, LIGHTS, RIG_PIXEL_MM[RIG])
     assert ["not at rest" in doubt for doubt in doubts] == [True] * told
 
 
 def test_film_that_is_bright_in_places_is_at_rest(raytraced: Raytraced) -> None:
-    flat = image(raytraced, "flat")
+    flat = image_of(raytraced / RIG / "flat")
     grain = cv2.GaussianBlur(np.random.default_rng(1).normal(size=flat.shape[1:]), (0, 0), 5)
     assert not judge_flat(flat * np.float32(1 + 2 * grain), LIGHTS, RIG_PIXEL_MM[RIG])
 
 
 def test_three_leds_or_no_flat_frame_tell_nothing(raytraced: Raytraced) -> None:
-    touch = image(raytraced, "cat_film")
+    touch = image_of(raytraced / RIG / "cat_film")
     assert not judge_flat(touch[:3], LIGHTS[:3], RIG_PIXEL_MM[RIG])
     assert not judge_flat(np.ones_like(touch), LIGHTS, RIG_PIXEL_MM[RIG])

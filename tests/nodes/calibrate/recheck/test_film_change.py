@@ -94,10 +94,11 @@ def test_a_black_level_that_changed_is_no_dent_and_no_scratch() -> None:
     assert said.film.startswith("right")
 
 
-def test_a_dent_has_its_height() -> None:
+def test_a_dent_has_its_height_and_a_touch_is_no_dent() -> None:
     light = dented(0.03)
     assert wrong(light) == {"film"}
     assert changed(light).dent.max() == pytest.approx(0.03, rel=0.3)
+    assert "touches the film" in judged(dented(0.6)).film
 
 
 @pytest.mark.parametrize("order", [[1, 2, 3, 0], [1, 0, 2, 3], [0, 3, 2, 1]])
@@ -116,10 +117,6 @@ def test_noise_is_not_another_order() -> None:
     then, now = 0.5 + rng.normal(0, 0.01, (2, 4, 60, 80)).astype(np.float32)
     assert other_order(then, now, PIXEL_MM) is None
     assert other_order(0 * then + 1, now, PIXEL_MM) is None
-
-
-def test_a_touch_is_no_untouched_film() -> None:
-    assert "touches the film" in judged(dented(0.6)).film
 
 
 def test_a_blurred_spot_is_on_the_lens_and_a_sharp_line_in_the_film() -> None:

@@ -22,9 +22,8 @@ def white() -> F4:
     return np.random.default_rng(5).normal(0, SIGMA, SHAPE).astype(np.float32)
 
 
-def shared_by_two(noise: F4) -> F4:
-    """Two pixels with the noise of one."""
-    return np.asarray(np.repeat(noise[..., ::2], 2, axis=-1), np.float32)
+SHARED = FLAT + np.repeat(white()[..., ::2], 2, axis=-1)
+"""Two pixels with the noise of one."""
 
 
 def test_pixels_that_have_noise_of_their_own_share_none() -> None:
@@ -32,18 +31,16 @@ def test_pixels_that_have_noise_of_their_own_share_none() -> None:
 
 
 def test_noise_shared_by_two_leaves_twice_the_variance_to_a_mean() -> None:
-    image = FLAT + shared_by_two(white())
-    assert noise_correlation(image, FLAT, OWN, 0.0) == pytest.approx(2, rel=0.15)
+    assert noise_correlation(SHARED, FLAT, OWN, 0.0) == pytest.approx(2, rel=0.15)
 
 
 def test_grain_is_noise_of_a_pixel_too() -> None:
-    image, grain = FLAT + shared_by_two(white()), SIGMA * np.sqrt(0.75) / 0.6
-    assert noise_correlation(image, FLAT, OWN / 4, grain) == pytest.approx(2, rel=0.15)
+    grain = SIGMA * np.sqrt(0.75) / 0.6
+    assert noise_correlation(SHARED, FLAT, OWN / 4, grain) == pytest.approx(2, rel=0.15)
 
 
 def test_no_camera_shares_more_than_a_mosaic() -> None:
-    image = FLAT + shared_by_two(white())
-    assert noise_correlation(image, FLAT, OWN / 1000, 0.0) == 4
+    assert noise_correlation(SHARED, FLAT, OWN / 1000, 0.0) == 4
 
 
 def test_a_touch_and_the_texture_of_the_film_are_no_noise() -> None:
@@ -56,9 +53,8 @@ def test_a_touch_and_the_texture_of_the_film_are_no_noise() -> None:
 
 
 def test_presses_on_a_sheet_are_divided_by_the_flat_frame_each() -> None:
-    image = FLAT + shared_by_two(white())
-    sheet = np.concatenate([image, image], axis=1)
-    one, two = (noise_correlation(light, FLAT, OWN, 0.0) for light in (image, sheet))
+    sheet = np.concatenate([SHARED, SHARED], axis=1)
+    one, two = (noise_correlation(light, FLAT, OWN, 0.0) for light in (SHARED, sheet))
     assert two == pytest.approx(one, rel=0.02)
 
 
@@ -70,7 +66,7 @@ def test_black_and_saturated_film_says_nothing(light: float) -> None:
 
 @pytest.mark.parametrize(("rows", "columns"), [(60, 60), (31, 320), (240, 31), (5, 7)])
 def test_an_image_of_few_tiles_says_nothing(rows: int, columns: int) -> None:
-    image = (FLAT + shared_by_two(white()))[:, :rows, :columns]
+    image = SHARED[:, :rows, :columns]
     assert noise_correlation(image, FLAT[:, :rows, :columns], OWN, 0.0) == 1
 
 
