@@ -1,18 +1,14 @@
 """The darkness of printed markers, relative to the film around them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import cv2
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Close, Port, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MIN_LIGHT = np.float32(0.01)
 """Smallest light that is divided by."""
@@ -39,11 +35,9 @@ def marker_darkness(
         Side of the square; a little more than a marker is wide.
     """
     element = np.ones((width_px | 1, width_px | 1), np.uint8)
-    darkness = []
-    for plane in light:
-        closed = cv2.morphologyEx(plane, cv2.MORPH_CLOSE, element)
-        darkness.append(np.float32(1) - plane / np.maximum(closed, MIN_LIGHT))
-    return np.asarray(np.maximum(np.min(darkness, axis=0), np.float32(0)), np.float32)
+    closed = np.stack([cv2.morphologyEx(plane, cv2.MORPH_CLOSE, element) for plane in light])
+    bright = np.max(light / np.maximum(closed, MIN_LIGHT), axis=0)
+    return np.asarray(np.maximum(np.float32(1) - bright, np.float32(0)), np.float32)
 
 
 @marker_darkness.opencl()

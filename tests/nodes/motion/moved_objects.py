@@ -75,10 +75,10 @@ def height_at(shape: Shape, motion: F8, x: F8, y: F8) -> F8:
     return z
 
 
-def seen(z: F8, rng: np.random.Generator, sigma: float = SIGMA) -> tuple[F4, U1]:
+def seen(z: F8, rng: np.random.Generator) -> tuple[F4, U1]:
     """Height of the film with noise, and where it is touched."""
     contact = (z > PRESSED).astype(np.uint8)
-    noise = integrate_dct(rng.normal(0, sigma, (2, *z.shape)).astype(np.float32), PIXEL)
+    noise = integrate_dct(rng.normal(0, SIGMA, (2, *z.shape)).astype(np.float32), PIXEL)
     rest = noise[contact == 0]
     noise -= rest.mean() if rest.size else 0
     return (np.maximum(z, 0) + noise).astype(np.float32), contact

@@ -37,11 +37,11 @@ GOAL = np.array([0.05, 0.05, 0.05, 0.3, 0.3, 0.3])
 """mm and degrees."""
 
 
-def track(surfaces: Iterable[F8], variance: F4 | None = STATED) -> Iterator[TrackedPose]:
+def track(surfaces: Iterable[F8]) -> Iterator[TrackedPose]:
     rng, before = np.random.default_rng(3), None
     for surface in surfaces:
         state = (None, None) if before is None else before[2:4]
-        before = track_pose(*seen(surface, rng), PIXEL, variance, *state)
+        before = track_pose(*seen(surface, rng), PIXEL, STATED, *state)
         yield before
 
 
@@ -76,14 +76,13 @@ def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
 
 
 def pose_of_film(
-    motions: list[F8], rng: np.random.Generator | None, variance: F4 | None, reach_mm: float = 0.5
+    motions: list[F8], rng: np.random.Generator, variance: F4 | None, reach_mm: float = 0.5
 ) -> TrackedPose:
     """The pose after the second of two motions of the coin, through a film that hangs beside it."""
     state: tuple[F4, ...] = ()
     for motion in motions:
         film = press(pressed(coin, motion).astype(np.float32), PIXEL, reach_mm=reach_mm)
-        if rng is not None:
-            film = seen(film, rng)[0]
+        film, _ = seen(film, rng)
         found = track_pose(film, find_contact(film), PIXEL, variance, *state)
         state = found[2:4]
     return found
