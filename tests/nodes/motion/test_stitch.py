@@ -227,3 +227,11 @@ def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:
         result(tmp_path / str(size), height=np.zeros((size, 20), np.float32))
     with pytest.raises(InputError, match=r"21: differs in size or pixel size from .*20"):
         read_touches(folder=tmp_path)
+
+
+def test_an_error_below_zero_is_refused(tmp_path: Path) -> None:
+    plane = np.zeros((20, 20), np.float32)
+    for name in ("one", "two"):
+        result(tmp_path / name, height=plane, error=plane - 1)
+    with pytest.raises(InputError, match="a standard deviation cannot be negative"):
+        read_touches(folder=tmp_path)
