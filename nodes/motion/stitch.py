@@ -139,7 +139,10 @@ def stitch(
     }
     if stated:
         figures["stitched_difference"] = difference
-    return StitchedSurface(height, error, source, figures | _places(poses, names))
+    for number in sorted(poses):
+        for axis, value in zip(POSE_AXES, IN_DEGREES * six_numbers(poses[number]), strict=True):
+            figures[f"stitched_{axis}/{names[number]}"] = float(value)
+    return StitchedSurface(height, error, source, figures)
 
 
 def _touched(height: F4, error: F4, margin_px: int) -> NDArray[np.bool_]:
@@ -239,12 +242,3 @@ def _turned(surface: Surface, deviation: F4, motion: F8, grid: Surface) -> tuple
     spread = cv2.remap(deviation, column, row, cv2.INTER_LINEAR)
     weight = np.divide(touched, spread**2, out=np.zeros(height.shape), where=spread > 0)
     return height.astype(np.float64), weight
-
-
-def _places(poses: dict[int, F8], names: list[str]) -> Metrics:
-    """The poses as figures, shift in mm and turn in degrees."""
-    return {
-        f"stitched_{axis}/{names[number]}": float(value)
-        for number in sorted(poses)
-        for axis, value in zip(POSE_AXES, IN_DEGREES * six_numbers(poses[number]), strict=True)
-    }
