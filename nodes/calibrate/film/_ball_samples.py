@@ -322,6 +322,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = np.median(np.square(left / balls.whole)) / 0.455
-    alone = np.median(camera / balls.whole**2)
+    variance = np.median(np.square(left / balls.reference_light)) / 0.455
+    alone = np.median(camera / balls.reference_light**2)
     return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

@@ -43,7 +43,7 @@ class Balls:
         return self.ball if len(self.centre) > 1 else self.sector
 
     @property
-    def whole(self) -> F8:
+    def reference_light(self) -> F8:
         """Light that residuals are relative to: that of the samples, or more."""
         return np.maximum(self.light, MIN_WEIGHT_LIGHT)
 

@@ -177,7 +177,7 @@ def other_places(
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     problem = _Problem(balls, rest, names, shift_mm, width_mm)
     left = problem.left(fitted)
-    robust = _robust_spread(left.light / balls.whole)
+    robust = _robust_spread(left.light / balls.reference_light)
     known = _equations(problem.judged(left)._replace(scale=robust), fitted, left)
     shared, _ = _without_shifts(known.shared, known.mixed, known.own)
     scale = np.sqrt(np.diag(shared))
@@ -228,7 +228,7 @@ def add_harmonics(
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
     physics = fitted._replace(film=film)
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
-    weight = 1 / balls.whole**2
+    weight = 1 / balls.reference_light**2
     held = np.full(count * size + 1, RIDGE_SHARE * balls.u.size)
     held[-1] = 0
     for _ in range(HARMONICS_ROUNDS):
@@ -253,20 +253,22 @@ def add_harmonics(
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         left = predicted(balls, now) - balls.light
         now = place_balls(balls, now._replace(scale=_scale(balls, left)), shift_mm)
-        away = (balls.light - predicted(balls, now)) / balls.whole
+        away = (balls.light - predicted(balls, now)) / balls.reference_light
         # Cauchy's weights.
-        weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.whole**2
+        weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
     return now._replace(scale=_scale(balls, predicted(balls, now) - balls.light))
 
 
 def _weight(balls: Balls, left: F8, scale: float) -> F8:
     """Weights of the samples' residuals in the normal equations."""
-    return np.asarray(_robust(left / balls.whole / scale) / (scale * balls.whole) ** 2)
+    return np.asarray(
+        _robust(left / balls.reference_light / scale) / (scale * balls.reference_light) ** 2
+    )
 
 
 def _scale(balls: Balls, left: F8) -> float:
     """Robust standard deviation of a sample's residual."""
-    return max(LIGHT_DEVIATION, _robust_spread(left / balls.whole))
+    return max(LIGHT_DEVIATION, _robust_spread(left / balls.reference_light))
 
 
 def _robust_spread(left: F8) -> float:
@@ -281,7 +283,7 @@ def _robust(left: F8) -> F8:
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     balls, _, names, shift_mm, width_mm, scale, certain = problem
     total = float(np.square(now.shifts / place_deviations(balls, shift_mm)).sum())
-    total += problem.each * huber(left.light / balls.whole / scale)
+    total += problem.each * huber(left.light / balls.reference_light / scale)
     total += huber(left.flat / certain)
     total += float(now.leds[:, 3].mean() ** 2)
     total += sum(away**2 for away, _ in albedos(now, names))

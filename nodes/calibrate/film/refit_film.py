@@ -289,7 +289,7 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
     spread = np.concatenate([places, [each.spread for each in opened]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
-    whole = balls.whole * samples
+    whole = balls.reference_light * samples
     level = np.log(rest_light(film, known.fall.x, known.fall.y))
 
     def at(values: F8) -> _Refitted:
