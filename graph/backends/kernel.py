@@ -133,10 +133,10 @@ def _launch_and_wait(launch: Callable[[], cl.Event]) -> cl.Event:
 
 
 def _in_short(name: str, value: Any) -> str:
-    size = getattr(value, "size", None)
-    return (
-        f"{name}: {size} bytes" if isinstance(value, cl.MemoryObjectHolder) else f"{name}={value}"
-    )
+    """An argument in a word: of a buffer its size, of a number its value."""
+    if isinstance(value, cl.MemoryObjectHolder):
+        return f"{name}: {value.size} bytes"
+    return f"{name}={value}"
 
 
 _ELEMENT_DTYPES = {

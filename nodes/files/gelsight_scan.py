@@ -1,8 +1,8 @@
 """Scans and light models as GelSight's software stores them: ``scan.yaml`` and a model beside it.
 
 That software writes YAML by hand: keys without a value (``fov:      : 5``), Windows' paths,
-sizes as ``[a, b]`` or ``(a, b)``, text in the encoding of Windows.  A scan
-lists its images in the order of the LEDs.
+sizes as ``[a, b]`` or ``(a, b)``, text in the encoding of Windows.  A scan lists its images in the
+order of the LEDs.
 """
 
 import contextlib

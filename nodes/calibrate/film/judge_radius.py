@@ -154,9 +154,10 @@ def judge_radius(
         most=None,
         fine=True,
     )
-    left = _left(fitted) if led_distance_mm is None else np.inf
-    trials = try_radii(balls, flat, pixel, lights, strength, left=left)
     first, left = float(radius[used[0]]), _left(fitted)
+    # A distance that is given is compared with that of every radius.
+    enough = left if led_distance_mm is None else np.inf
+    trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
     doubt = doubt_of_radius(trials, first, left)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
