@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.backends.kernel import WAIT_VARIABLE
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
@@ -39,6 +40,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if item.get_closest_marker("one_case") and first.setdefault(test, item) is not item:
             item.add_marker("slow")
     items.sort(key=lambda item: "pipelines" not in item.path.parts)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A kernel that ends the process is named, but in a test that takes times."""
+    os.environ[WAIT_VARIABLE] = "0" if item.get_closest_marker("realtime") else "1"
 
 
 def without_pictures(graph: Graph) -> Graph:

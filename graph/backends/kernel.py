@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import faulthandler
 import os
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import FunctionType
@@ -16,6 +16,8 @@ from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.kernel_source import Argument
 
 T = TypeVar("T")
+WAIT_VARIABLE = "TACTOGRAPH_WAIT"
+"""The environment variable that, at 1, has each launch waited for, and named if it crashes."""
 
 
 class Kernel:
@@ -101,14 +103,15 @@ class Kernel:
     def _named(
         self, launch: Callable[[], cl.Event], arguments: Sequence[Any]
     ) -> Callable[[], cl.Event]:
-        """In a test of pytest, launch and wait in a function whose name says kernel and arguments.
+        """Launch and wait, if that is asked for, in a function named by kernel and arguments.
 
-        A kernel that goes out of bounds may end the process.  Python's fault handler, which pytest
-        turns on, then prints only the names of the running functions.
+        A kernel that goes out of bounds may end the process.  Python's fault handler then prints
+        only the names of the running functions.
         """
-        # A benchmark that borrows from the tests imports pytest, too, but runs no test.
-        if "pytest" not in sys.modules or "PYTEST_CURRENT_TEST" not in os.environ:
+        if os.environ.get(WAIT_VARIABLE) != "1":
             return launch
+        if not faulthandler.is_enabled():
+            faulthandler.enable()
         names = [name for _, name in self._signature] or [""] * len(arguments)
         given = ", ".join(map(_in_short, names, arguments))
         return partial(renamed(_launch_and_wait, f"kernel {self.name}({given})"), launch)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -23,10 +24,10 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
     from tactograph.graph.files.read_graph import read_graphs
 
     for read in read_graphs(graph):
-        _check(changed(read, overlays, settings))
+        _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
 
 
-def _check(read: Graph) -> None:
+def _check(read: Graph, own_params: Container[str]) -> None:
     from tactograph.graph.backends.device_backend import open_device
     from tactograph.graph.files.groups import alike, uses_of
     from tactograph.graph.plan.make_plan import make_plan
@@ -48,7 +49,8 @@ def _check(read: Graph) -> None:
         if not uses_of(read, group):
             say(f"not used by any node: the group {group}")
     settings = {str(value) for entry in read.nodes.values() for value in entry.settings.values()}
-    if unread := [name for name in read.params if f"${name}" not in settings]:
+    # A graph is not at fault for a param that it inherits.
+    if unread := [n for n in read.params if n in own_params and f"${n}" not in settings]:
         say(f"params that no node reads: {', '.join(unread)}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():

@@ -119,6 +119,8 @@ class Graph:
     """Nodes that no package brings, by name; see `load`."""
     gone: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that a change took out, with its place."""
+    inherited: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
+    """Params of the graph below the last change."""
 
     def where(self, key: str) -> str:
         """``file:line:column: path`` of a key such as ``outputs.height``."""

@@ -82,6 +82,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
         prefer=tuple(model.prefer) if model.prefer is not None else graph.prefer,
         outputs=_wanted({**graph.outputs, **model.outputs}),
         places={**graph.places, **_places(document, ())},
+        inherited=frozenset(graph.params),
         groups={**graph.groups, **_groups(layer)},
     )
     changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))

@@ -13,7 +13,9 @@ from tactograph.nodes import Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
 """Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
-NO_CONTACT = np.uint8(255)
+MAX_CONTACTS = 254
+"""Largest number of a contact: numbers have 8 bits."""
+NO_CONTACT = np.uint8(MAX_CONTACTS + 1)
 """Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
 MEDIAN_TO_DEVIATION = 1.4826
 """Median magnitude to standard deviation, for a normal distribution."""
@@ -28,7 +30,7 @@ def find_contact(
     leave: Annotated[float, Gt(0)] = 4.0,
     least_error_mm: Annotated[float, Gt(0)] = 0.001,
     least_px: Annotated[int, Interval(ge=1)] = 20,
-    most: Annotated[int, Interval(ge=1, le=254)] = 16,
+    most: Annotated[int, Interval(ge=1, le=MAX_CONTACTS)] = MAX_CONTACTS,
 ) -> Contacts:
     """Number the contacts: connected film that exceeds its error, by hysteresis thresholding.
 
@@ -55,7 +57,7 @@ def find_contact(
     least_px
         Least number of pixels above `enter`, or enclosed by such, in a contact.
     most
-        Largest number of contacts.  If there are more, the largest are numbered, with a warning.
+        Largest number of contacts.  Of more, the largest are numbered, with a warning.
 
     Returns
     -------
@@ -88,6 +90,8 @@ def find_contact(
             f"find_contact: {len(contacts)} contacts, of which the {most} largest are numbered; "
             "'most' sets how many"
         )
+    elif len(contacts) == MAX_CONTACTS:
+        warn(f"find_contact: {MAX_CONTACTS} contacts or more; the largest are numbered")
     largest = sorted(contacts, key=lambda number: -areas[number])[:most]
     numbers = np.zeros(256, np.uint8)
     numbers[largest] = np.arange(1, len(largest) + 1)

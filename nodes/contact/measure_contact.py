@@ -1,10 +1,13 @@
 """Measure the size, depth and position of each contact."""
 
+from typing import Annotated
+
 import cv2
 import numpy as np
+from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tactograph.graph import node
+from tactograph.graph import node, warn
 from tactograph.nodes import Contacts, Height, Lens, Metrics, PixelSize
 from tactograph.nodes.optics.lens import pixel_sides
 
@@ -14,9 +17,14 @@ PIXEL_VARIANCE = 1 / 12
 
 @node
 def measure_contact(
-    height: Height, contact: Contacts, pixel: PixelSize, lens: Lens | None = None
+    height: Height,
+    contact: Contacts,
+    pixel: PixelSize,
+    lens: Lens | None = None,
+    *,
+    most: Annotated[int, Ge(1)] = 16,
 ) -> Metrics:
-    """Return area, depth, volume, position and principal axes of every contact.
+    """Return area, depth, volume, position and principal axes of the largest contacts.
 
     The film stands out as far as the object presses it in: depth is height.
 
@@ -28,11 +36,13 @@ def measure_contact(
     pixel : mm per px
     lens
         Of it only that pixels are not square; None: they are.
+    most
+        Largest number of contacts that are measured.  Of more, a warning tells.
 
     Returns
     -------
     dict
-        ``contacts``, their number, and for each contact, as ``contact_area_mm2/c1``,
+        ``contacts``, the number of all, and for each that is measured, as ``contact_area_mm2/c1``,
         ``contact_area_mm2/c2`` ...:
 
         ``contact_area_mm2``, of the film that stands out, seen from above: not only where the
@@ -47,8 +57,14 @@ def measure_contact(
         the part that is seen, and area, depth and volume lower bounds.
     """
     sides = pixel_sides(lens, pixel)
-    numbers = np.unique(contact[contact > 0])
+    numbers, areas = np.unique(contact[contact > 0], return_counts=True)
     figures: Metrics = {"contacts": float(len(numbers))}
+    if len(numbers) > most:
+        warn(
+            f"measure_contact: {len(numbers)} contacts, of which the {most} largest are measured; "
+            "'most' sets how many"
+        )
+        numbers = np.sort(numbers[np.argsort(-areas, kind="stable")[:most]])
     for number in numbers:
         measured = _measured(height, (contact == number).view(np.uint8), *sides)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}

@@ -100,9 +100,11 @@ def _contacts(stamp: int, touch: Touch) -> list[Message]:
     if "contacts" not in figures:
         return []
 
+    measured = [int(key.rpartition("/c")[2]) for key in figures if key.startswith("contact_x_px/")]
+    numbers = range(1, max(measured, default=0) + 1)
+
     def each(name: str, unit: float) -> F8:
         # A number that no pixel has comes without figures.
-        numbers = range(1, int(figures["contacts"]) + 1)
         return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
 
     side = touch.pixel * METRES_PER_MM

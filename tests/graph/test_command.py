@@ -417,6 +417,19 @@ def test_check_lists_what_is_needed_and_what_is_not_used(about: Command) -> None
     assert "needed; a height map" in done.out
 
 
+def test_check_does_not_blame_a_graph_for_params_that_it_inherits(
+    tactograph: Command, write: Write
+) -> None:
+    """Nor for one that it declares once more, as not used there."""
+    spare = "  spare: {kind: text}\n"
+    text = SLOPES.replace("params:\n", f"params:\n{spare}")
+    base = write(text + "variants:\n  wide:\n    params: {more: {kind: text}}\n")
+    further = write(f"format: 1\nextends: graph.yaml\nparams:\n{spare}", "further.yaml")
+    assert "no node reads: spare\n" in tactograph("check", base).out
+    assert "no node reads: more\n" in tactograph("check", f"{base}/wide").out
+    assert "no node reads" not in tactograph("check", further).out
+
+
 def test_check_names_groups_that_nothing_uses_and_nodes_that_no_use_needs(about: Command) -> None:
     text = """
 format: 1

@@ -169,7 +169,8 @@ class Statistics:
             parts.append(f"rmse {figures['rmse_um']:.1f} um")
         if depths := _of_all(self._contact, "contact_depth_mm"):
             area = sum(_of_all(self._contact, "contact_area_mm2"))
-            many = f"{len(depths)} contact{'s' if len(depths) > 1 else ''}"
+            count = int(self._contact["contacts"])
+            many = f"{count} contact{'s' if count > 1 else ''}"
             cut = sum(_of_all(self._contact, "contact_cut"))
             more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")

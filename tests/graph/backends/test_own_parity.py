@@ -1,5 +1,6 @@
 """A test of one's own node, in a file of its own: what it tells of a kernel that is wrong."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -43,7 +44,8 @@ def outcome(folder: Path, beyond: str, call: str = PARITY) -> subprocess.Complet
     file = folder / "test_astray.py"
     file.write_text(TEST.format(beyond=beyond, call=call))
     words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(file)]
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    env = {**os.environ, "TACTOGRAPH_WAIT": "1" if call == CALL else "0"}
+    return subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
 def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
@@ -60,7 +62,7 @@ def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
     ],
 )
 def test_a_kernel_that_ends_the_process_is_named(tmp_path: Path, call: str, name: str) -> None:
-    """With its case or its arguments.
+    """With its case, or with its arguments where TACTOGRAPH_WAIT asks for it.
 
     A store terabytes beyond the buffer: no driver forgives it on a CPU.  Another thread of the
     driver may end the process before the report is written to its end.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import Height
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.measure_contact import measure_contact
@@ -117,3 +118,21 @@ def test_a_contact_of_few_columns_or_rows_is_measured_like_any_other(wide: int, 
 def test_no_contact_is_a_figure_too() -> None:
     level = np.zeros((ROWS, COLUMNS), np.float32)
     assert measure_contact(level, find_contact(level), PIXEL) == {"contacts": 0.0}
+
+
+def test_all_contacts_count_and_the_largest_are_measured() -> None:
+    height = np.zeros((ROWS, COLUMNS), np.float32)
+    for number in range(63):
+        side = 12 if number in (40, 7) else 8
+        y, x = 25 * (number // 9), 30 * (number % 9)
+        height[y : y + side, x : x + side] = 0.1
+    height[3:11, 33:41] = 0.1  # by the first of the second column: the third largest
+    contact = find_contact(height)
+    with collect_warnings([]) as notes:
+        figures = measure_contact(height, contact, PIXEL, most=3)
+    assert figures["contacts"] == contact.max() == 63
+    areas = [name for name in figures if name.startswith("contact_area")]
+    assert areas == [f"contact_area_mm2/c{number}" for number in (1, 2, 3)]
+    assert notes == [
+        "measure_contact: 63 contacts, of which the 3 largest are measured; 'most' sets how many"
+    ]
