@@ -8,6 +8,8 @@ from tactograph.graph.errors import InputError
 def need(extra: str, feature: str, *packages: str) -> None:
     """Refuse, in one line, a feature whose packages are not installed.
 
+    Raises InputError if one is missing.
+
     Parameters
     ----------
     extra
@@ -16,11 +18,6 @@ def need(extra: str, feature: str, *packages: str) -> None:
         What needs them, as the message begins.
     packages
         Names under which they are imported.
-
-    Raises
-    ------
-    InputError
-        If one is missing.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:

@@ -40,11 +40,8 @@ def open_batch(
     written together.  A store without a finished capture, as a mistake in the first command leaves
     it, is made anew for another job or other captures.  The batch's own folder is not a capture.
 
-    Raises
-    ------
-    InputError
-        If the store was made by another graph, other values or another calibration, or
-        cannot be written; or if none of the first captures can be done.
+    Raises InputError if the store was made by another graph, other values or another calibration,
+    or cannot be written; or if none of the first captures can be done.
     """
     place = store_place(out, job)
     wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]
@@ -130,10 +127,7 @@ def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:
 def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterator[Tally]:
     """Do the chunks, and yield the tally of each as soon as it is written.
 
-    Raises
-    ------
-    InputError
-        If maps are gone from the store, and none of the first captures can be done.
+    Raises InputError if maps are gone from the store, and none of the first captures can be done.
     """
     if chunks and not store.has_maps:
         first = [capture for chunk in chunks for _, capture in chunk.captures]

@@ -42,15 +42,13 @@ def find_captures(patterns: Sequence[str]) -> Found:
     A folder that holds folders and no file stands for those folders.  Files beside matching
     folders are passed over: a batch never mixes both kinds.
 
+    Raises InputError if a pattern matches nothing, its file system is not known, or a name is not
+    UTF-8.
+
     Parameters
     ----------
     patterns
         Paths or URLs with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.
-
-    Raises
-    ------
-    InputError
-        If a pattern matches nothing, its file system is not known, or a name is not UTF-8.
     """
     captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}
@@ -134,10 +132,7 @@ def _reaching(place: str) -> Iterator[None]:
 def content_of(place: str) -> str:
     """A hash of the content of a file or folder, or the object store's checksum.
 
-    Raises
-    ------
-    InputError
-        If nothing is there.
+    Raises InputError if nothing is there.
     """
     if not is_url(place):
         return content_hash(Path(place))
@@ -149,10 +144,7 @@ def content_of(place: str) -> str:
 def kept_at_hand(place: str) -> str:
     """A local path of a file, valid as long as this process runs.
 
-    Raises
-    ------
-    InputError
-        If it cannot be fetched.
+    Raises InputError if it cannot be fetched.
     """
     if not is_url(place):
         return place
@@ -164,10 +156,7 @@ def kept_at_hand(place: str) -> str:
 def at_hand(place: str) -> Iterator[str]:
     """Yield a local path of `place`; a remote place is fetched, and the copy removed afterwards.
 
-    Raises
-    ------
-    InputError
-        If it cannot be fetched.
+    Raises InputError if it cannot be fetched.
     """
     if not is_url(place):
         yield place

@@ -32,6 +32,9 @@ CHUNKS_PER_THREAD = 3
 class Cluster:
     """A Dask scheduler at an address, or in a scheduler file.
 
+    Raises InputError if dask.distributed is not installed, the file is none of a scheduler, or no
+    scheduler answers.
+
     Parameters
     ----------
     address
@@ -40,12 +43,6 @@ class Cluster:
         The scheduler file, if there is no address.
     tell
         Called with a line whenever the scheduler has gone.
-
-    Raises
-    ------
-    InputError
-        If dask.distributed is not installed, the file is none of a scheduler, or no scheduler
-        answers.
     """
 
     def __init__(
@@ -111,10 +108,7 @@ class Cluster:
     def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
         """Futures that ended, with their tallies or errors.
 
-        Raises
-        ------
-        ConnectionError, CancelledError
-            If the scheduler has gone, or has forgotten them.
+        Raises ConnectionError, CancelledError if the scheduler has gone, or has forgotten them.
         """
         from distributed import wait
 
@@ -178,10 +172,7 @@ async def _greet(address: str) -> None:
 def do_chunk_elsewhere(chunk: Chunk) -> Tally:
     """Do a chunk on a machine whose code may differ from that of the batch.
 
-    Raises
-    ------
-    InputError
-        If that is so.
+    Raises InputError if that is so.
     """
     _check_origin(chunk.out, chunk.stamp)
     return do_chunk(chunk)

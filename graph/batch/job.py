@@ -71,6 +71,8 @@ def make_job(
 ) -> Job:
     """Make the job for every capture.
 
+    Raises InputError if the graph lacks the parameter or a map, or `out` cannot be.
+
     Parameters
     ----------
     out
@@ -82,18 +84,14 @@ def make_job(
         The outputs to keep; None for all that are an H x W map.
     below
         The folder that the captures lie below: result folders have its layout.
-
-    Raises
-    ------
-    InputError
-        If the graph lacks the parameter or a map, or `out` cannot be.
     """
     _check_param(graph, given, param)
     folders = _folders(graph, out)
     paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
     read = {n: absolute(v) for n, v in given.items() if n in paths and v is not None}
     fixed = {**given, **read}
-    draft = _draft(graph, fixed, param, sinks=folders is not None)
+    of_each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
+    draft = names.bind(graph, {**fixed, **of_each}, sinks=folders is not None)
     kept = _maps(draft, maps)
     named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
     return Job(
@@ -148,19 +146,10 @@ def store_place(out: str, job: Job) -> str:
     return absolute(out) if job.folders is None else f"{job.folders}/batch.zarr"
 
 
-def _draft(graph: Graph, given: Mapping[str, Any], param: str, *, sinks: bool) -> Draft:
-    """The graph's nodes and settings; refuses a missing param other than the capture."""
-    each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
-    return names.bind(graph, {**given, **each}, sinks=sinks)
-
-
 def _maps(draft: Draft, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The outputs to keep."""
     graph = draft.graph
-    ports = {
-        name: draft.tasks[value.node].node.outputs[value.port]
-        for name, value in draft.outputs.items()
-    }
+    ports = {name: draft.port_of(value) for name, value in draft.outputs.items()}
     conditional = [name for name, v in draft.outputs.items() if draft.tasks[v.node].conditions]
     arrays = [n for n, port in ports.items() if port.kind == "array" and n not in conditional]
     for name in wanted or ():

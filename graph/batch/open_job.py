@@ -18,16 +18,14 @@ _mine = threading.local()
 """The pipeline that this thread keeps, and its job: a pipeline belongs to one thread."""
 
 
-def pipeline_of(job: Job) -> Pipeline:
-    """Open a job's pipeline, unless this thread has it open.
+def pipeline_of(job: Job, graph: Graph | None = None) -> Pipeline:
+    """Open a job's pipeline, unless this thread has it open; `graph` is the job's, once read.
 
-    Raises
-    ------
-    TactographError
-        If it cannot be opened here.
+    Raises TactographError if it cannot be opened here.
     """
-    if not _is_open(job):
-        _keep(job, graph_of(job))
+    if getattr(_mine, "job", None) != job:
+        forget_pipeline()  # if opening fails, none counts as open
+        _mine.pipeline, _mine.job = _open(job, graph or graph_of(job)), job
     pipeline: Pipeline = _mine.pipeline
     return pipeline
 
@@ -38,8 +36,7 @@ def open_ahead(job: Job, graph: Graph) -> None:
     An error is raised again where the pipeline is needed.
     """
     with suppress(TactographError):
-        if not _is_open(job):
-            _keep(job, graph)
+        pipeline_of(job, graph)
 
 
 def graph_of(job: Job) -> Graph:
@@ -53,17 +50,6 @@ def graph_of(job: Job) -> Graph:
 def forget_pipeline() -> None:
     """Open the pipeline again when it is next needed."""
     _mine.job = None
-
-
-def _is_open(job: Job) -> bool:
-    return getattr(_mine, "job", None) == job
-
-
-def _keep(job: Job, graph: Graph) -> None:
-    # If opening fails, no pipeline counts as open.
-    forget_pipeline()
-    _mine.pipeline = _open(job, graph)
-    _mine.job = job
 
 
 def _open(job: Job, graph: Graph) -> Pipeline:

@@ -47,10 +47,7 @@ class Processes:
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Ask all processes, which open the graph for it, and return the first answer.
 
-        Raises
-        ------
-        InputError
-            If the process dies.
+        Raises InputError if the process dies.
         """
         pool = self._idle = self._idle or start_processes(self.number)
         try:

@@ -236,10 +236,7 @@ class Store:
     def write(self, entries: Mapping[int, Entry]) -> None:
         """Write captures of one chunk, their status last, so that only whole ones count as done.
 
-        Raises
-        ------
-        InputError
-            If the store cannot be written.
+        Raises InputError if the store cannot be written.
         """
         here = self._chunk_of(min(entries))
         with self._refusing():
@@ -291,10 +288,6 @@ class Store:
         parts = [self._read(name, slice(start, middle)), self._read(name, slice(middle, stop))]
         return np.concatenate(parts)
 
-    def read(self, number: int) -> Entry:
-        """The entry of one capture, without its maps."""
-        return self.read_all(slice(number, number + 1))[0]
-
     def read_all(self, here: slice = slice(None)) -> list[Entry]:
         """The entries of the captures, without their maps."""
         here = slice(*here.indices(len(self)))
@@ -330,6 +323,8 @@ def create_store(
 ) -> Store:
     """Make an empty store.
 
+    Raises InputError if something else is there, or it cannot be written.
+
     Parameters
     ----------
     job
@@ -340,11 +335,6 @@ def create_store(
         Captures that are written together.
     overwrite
         Whether to replace a store.
-
-    Raises
-    ------
-    InputError
-        If something else is there, or it cannot be written.
     """
     try:
         group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)
@@ -374,10 +364,7 @@ def create_store(
 def open_store(place: str) -> Store | None:
     """Open a store, or return None if nothing is there.
 
-    Raises
-    ------
-    InputError
-        If something else is there.
+    Raises InputError if something else is there.
     """
     try:
         # Arrays of version 2 may say that they are pickled, which runs code.

@@ -16,10 +16,7 @@ def alone_in(place: str) -> Iterator[None]:
 
     Two that add captures, or merge into one chunk, would undo each other's work.
 
-    Raises
-    ------
-    InputError
-        If another batch is at work there, or its folder cannot be made.
+    Raises InputError if another batch is at work there, or its folder cannot be made.
     """
     if is_url(place):
         yield

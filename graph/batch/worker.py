@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -60,20 +61,19 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
     that another worker has finished meanwhile are passed over.  A capture that fails is recorded
     with its reason.
 
+    Raises InputError if the store has gone, or its graph cannot be opened here.
+
     Yields
     ------
     The tally of each chunk, once it is written.
-
-    Raises
-    ------
-    InputError
-        If the store has gone, or its graph cannot be opened here.
     """
     with ThreadPoolExecutor(1, "read") as reader, ThreadPoolExecutor(1, "write") as writer:
         written: Future[Tally] | None = None
         entries: dict[int, Entry] = {}
         types: dict[str, MapType] = {}
-        for turn in _one_ahead(_turns(chunks, reader)):
+        # Each turn is taken after the next one is begun.
+        for turn, _ in pairwise(chain(_turns(chunks, reader), [None])):
+            assert turn is not None
             # After a device failed the pipeline is opened again: it may not recover otherwise.
             store, pipeline = _opened(turn.chunk.out, turn.chunk.stamp)
             if turn.coming is not None:
@@ -113,17 +113,6 @@ def _turns(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Tur
             yield _Turn(chunk, first, None, True)
 
 
-def _one_ahead(turns: Iterator[_Turn]) -> Iterator[_Turn]:
-    """Yield each turn after the next one is begun."""
-    before = next(turns, None)
-    for turn in turns:
-        assert before is not None
-        yield before
-        before = turn
-    if before is not None:
-        yield before
-
-
 def _write(
     store: Store, chunk: Chunk, entries: dict[int, Entry], fallbacks: tuple[str, ...]
 ) -> Tally:
@@ -135,13 +124,7 @@ def _write(
 
 
 def find_map_types(job: Job, place: str) -> dict[str, MapType]:
-    """The types of a job's maps, from a capture.
-
-    Raises
-    ------
-    TactographError
-        If it cannot be done.
-    """
+    """The types of a job's maps, from a capture.  Raises TactographError if it cannot be done."""
     pipeline = pipeline_of(job)
     with (ready := _read(pipeline, job, place)).kept:
         result = _run(pipeline, ready)
@@ -165,10 +148,7 @@ def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
 def store_of(out: str, stamp: str) -> Store:
     """Open the store that a chunk belongs to.
 
-    Raises
-    ------
-    InputError
-        If it has gone, or another is in its place.
+    Raises InputError if it has gone, or another is in its place.
     """
     store = open_store(out)
     if store is None or store.stamp != stamp:

@@ -14,10 +14,7 @@ def worker_count(backends: Sequence[str], device: str | None, captures: int) -> 
 
     It is one for each core, since separate processes outrun shared threads, and one for a GPU.
 
-    Raises
-    ------
-    InputError
-        If `device` names no device that works.
+    Raises InputError if `device` names no device that works.
     """
     opened = open_device(backends, device)[0]
     if opened is not None and not opened.is_cpu:

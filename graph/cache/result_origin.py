@@ -51,10 +51,7 @@ class Origin:
 def find_origin(graph: Graph, *, backend: str | None = None, device: str | None = None) -> Origin:
     """Find the origin that this graph's results would have here and now.
 
-    Raises
-    ------
-    InputError
-        If a node or the device is not there.
+    Raises InputError if a node or the device is not there.
     """
     nodes = [
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})

@@ -45,11 +45,8 @@ class Study:
     def check(self) -> None:
         """Refuse a comparison that cannot be run.
 
-        Raises
-        ------
-        InputError
-            If a sweep or seed names nothing, captures are missing, or repeats would all be
-            the same.
+        Raises InputError if a sweep or seed names nothing, captures are missing, or repeats would
+        all be the same.
         """
         check_targets(self.graphs, [sweep.target for sweep in self.sweeps], "--sweep")
         check_targets(self.graphs, [self.seed] if self.seed else [], "--seed")
@@ -132,10 +129,7 @@ def takes_capture(graph: Graph) -> bool:
 def make_jobs(study: Study) -> list[Job]:
     """Make all combinations, capture by capture, so that related rows are neighbours.
 
-    Raises
-    ------
-    InputError
-        If two of them would write into the same folder.
+    Raises InputError if two of them would write into the same folder.
     """
     jobs = [
         Job(graph, backend, capture, point, seed)

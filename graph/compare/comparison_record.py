@@ -84,13 +84,7 @@ def write_record(record: Record, study: Study, out: Path) -> None:
 
 
 def read_record(folder: Path) -> Record:
-    """Read what `write_record` wrote.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is damaged.
-    """
+    """Read what `write_record` wrote.  Raises InputError if there is none, or it is damaged."""
     file = folder / RECORD_FILE
     try:
         record = Record(**json.loads(file.read_text()))
@@ -106,13 +100,7 @@ def read_record(folder: Path) -> Record:
 
 
 def read_rows(folder: Path) -> list[Row]:
-    """Read the runs in ``table.json``.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is damaged.
-    """
+    """Read the runs in ``table.json``.  Raises InputError if there is none, or it is damaged."""
     file = folder / "table.json"
     try:
         return [Row(**row) for row in json.loads(file.read_text())]
@@ -125,10 +113,7 @@ def read_rows(folder: Path) -> list[Row]:
 def study_again(record: Record, folder: Path) -> Study:
     """The study that a record describes.
 
-    Raises
-    ------
-    InputError
-        If a graph is missing or was changed, or a capture has gone.
+    Raises InputError if a graph is missing or was changed, or a capture has gone.
     """
     graphs = []
     for name, recorded in record.graphs.items():

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
@@ -35,10 +34,7 @@ def read_sweep(word: str) -> Sweep:
 
     A range of whole numbers in whole steps gives whole numbers.
 
-    Raises
-    ------
-    InputError
-        If the word is not of that form, or the values are fewer than two.
+    Raises InputError if the word is not of that form, or the values are fewer than two.
     """
     target, equals, text = word.partition("=")
     if not equals or not _is_target(target):
@@ -70,10 +66,7 @@ def seeds(
 ) -> list[dict[str, Any]]:
     """The settings of `repeats` runs that differ in a seed: the graph's own, and upwards.
 
-    Raises
-    ------
-    InputError
-        If the parameter is no whole number.
+    Raises InputError if the parameter is no whole number.
     """
     if target is None or not has_parameter(graph, target):
         return [{}]
@@ -86,10 +79,7 @@ def seeds(
 def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) -> None:
     """Refuse a parameter that none of the graphs has.
 
-    Raises
-    ------
-    InputError
-        Naming the nodes, or the parameters of the node, that there are.
+    Raises InputError naming the nodes, or the parameters of the node, that there are.
     """
     for target in targets:
         if not any(has_parameter(graph, target) for graph in graphs):
@@ -99,13 +89,7 @@ def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) 
 def has_parameter(graph: Graph, target: str) -> bool:
     """Return whether the graph has this ``node.param``, in a node that is not taken out."""
     node_id, _, name = target.rpartition(".")
-    group = group_of(graph, node_id)
-    if group is not None:
-        return name in group.body.params
-    entries = [graph.nodes[each] for each in meant_nodes(graph, node_id)]
-    return any(
-        not entry.neutral and name in find_node(entry.op, graph.own).parameters for entry in entries
-    )
+    return name in _values_at(graph, node_id)
 
 
 def seed_like(graphs: Iterable[Graph]) -> list[str]:
@@ -152,15 +136,22 @@ def _number(text: str) -> int | float:
     return value
 
 
-def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
-    node_id, _, name = target.rpartition(".")
+def _values_at(graph: Graph, node_id: str) -> dict[str, Any]:
+    """The parameters, with values, of a group, a use, or a node that is not taken out."""
     group = group_of(graph, node_id)
     if group is not None:
         use = graph.uses.get(node_id)
-        value = use.settings[name] if use is not None else group.body.params[name].default
-    else:
-        entry = graph.nodes[meant_nodes(graph, node_id)[0]]
-        value = entry.settings.get(name, find_node(entry.op, graph.own).parameters[name].default)
+        return {n: use.settings[n] if use else p.default for n, p in group.body.params.items()}
+    for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
+        if not entry.neutral:
+            parameters = find_node(entry.op, graph.own).parameters
+            return {n: entry.settings.get(n, p.default) for n, p in parameters.items()}
+    return {}
+
+
+def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
+    node_id, _, name = target.rpartition(".")
+    value = _values_at(graph, node_id)[name]
     if isinstance(value, str) and value.startswith("$"):
         return given.get(value[1:], graph.params[value[1:]].default)
     return value
@@ -169,19 +160,12 @@ def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
 def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
     node_id, _, name = target.rpartition(".")
     for graph in graphs:
-        group = group_of(graph, node_id)
-        if group is not None:
-            return f"'{node_id}' has no param '{name}'; it has: {', '.join(group.body.params)}"
-    holders = [graph for graph in graphs if meant_nodes(graph, node_id)]
-    if not holders:
-        known = dict.fromkeys(n for graph in graphs for n in graph.nodes)
-        return f"no graph has a node '{node_id}'; there are: {', '.join(known)}"
-    entry = holders[0].nodes[meant_nodes(holders[0], node_id)[0]]
-    if entry.neutral:
-        return f"node '{node_id}' is taken out of every graph"
-    return _no_parameter(node_id, name, find_node(entry.op, holders[0].own))
-
-
-def _no_parameter(node_id: str, name: str, node: Node) -> str:
-    known = ", ".join(node.parameters) or "none"
-    return f"node '{node_id}' ({node.name}) has no parameter '{name}'; it has: {known}"
+        known = ", ".join(_values_at(graph, node_id)) or "none"
+        if group_of(graph, node_id) is not None:
+            return f"'{node_id}' has no param '{name}'; it has: {known}"
+        for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
+            if entry.neutral:
+                return f"node '{node_id}' is taken out of every graph"
+            return f"node '{node_id}' ({entry.op}) has no parameter '{name}'; it has: {known}"
+    nodes = dict.fromkeys(n for graph in graphs for n in graph.nodes)
+    return f"no graph has a node '{node_id}'; there are: {', '.join(nodes)}"

@@ -143,15 +143,10 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
 def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) -> None:
     """Print the figures, the best value of each capture marked with a star."""
     lines = make_lines(rows)
-    shown = [*lines, *over_all(lines)]
-    names, labels = columns(lines), _row_headings(lines)
-    table = [
-        [*_row_labels(line, lines), *(_starred(line, name, shown) for name in names)]
-        for line in shown
-    ]
-    echo(fitting_table([*labels, *map(words, names)], table, len(labels), width))
+    headings, labels, table = _cells(lines, f"{{}}{BEST_MARK}", "{} ")
+    echo(fitting_table(headings, table, labels, width))
     if any(cell.endswith(BEST_MARK) for cells in table for cell in cells):
-        echo(f"{BEST_MARK} best of its capture: {_what_is_best(names)}")
+        echo(f"{BEST_MARK} best of its capture: {_what_is_best(columns(lines))}")
     for line in lines:
         if line.error:
             echo(f"failed: {line.label}: {line.error}")
@@ -217,10 +212,19 @@ def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
     return [*capture, line.variant, *swept, line.where]
 
 
-def _starred(line: Line, name: str, lines: Sequence[Line]) -> str:
-    if name not in line.figures:
-        return ""
-    return f"{line.figures[name]}{BEST_MARK if is_best(line, name, lines) else ' '}"
+def _cells(
+    lines: Sequence[Line], best: str, other: str = "{}"
+) -> tuple[list[str], int, list[list[str]]]:
+    """Headings, how many of them are labels, and rows; figures in the form of the best or other."""
+    shown = [*lines, *over_all(lines)]
+    names, labels = columns(lines), _row_headings(lines)
+
+    def cell(line: Line, name: str) -> str:
+        form = best if is_best(line, name, shown) else other
+        return form.format(line.figures[name]) if name in line.figures else ""
+
+    rows = [[*_row_labels(line, lines), *(cell(line, name) for name in names)] for line in shown]
+    return [*labels, *map(words, names)], len(labels), rows
 
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:
@@ -245,46 +249,31 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
 
 
 def _markdown(lines: Sequence[Line]) -> str:
-    shown = [*lines, *over_all(lines)]
-    names, headings = columns(lines), _row_headings(lines)
-    table = [
-        [*headings, *map(words, names)],
-        [*("---" for _ in headings), *("---:" for _ in names)],
-    ]
-    for line in shown:
-        cells = [_marked(line, name, shown, "**{}**") for name in names]
-        table.append([*_row_labels(line, lines), *cells])
-    return "".join(f"| {' | '.join(cells)} |\n" for cells in table)
+    headings, labels, rows = _cells(lines, "**{}**")
+    rule = ["---" if number < labels else "---:" for number in range(len(headings))]
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in (headings, rule, *rows))
 
 
 def _latex(lines: Sequence[Line]) -> str:
     """A table for the booktabs package, a block for each capture."""
-    shown = [*lines, *over_all(lines)]
-    names, headings = columns(lines), _row_headings(lines)
-    form = "l" * len(headings) + "r" * len(names)
+    headings, labels, rows = _cells(lines, r"\textbf{{{}}}")
+    form = "l" * labels + "r" * (len(headings) - labels)
     text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule"]
-    text.append(_latex_row([_escaped(word) for word in [*headings, *map(words, names)]]))
+    text.append(_latex_row(map(_escaped, headings)))
     capture = None
-    for line in shown:
-        if line.capture != capture:
+    for row in rows:
+        here = row[0] if any(line.capture for line in lines) else ""
+        if here != capture:
             text.append(r"\midrule")
-            capture = line.capture
-        cells = [_marked(line, name, shown, r"\textbf{{{}}}") for name in names]
-        labels = [_escaped(label) for label in _row_labels(line, lines)]
-        text.append(_latex_row([*labels, *(cell.replace("±", r"$\pm$") for cell in cells)]))
+            capture = here
+        figures = [cell.replace("±", r"$\pm$") for cell in row[labels:]]
+        text.append(_latex_row([*map(_escaped, row[:labels]), *figures]))
     text += [r"\bottomrule", r"\end{tabular}"]
     return "% \\usepackage{booktabs}\n" + "\n".join(text) + "\n"
 
 
 def _latex_row(cells: Iterable[str]) -> str:
     return " & ".join(cells) + r" \\"
-
-
-def _marked(line: Line, name: str, lines: Sequence[Line], mark: str) -> str:
-    if name not in line.figures:
-        return ""
-    text = str(line.figures[name])
-    return mark.format(text) if is_best(line, name, lines) else text
 
 
 def _escaped(text: str) -> str:

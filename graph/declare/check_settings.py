@@ -3,18 +3,15 @@
 from collections.abc import Callable, Collection, Mapping
 from functools import cache, partial
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
+from tactograph.graph.declare.limits import parts_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-
-_WRAPPER_TYPES = (Annotated, Union, UnionType)
-
 
 NOT_GIVEN = object()
 """Value of a param where only the plan matters, not the data."""
@@ -27,19 +24,8 @@ def check_settings(
 ) -> dict[str, Any]:
     """Return the node's parameters, defaults filled in, each of its declared type.
 
-    Parameters
-    ----------
-    node
-        It declares its parameters.
-    settings
-        Their values.
-    where
-        Gives the place of a parameter's value by the parameter's name.
-
-    Raises
-    ------
-    GraphError
-        If one is unknown, missing, of a wrong type or out of its range.  `NOT_GIVEN` passes.
+    `where` gives the place of a parameter's value by the parameter's name.  Raises GraphError if
+    one is unknown, missing, of a wrong type or out of its range; `NOT_GIVEN` passes.
     """
     for name in settings:
         if name in node.former:
@@ -115,7 +101,7 @@ def model_of(node: Node) -> type[BaseModel]:
 
 def _lenient(annotation: Any) -> Any:
     """Accept ``160,120`` for a tuple and ``~`` for a home, but no flag for a number."""
-    parts = _parts(annotation)
+    parts = parts_of(annotation)
     if Path in parts:
         annotation = Annotated[annotation, BeforeValidator(_at_home)]
     before = _validator_for(parts)
@@ -126,7 +112,9 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
     """The check that a value passes before pydantic's own, if a type needs one."""
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
-        members = {each for part in tuples for member in get_args(part) for each in _parts(member)}
+        members = {
+            each for part in tuples for member in get_args(part) for each in parts_of(member)
+        }
         fixed = {len(get_args(part)) for part in tuples if Ellipsis not in get_args(part)}
         named = [each for part in parts for each in get_args(part) if isinstance(each, str)]
         split = _split_numbers if {int, float} & members else _split_commas
@@ -138,14 +126,6 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
 
 def _at_home(value: Any) -> Any:
     return at_home(str(value)) if isinstance(value, str | Path) else value
-
-
-def _parts(annotation: Any) -> list[Any]:
-    """An annotation and all types that its unions and `Annotated` wrap."""
-    inner = get_args(annotation) if get_origin(annotation) in _WRAPPER_TYPES else ()
-    if get_origin(annotation) is Annotated:
-        inner = inner[:1]
-    return [annotation, *(part for each in inner for part in _parts(each))]
 
 
 def _split_commas(value: Any) -> Any:

@@ -4,6 +4,7 @@ import collections.abc
 import inspect
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
@@ -18,7 +19,7 @@ from tactograph.graph.declare.ports import (
     record_ports,
 )
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.tolerance import Exact, Tolerance
+from tactograph.graph.declare.tolerance import Tolerance
 
 _ENGINE_ARGUMENTS: tuple[Any, ...] = (Provenance, Session, Wanted, Whole)
 """Types of the arguments that the engine gives."""
@@ -31,24 +32,17 @@ def node(function: Callable[..., Any]) -> Node: ...
 @typing.overload
 def node(
     *,
-    neutral: float | str | None = None,
-    tolerance: Tolerance | None = None,
-    sizes: Mapping[str, SizeLimit] | None = None,
-    derived: Mapping[str, Parts | SizeRule] | None = None,
-    endless: bool = False,
-    former: Mapping[str, str] | None = None,
+    neutral: float | str = ...,
+    tolerance: Tolerance = ...,
+    sizes: Mapping[str, SizeLimit] = ...,
+    derived: Mapping[str, Parts | SizeRule] = ...,
+    endless: bool = ...,
+    former: Mapping[str, str] = ...,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
 
 def node(
-    function: Callable[..., Any] | None = None,
-    *,
-    neutral: float | str | None = None,
-    tolerance: Tolerance | None = None,
-    sizes: Mapping[str, SizeLimit] | None = None,
-    derived: Mapping[str, Parts | SizeRule] | None = None,
-    endless: bool = False,
-    former: Mapping[str, str] | None = None,
+    function: Callable[..., Any] | None = None, **about: Any
 ) -> Node | Callable[[Callable[..., Any]], Node]:
     """Declare a function as a node.
 
@@ -77,22 +71,10 @@ def node(
         If the signature is not a declaration: a port without a type, a parameter that is
         not keyword-only, a neutral input whose type is not the output's.
     """
-    if function is None:
-        return lambda f: _declare(
-            f, neutral, tolerance, sizes or {}, derived or {}, endless, former or {}
-        )
-    return _declare(function, neutral, tolerance, sizes or {}, derived or {}, endless, former or {})
+    return partial(_declare, **about) if function is None else _declare(function, **about)
 
 
-def _declare(
-    function: Callable[..., Any],
-    neutral: float | str | None,
-    tolerance: Tolerance | None,
-    sizes: Mapping[str, SizeLimit],
-    derived: Mapping[str, Parts | SizeRule],
-    endless: bool,
-    former: Mapping[str, str],
-) -> Node:
+def _declare(function: Callable[..., Any], **about: Any) -> Node:
     """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
     inputs: dict[str, PortType] = {}
@@ -122,21 +104,17 @@ def _declare(
                 parameter_records[name] = annotation
                 _add_parameters(function.__name__, parameters, _fields_as_parameters(annotation))
             else:
-                _add_parameters(
-                    function.__name__,
-                    parameters,
-                    [Parameter(name, annotation, argument.default)],
-                )
+                own = Parameter(name, annotation, argument.default)
+                _add_parameters(function.__name__, parameters, [own])
         elif argument.kind is argument.VAR_POSITIONAL:
             repeated = read_port(name, annotation)
-        elif record := optional_record(annotation):
-            records[name] = record
-            ports = record_ports(record, f"{name}.")
-            inputs.update({port.name: port for port in ports.values()})
-            if argument.default is not argument.empty:
-                optional.add(name)
         else:
-            inputs[name] = read_port(name, annotation)
+            if record := optional_record(annotation):
+                records[name] = record
+                ports = record_ports(record, f"{name}.")
+                inputs.update({port.name: port for port in ports.values()})
+            else:
+                inputs[name] = read_port(name, annotation)
             if argument.default is not argument.empty:
                 optional.add(name)
     outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
@@ -151,19 +129,14 @@ def _declare(
         outputs=outputs,
         output_record=record,
         stream=stream,
-        neutral=neutral,
-        tolerance=tolerance or Exact(),
-        sizes=sizes,
-        derived=derived,
         provenance=by_engine.get(Provenance),
         session=by_engine.get(Session),
         wanted=by_engine.get(Wanted),
         whole=by_engine.get(Whole),
         calls=calls,
-        endless=endless,
-        former=former,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
+        **about,
     )
     declared.__doc__ = function.__doc__
     _check_neutral(declared)

@@ -63,13 +63,9 @@ def node_names() -> list[str]:
 def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
     """Import and return the node called `name`, or take it from `own`.
 
-    Raises
-    ------
-    InputError
-        If no package has it, or several plug-ins have.  A shipped node has precedence over a
-        plug-in's of the same name, with a warning, so that graphs keep their meaning.
-    NodeError
-        If its module does not hold a node of that name.
+    A shipped node has precedence over a plug-in's of the same name, with a warning, so that graphs
+    keep their meaning.  Raises InputError if no package has it, or several plug-ins have; NodeError
+    if its module does not hold a node of that name.
     """
     if own and name in own:
         return own[name]
@@ -118,11 +114,8 @@ def _plugin_node(point: EntryPoint, name: str) -> Node:
 def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
     """The nodes that a program hands over, by name.
 
-    Raises
-    ------
-    InputError
-        If one is no node, or has the name of a shipped or another node, so that graphs keep
-        their meaning.
+    Raises InputError if one is no node, or has the name of a shipped or another node, so that
+    graphs keep their meaning.
     """
     own: dict[str, Node] = {}
     for each in nodes:

@@ -1,18 +1,12 @@
-"""The type that a parameter's annotation states, and its limits."""
+"""The types that an annotation wraps, and the limits and choices that it states."""
 
 import types
 import typing
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import annotated_types
 
-_LIMIT_TYPES: dict[str, type] = {
-    "ge": annotated_types.Ge,
-    "gt": annotated_types.Gt,
-    "le": annotated_types.Le,
-    "lt": annotated_types.Lt,
-}
+_LIMIT_TYPES = (annotated_types.Ge, annotated_types.Gt, annotated_types.Le, annotated_types.Lt)
 
 
 class Limits(NamedTuple):
@@ -26,43 +20,38 @@ class Limits(NamedTuple):
 
 def limits_of(annotation: Any) -> Limits:
     """The limits that an annotation states, also where the number may be None."""
-    rules = list(_rules(annotation))
-    return Limits(
-        *(
-            next((float(getattr(rule, name)) for rule in rules if isinstance(rule, kind)), None)
-            for name, kind in _LIMIT_TYPES.items()
-        )
-    )
+    stated: dict[type, float] = {}
+    for part in parts_of(annotation):
+        for mark in getattr(part, "__metadata__", ()):
+            for rule in mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,):
+                if isinstance(rule, _LIMIT_TYPES):
+                    stated[type(rule)] = float(getattr(rule, type(rule).__name__.lower()))
+    return Limits(*map(stated.get, _LIMIT_TYPES))
+
+
+def choices_of(annotation: Any) -> list[Any]:
+    """The values that a `Literal` in an annotation lists."""
+    literals = [part for part in parts_of(annotation) if typing.get_origin(part) is Literal]
+    return [choice for literal in literals for choice in typing.get_args(literal)]
 
 
 def bare_type(annotation: Any) -> Any:
     """The type without its `Annotated`, and without None where it is the only other member."""
-    while typing.get_origin(annotation) is typing.Annotated:
-        annotation = typing.get_args(annotation)[0]
-    members = [each for each in members_of(annotation) if each is not type(None)]
+    if typing.get_origin(annotation) is Annotated:
+        return bare_type(annotation.__origin__)
+    members = members_of(annotation)
     return bare_type(members[0]) if len(members) == 1 and members[0] != annotation else annotation
 
 
-def members_of(annotation: Any) -> tuple[Any, ...]:
-    """The members of a union; of any other type itself."""
-    is_union = typing.get_origin(annotation) in (typing.Union, types.UnionType)
-    return typing.get_args(annotation) if is_union else (annotation,)
+def members_of(annotation: Any) -> list[Any]:
+    """The types of a union but None; else the annotation alone."""
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return [each for each in typing.get_args(annotation) if each is not type(None)]
+    return [annotation]
 
 
-def choices_of(annotation: Any) -> list[Any]:
-    """The values that a `Literal` among an annotation's members lists."""
-    literals = [
-        m for m in members_of(bare_type(annotation)) if typing.get_origin(m) is typing.Literal
-    ]
-    return [choice for literal in literals for choice in typing.get_args(literal)]
-
-
-def _rules(annotation: Any) -> Iterator[Any]:
-    if typing.get_origin(annotation) is typing.Annotated:
-        annotation, *marks = typing.get_args(annotation)
-        for mark in marks:
-            yield from mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,)
-        yield from _rules(annotation)
-    for member in members_of(annotation):
-        if member != annotation:
-            yield from _rules(member)
+def parts_of(annotation: Any) -> list[Any]:
+    """An annotation and all types that its unions and `Annotated` wrap."""
+    is_marked = typing.get_origin(annotation) is Annotated
+    inner = [annotation.__origin__] if is_marked else members_of(annotation)
+    return [annotation, *(p for each in inner if each != annotation for p in parts_of(each))]

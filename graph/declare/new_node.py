@@ -18,11 +18,8 @@ def write_into_project(place: str, root: Path) -> list[Path]:
 
     The parity tests find the node by themselves.
 
-    Raises
-    ------
-    InputError
-        If `root` is no clone of the project, it has no such room, the name cannot be used, or
-        a file is there.
+    Raises InputError if `root` is no clone of the project, it has no such room, the name cannot be
+    used, or a file is there.
     """
     if not all((root / part).is_dir() for part in ("nodes", "kernels", "pipelines", "tests")):
         raise InputError(
@@ -50,14 +47,11 @@ def write_into_project(place: str, root: Path) -> list[Path]:
 def write_into_package(name: str, folder: Path) -> tuple[list[Path], str]:
     """Write the node and its tests into the package in `folder`, which is made if needed.
 
+    Raises InputError if the name cannot be used, or a file is there.
+
     Returns
     -------
     The files, and the line that its ``pyproject.toml`` must have, or "" if it has it.
-
-    Raises
-    ------
-    InputError
-        If the name cannot be used, or a file is there.
     """
     distribution = folder.resolve().name
     module = distribution.replace("-", "_")

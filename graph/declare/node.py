@@ -28,7 +28,7 @@ from tactograph.graph.declare.kernel_declaration import (
     can_run_anywhere,
 )
 from tactograph.graph.declare.ports import PortType, make_record, record_ports, record_values
-from tactograph.graph.declare.tolerance import Tolerance
+from tactograph.graph.declare.tolerance import Exact, Tolerance
 
 
 @dataclass(frozen=True)
@@ -105,10 +105,10 @@ class Node:
     outputs: dict[str, PortType]
     output_record: type | None
     stream: bool
-    neutral: float | str | None
-    tolerance: Tolerance
-    sizes: Mapping[str, SizeLimit]
-    derived: Mapping[str, Parts | SizeRule]
+    neutral: float | str | None = None
+    tolerance: Tolerance = field(default_factory=Exact)
+    sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
+    derived: Mapping[str, Parts | SizeRule] = field(default_factory=dict)
     package: str = "tactograph"
     provenance: str | None = None
     session: str | None = None
@@ -304,13 +304,7 @@ class Node:
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(
-        self,
-        *,
-        grid: str | None = None,
-        lanes: Lanes | None = None,
-        whole: str | None = None,
-        can_run: CanRun = can_run_anywhere,
-        source: str | os.PathLike[str] | None = None,
+        self, *, grid: str | None = None, **how: Any
     ) -> Node | Callable[[LaunchFunction], LaunchFunction]:
         """Declare the OpenCL implementation in ``kernels/ROOM/NAME.cl``.
 
@@ -334,13 +328,11 @@ class Node:
             The kernels themselves, as text or as a path, for a node of a script or notebook.
         """
         if grid is not None:
-            self.implementations["opencl"] = Kernels(
-                tuple(grid.split()), lanes, whole, source=source
-            )
+            self.implementations["opencl"] = Kernels(tuple(grid.split()), **how)
             return self
 
         def take(launch: LaunchFunction) -> LaunchFunction:
-            self.implementations["opencl"] = Kernels(launch=launch, can_run=can_run, source=source)
+            self.implementations["opencl"] = Kernels(launch=launch, **how)
             return launch
 
         return take

@@ -8,7 +8,6 @@ ports is a record: one edge, several values.  The ports of a record inside a rec
 outer record's own.  A node that lacks optional fields of a record can be read as that record.
 """
 
-import types
 import typing
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,6 +16,8 @@ from itertools import islice
 from typing import Annotated, Any, Literal
 
 import numpy as np
+
+from tactograph.graph.declare.limits import members_of
 
 Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
@@ -83,24 +84,14 @@ def is_record(annotation: Any) -> bool:
 
 def optional_record(annotation: Any) -> type | None:
     """The record that an annotation stands for, or may stand for; else None."""
-    members = _members(annotation)
+    members = members_of(annotation)
     return members[0] if len(members) == 1 and is_record(members[0]) else None
-
-
-def _members(annotation: Any) -> list[Any]:
-    """The types of a union but None; else the annotation alone."""
-    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        return [each for each in typing.get_args(annotation) if each is not type(None)]
-    return [annotation]
 
 
 def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     """Return the ports of a record, and of records in it, by name, each named ``prefix.name``.
 
-    Raises
-    ------
-    TypeError
-        If two ports have one name.
+    Raises TypeError if two ports have one name.
     """
     ports: dict[str, PortType] = {}
     for field, annotation in record_fields(record).items():
@@ -117,10 +108,7 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
 def record_values(record: type, made: Any) -> tuple[Any, ...]:
     """The values of a record in the order of its ports.
 
-    Raises
-    ------
-    TypeError
-        If the value is no such record.
+    Raises TypeError if the value is no such record.
     """
     fields = record_fields(record)
     if not isinstance(made, tuple) or len(made) != len(fields):
@@ -164,18 +152,12 @@ def record_fields(record: type) -> dict[str, Any]:
 def read_port(name: str, annotation: Any) -> PortType:
     """Turn one annotation into a `PortType`.
 
-    Raises
-    ------
-    TypeError
-        If an array or number annotation carries no `Port`.
+    Raises TypeError if an array or number annotation carries no `Port`.
     """
-    optional = False
-    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
-        members = _members(annotation)
-        optional = len(members) < len(typing.get_args(annotation))
-        if len(members) != 1:
-            raise TypeError(f"port '{name}': a union of types cannot be a port")
-        annotation = members[0]
+    members = members_of(annotation)
+    if len(members) != 1:
+        raise TypeError(f"port '{name}': a union of types cannot be a port")
+    optional, annotation = members[0] is not annotation, members[0]
     port: Port | None = None
     meaning = ""
     if typing.get_origin(annotation) is Annotated:

@@ -39,18 +39,7 @@ class Provenance:
     """Hash of each ``.npz`` file among these, and sensor, serial and date if known."""
 
     def as_dict(self) -> dict[str, Any]:
-        return {
-            "format": 1,
-            "graph": self.graph,
-            "given": self.given,
-            "inputs": self.inputs,
-            "device": self.device,
-            "nodes": self.nodes,
-            "sizes": self.sizes,
-            "versions": self.versions,
-            "warnings": self.warnings,
-            "fallbacks": self.fallbacks,
-        }
+        return {"format": 1, **vars(self)}
 
 
 def versions() -> dict[str, str]:

@@ -16,12 +16,8 @@ MAX_BYTES = 2**30
 def load_array(file: Path) -> NDArray[Any]:
     """Read an ``.npy``.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is no array of numbers, holds a pickle, or is shorter than its header says.
+    Raises OSError if it cannot be read; ValueError if it is no array of numbers, holds a pickle, or
+    is shorter than its header says.
     """
     with file.open("rb") as stream:
         if stream.read(len(ZIP_MAGIC)) == ZIP_MAGIC:
@@ -32,12 +28,8 @@ def load_array(file: Path) -> NDArray[Any]:
 def load_arrays(file: Path, only: str | None = None) -> dict[str, NDArray[Any]]:
     """Read an ``.npz``, or of it the array `only`, if it is there.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is damaged, holds a pickle, or unpacks to more than `MAX_BYTES`.
+    Raises OSError if it cannot be read; ValueError if it is damaged, holds a pickle, or unpacks to
+    more than `MAX_BYTES`.
     """
     arrays: dict[str, NDArray[Any]] = {}
     try:

@@ -19,12 +19,8 @@ STAGE_PREFIX = ".writing-"
 def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path with the same suffix; move it to `path` if the block succeeds.
 
-    Raises
-    ------
-    WriteError
-        If `path` cannot be written.
-    InputError
-        If its name is not UTF-8, or the block could not read another file.
+    Raises WriteError if `path` cannot be written; InputError if its name is not UTF-8, or the block
+    could not read another file.
     """
     refuse_other_names(path)
     _refuse_special(path)
@@ -41,6 +37,9 @@ def atomic_files(
     A kill leaves the temporary folder, and possibly a mixture of new and old files.  The next
     write into `folder` removes a killed writer's temporary folder.
 
+    Raises WriteError if `folder` cannot be made or written; InputError if its name is not UTF-8, or
+    the block could not read another file.
+
     Parameters
     ----------
     folder
@@ -50,13 +49,6 @@ def atomic_files(
     instead_of
         Names of files in `folder` that are removed before the last is moved, unless the block
         wrote them.
-
-    Raises
-    ------
-    WriteError
-        If `folder` cannot be made or written.
-    InputError
-        If its name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(folder)
     try:

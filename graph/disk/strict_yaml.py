@@ -84,12 +84,8 @@ def dotted(path: Path_) -> str:
 def read_yaml(file: Path) -> Document:
     """Read one YAML file.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, or it cannot be read.
-    GraphError
-        If it is not strict YAML, with line and column.
+    Raises InputError if there is no such file, or it cannot be read; GraphError if it is not strict
+    YAML, with line and column.
     """
     try:
         with file.open("rb") as opened:
@@ -136,10 +132,7 @@ def _parsed(text: str, name: str) -> Document:
 def parse_scalar(text: str) -> Any:
     """Read a value typed on the command line by the same rules as in a graph file.
 
-    Raises
-    ------
-    InputError
-        If it looks like a number but is none.
+    Raises InputError if it looks like a number but is none.
     """
     try:
         return _scalar(text, _implicit_tag(text, plain=True))

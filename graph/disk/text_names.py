@@ -8,10 +8,7 @@ from tactograph.graph.errors import InputError
 def refuse_other_names(place: str | Path) -> None:
     """Refuse a place whose name holds bytes that are not UTF-8.
 
-    Raises
-    ------
-    InputError
-        With the name, as far as it can be shown.
+    Raises InputError with the name, as far as it can be shown.
     """
     try:
         str(place).encode()
@@ -22,10 +19,7 @@ def refuse_other_names(place: str | Path) -> None:
 def at_home(place: str) -> str:
     """A place with ``~`` expanded as a shell does.
 
-    Raises
-    ------
-    InputError
-        If there is no user ``~name``.
+    Raises InputError if there is no user ``~name``.
     """
     if not place.startswith("~"):
         return place

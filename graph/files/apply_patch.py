@@ -31,11 +31,8 @@ _IN_FILE = {"inputs": "in", "settings": "with"}
 def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     """Return `graph` with one change made.
 
-    Raises
-    ------
-    GraphError
-        If the change has no verb or several, a key is missing or too many, or the node it
-        speaks of is not there.
+    Raises GraphError if the change has no verb or several, a key is missing or too many, or the
+    node it speaks of is not there.
     """
     place = places[""]
     verbs = [verb for verb in _KEYS_BY_VERB if verb in change]

@@ -17,10 +17,7 @@ def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set")
 
     `asked` says in messages who wants them.
 
-    Raises
-    ------
-    GraphError
-        If a change names no node of the graph.
+    Raises GraphError if a change names no node of the graph.
     """
     for target, value in changes.items():
         node_id, dot, setting = target.rpartition(".")

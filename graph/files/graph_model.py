@@ -284,10 +284,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def validate(document: Document, model: type[Model]) -> Model:
     """Check a document against its model.
 
-    Raises
-    ------
-    GraphError
-        With the place of the first thing that no file of this kind may say.
+    Raises GraphError with the place of the first thing that no file of this kind may say.
     """
     if not isinstance(document.data, dict):
         raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")

@@ -41,10 +41,7 @@ def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> 
     A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
     point's name is what is said before the slash, its value the package with the files.
 
-    Raises
-    ------
-    InputError
-        If the name says where the file is, and it is not there.
+    Raises InputError if the name says where the file is, and it is not there.
     """
     package, slash, graph = name.partition("/")
     if slash and "/" not in graph and (folder := _plugin_folder(package)) is not None:

@@ -29,17 +29,14 @@ MAX_GROUP_DEPTH = 50
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
     """Add nodes to a graph; each use of a group becomes the group's nodes.
 
+    Raises GraphError if a use names no group, gives what the group does not take or leaves out what
+    it needs, a group uses itself, a reference in a group names nothing there, or there are too many
+    nodes, or groups in one another.
+
     Parameters
     ----------
     scope
         The use in whose group the nodes stand; "" for the graph itself.
-
-    Raises
-    ------
-    GraphError
-        If a use names no group, gives what the group does not take or leaves out what it
-        needs, a group uses itself, a reference in a group names nothing there, or there are too
-        many nodes, or groups in one another.
     """
     _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, scope, ())
@@ -52,14 +49,11 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") 
 def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
     """Translate a reference in a scope to its name in the flat graph.
 
+    Raises GraphError with `where`, if it names nothing that can be read.
+
     Returns
     -------
     None for an input of the group that this use leaves out.
-
-    Raises
-    ------
-    GraphError
-        With `where`, if it names nothing that can be read.
     """
     bare, previous = split_previous(reference)
     name, _, rest = bare.partition(".")
@@ -82,10 +76,7 @@ def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str 
 def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
     """Translate an entry's references to the flat graph, and fill in the group's params.
 
-    Raises
-    ------
-    GraphError
-        If it refers to something that is not there.
+    Raises GraphError if it refers to something that is not there.
     """
     if scope:
         entry = replace(entry, places=_used_by(graph.uses[scope], entry))
@@ -134,10 +125,7 @@ def uses_of(graph: Graph, group: str) -> list[str]:
 def refuse_idle(name: str, group: Group) -> None:
     """Refuse a group's unread inputs and params, and its outputs that no node makes.
 
-    Raises
-    ------
-    GraphError
-        With the place of the first.
+    Raises GraphError with the place of the first.
     """
     body = group.body
     entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]

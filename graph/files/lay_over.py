@@ -42,10 +42,7 @@ def blamed_on(place: Place) -> Iterator[None]:
 def alone(layer: Layer) -> Graph:
     """Make the graph of a file that extends no other.
 
-    Raises
-    ------
-    GraphError
-        If it is no graph, or a use of a group is wrong.
+    Raises GraphError if it is no graph, or a use of a group is wrong.
     """
     model, document = layer.model, layer.document
     assert isinstance(model, GraphModel)
@@ -68,10 +65,7 @@ def alone(layer: Layer) -> Graph:
 def laid_over(graph: Graph, layer: Layer) -> Graph:
     """Apply the own content of a file or variant to a graph.
 
-    Raises
-    ------
-    GraphError
-        If a change does not fit the graph.
+    Raises GraphError if a change does not fit the graph.
     """
     model, document = layer.model, layer.document
     nodes = model.nodes or {} if isinstance(model, GraphModel) else {}

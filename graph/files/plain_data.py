@@ -16,10 +16,7 @@ _ENGINE_PACKAGE = "tactograph.graph"
 def as_document(data: Mapping[str, Any]) -> Document:
     """Make a document of the data; its place is the program's line that hands them over.
 
-    Raises
-    ------
-    GraphError
-        If something in them is not what a graph file could hold.
+    Raises GraphError if something in them is not what a graph file could hold.
     """
     places: dict[Path_, Place] = {}
     return Document(_plain(data, (), _handed_over(), places), places)

@@ -55,10 +55,7 @@ def shipped_titles() -> dict[str, dict[str, str]]:
 def graph_file(name: str) -> Path:
     """Return the file that holds the graph of that name.
 
-    Raises
-    ------
-    InputError
-        If there is neither such a file nor a shipped pipeline of that name.
+    Raises InputError if there is neither such a file nor a shipped pipeline of that name.
     """
     file = find_file(_file_and_variant(name)[0], None, shipped_graphs())
     return file or Path(read_graph(name).places[""].file)
@@ -70,12 +67,8 @@ def read_graph(source: Source) -> Graph:
     ``FILE.yaml/NAME`` is a variant of a file of one's own, ``GRAPH_NAME`` one of a shipped graph,
     or the graph with a shipped overlay.
 
-    Raises
-    ------
-    InputError
-        If the file is not there.
-    GraphError
-        With file, line, column, path and reason, if it is not a graph file.
+    Raises InputError if the file is not there; GraphError with file, line, column, path and reason,
+    if it is not a graph file.
     """
     if isinstance(source, Graph):
         return source
@@ -101,10 +94,7 @@ def read_graphs(name: str) -> list[Graph]:
 def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:
     """Lay overlays over a graph, in order: its own variants, shipped ones, or files.
 
-    Raises
-    ------
-    InputError
-        If there is no such overlay, or it does not fit the graph.
+    Raises InputError if there is no such overlay, or it does not fit the graph.
     """
     for name in names:
         graph = _overlaid(graph, name, None, (), whole=True)

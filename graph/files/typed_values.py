@@ -13,10 +13,8 @@ from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
 def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
     """Read ``name=value`` words for the params of `graph`.
 
-    Raises
-    ------
-    InputError
-        If a word is not of that form, names no param, or its value is of the wrong kind.
+    Raises InputError if a word is not of that form, names no param, or its value is of the wrong
+    kind.
     """
     given: dict[str, Any] = {}
     for word in words:
@@ -33,10 +31,7 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
 def read_settings(words: Iterable[str]) -> dict[str, Any]:
     """Read ``node.param=value`` words of ``--set``.
 
-    Raises
-    ------
-    InputError
-        If a word is not of that form.
+    Raises InputError if a word is not of that form.
     """
     settings: dict[str, Any] = {}
     for word in words:

@@ -68,12 +68,8 @@ def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
 def write_variant(file: Path, base: Graph, source: str, changes: list[Change], title: str) -> Graph:
     """Write the variant of `base`, which `source` names, and read it back.
 
-    Raises
-    ------
-    InputError
-        If nothing was changed, or the file's name is no graph file's.
-    WriteError
-        If it cannot be written.
+    Raises InputError if nothing was changed, or the file's name is no graph file's; WriteError if
+    it cannot be written.
     """
     if not changes:
         raise InputError("nothing was changed: there is no variant to save")

@@ -16,10 +16,7 @@ def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[st
     or with a faster NumPy function where ``prefer`` names numpy, is no fallback.  A node that
     calls others runs on the host, and each of them where it would run in the node's place.
 
-    Raises
-    ------
-    GraphError
-        If a node is bound to a back end that cannot run it.
+    Raises GraphError if a node is bound to a back end that cannot run it.
     """
     return {
         task.id: _place(task, draft.graph.prefer, device, no_device)

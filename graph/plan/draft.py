@@ -75,6 +75,6 @@ class Draft:
     unused: list[str] = field(default_factory=list)
     stays: set[Value] = field(default_factory=set)
 
-    def port(self, value: Value) -> PortType:
+    def port_of(self, value: Value) -> PortType:
         """The port that makes a value."""
         return self.tasks[value.node].node.outputs[value.port]

@@ -27,6 +27,9 @@ def make_plan(
 ) -> Plan:
     """Verify `graph` and plan its run, without running or writing anything.
 
+    Raises GraphError if the graph does not verify; the message says where; InputError if arrays are
+    to stay on a device that no node uses.
+
     Parameters
     ----------
     given
@@ -41,19 +44,10 @@ def make_plan(
         References by name, to put out in place of the graph's own outputs.
     stays
         Whether arrays among the outputs are left on the device.
-
-    Raises
-    ------
-    GraphError
-        If the graph does not verify; the message says where.
-    InputError
-        If arrays are to stay on a device that no node uses.
     """
     draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     if stays:
-        draft.stays = {
-            value for value in draft.outputs.values() if draft.port(value).kind == "array"
-        }
+        draft.stays = {v for v in draft.outputs.values() if draft.port_of(v).kind == "array"}
     ports.check(draft)
     classes = sizes.unify(draft)
     placements = backends.place(draft, device, no_device)
@@ -62,15 +56,10 @@ def make_plan(
         raise InputError(f"{graph.name}: to='device': none of its nodes runs on a device{why}")
     steps = order.order(transfers.insert(draft, placements), draft)
     return Plan(
-        graph=graph,
+        **vars(draft),
         given=dict(given),
-        tasks=draft.tasks,
-        outputs=draft.outputs,
         placements=placements,
         sizes=classes,
         steps=steps,
         device=device.name if device else None,
-        passed=draft.passed,
-        unused=draft.unused,
-        stays=draft.stays,
     )

@@ -33,15 +33,8 @@ def bind(
 ) -> Draft:
     """Turn the names in a graph into nodes, values and checked parameters; see `make_plan`.
 
-    Raises
-    ------
-    GraphError
-        For an unknown op, a missing or extra input, a reference to nothing, a parameter
-        that is unknown or out of range, an output nobody makes, a cycle, or a `previous`
-        where there is no item before.
-    InputError
-        For a value given to a param that the graph does not have, or one that is needed
-        and missing.
+    Raises GraphError, with its place, for what is wrong in the graph; InputError for a param that
+    is not given, or that the graph does not have.
     """
     for name in given:
         graph.check_param(name)
@@ -306,13 +299,7 @@ def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
 
 
 def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
-    """A node's parameters, each `$name` replaced by what the user gave or its default.
-
-    Raises
-    ------
-    GraphError, InputError
-        As `bind`.
-    """
+    """A node's parameters, each `$name` replaced by its value; raises what `bind` does."""
     settings = dict(entry.settings)
     places: dict[str, str] = {}
     for name, value in entry.settings.items():

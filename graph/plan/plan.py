@@ -7,9 +7,9 @@ from typing import Any, Literal
 from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.graph.files.flat_graph import Graph, split_reference
+from tactograph.graph.files.flat_graph import split_reference
 from tactograph.graph.files.groups import flat_reference
-from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
 MAX_NAMED_NODES = 6
@@ -55,21 +55,15 @@ class Step:
         return self.kind in ("upload", "download")
 
 
-@dataclass
-class Plan:
+@dataclass(kw_only=True)
+class Plan(Draft):
     """The steps in order, and why each runs where it does."""
 
-    graph: Graph
     given: Mapping[str, Any]
-    tasks: dict[str, Task]
-    outputs: dict[str, Value]
     placements: dict[str, Placement]
     sizes: SizeClasses
     steps: list[Step]
     device: str | None
-    passed: dict[str, Value]
-    unused: list[str]
-    stays: set[Value]
     inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:
@@ -83,10 +77,7 @@ class Plan:
     def value(self, reference: str) -> Value:
         """The value that ``node.port`` names, or ``node`` where that has one output.
 
-        Raises
-        ------
-        InputError
-            If the plan makes no such value.
+        Raises InputError if the plan makes no such value.
         """
         where = f"{self.graph.name}: {reference}"
         flat = str(flat_reference(self.graph, reference, "", where))
@@ -106,8 +97,7 @@ class Plan:
 
     def port(self, output: str) -> PortType:
         """The port behind one of the graph's outputs."""
-        value = self.outputs[output]
-        return self.tasks[value.node].node.outputs[value.port]
+        return self.port_of(self.outputs[output])
 
     @property
     def fallbacks(self) -> list[str]:

@@ -8,15 +8,12 @@ from tactograph.graph.plan.draft import Draft
 def check(draft: Draft) -> None:
     """Compare the types at both ends of every edge.
 
-    Raises
-    ------
-    GraphError
-        Naming both ports, if kind, element type, number of axes or unit differ.
+    Raises GraphError naming both ports, if kind, element type, number of axes or unit differ.
     """
     for task in draft.tasks.values():
         for name, value in task.edges.items():
             wanted = task.node.inputs[name]
-            offered = draft.port(value)
+            offered = draft.port_of(value)
             clash = _clash(wanted, offered)
             if clash:
                 where = task.entry.where(f"in.{name}")

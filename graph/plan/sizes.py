@@ -57,10 +57,7 @@ class SizeClasses:
     def around(self, task: Task, known: Known, last: Sized | None) -> Sized:
         """The sizes around a node; `last` if it follows from the same `known`.
 
-        Raises
-        ------
-        InputError
-            If a size that follows from others clashes with one that is known.
+        Raises InputError if a size that follows from others clashes with one that is known.
         """
         if last is not None and last.before is known and not last.doubtful:
             return last
@@ -74,10 +71,7 @@ class SizeClasses:
     def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
         """The sizes that are known behind a node with outputs of the given shapes.
 
-        Raises
-        ------
-        InputError
-            See `bind`.
+        Raises InputError as `bind`.
         """
         if sized.shapes is not shapes and sized.shapes != shapes:
             after = dict(sized.derived)
@@ -89,11 +83,8 @@ class SizeClasses:
     def bind(self, known: Known, task: Task, port: str, shape: tuple[int, ...]) -> None:
         """Enter the shape of an output into `known`.
 
-        Raises
-        ------
-        InputError
-            If a size clashes with one that is known, naming both ports, or is one that a
-            node does not accept, with that node's reason.
+        Raises InputError if a size clashes with one that is known, naming both ports, or is one
+        that a node does not accept, with that node's reason.
         """
         dims = task.node.outputs[port].dims
         for dim, size in zip(dims, shape, strict=True):
@@ -104,10 +95,7 @@ class SizeClasses:
     def derive(self, known: Known, task: Task) -> None:
         """Enter the sizes that follow from others, by a node's parameters, into `known`.
 
-        Raises
-        ------
-        InputError
-            If such a size clashes with one that is known.
+        Raises InputError if such a size clashes with one that is known.
         """
         sizes = self.sizes_of(task, known) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
@@ -153,11 +141,8 @@ def _in_words(dim: str, dims: tuple[Dim, ...], one: int, other: int) -> str:
 def unify(draft: Draft) -> SizeClasses:
     """Join the symbols at both ends of every edge.
 
-    Raises
-    ------
-    GraphError
-        If two fixed sizes meet, naming the two ports that disagree, or one that a node
-        does not accept.
+    Raises GraphError if two fixed sizes meet, naming the two ports that disagree, or one that a
+    node does not accept.
     """
     root: dict[Symbol, Symbol] = {
         (task.id, symbol): (task.id, symbol)

@@ -38,14 +38,14 @@ def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]
             there = placements[task.id].on_device if moves else None
             _connect(dag, draft, placements, value, there, task.id)
         for value in task.conditions:
-            array = draft.port(value).kind == "array"
+            array = draft.port_of(value).kind == "array"
             _connect(dag, draft, placements, value, False if array else None, task.id)
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Moved at the end of an item, for the reader of the next one.
                 _connect(dag, draft, placements, value, placements[task.id].on_device, None)
     for value in draft.outputs.values():
-        if draft.port(value).kind == "array":
+        if draft.port_of(value).kind == "array":
             _connect(dag, draft, placements, value, value in draft.stays, None)
     return dag
 

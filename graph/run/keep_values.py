@@ -14,10 +14,7 @@ from tactograph.graph.run.result import Result
 def read_kept(text: str) -> dict[str, str]:
     """Read ``label.misfit,light`` into references by name.
 
-    Raises
-    ------
-    InputError
-        If nothing is named.
+    Raises InputError if nothing is named.
     """
     names = [word.strip() for word in text.split(",") if word.strip()]
     if not names:
@@ -26,13 +23,7 @@ def read_kept(text: str) -> dict[str, str]:
 
 
 def write_kept(result: Result, names: Mapping[str, str], folder: Path) -> None:
-    """Write the values of one item.
-
-    Raises
-    ------
-    WriteError
-        If the folder cannot be written.
-    """
+    """Write the values of one item.  Raises WriteError if the folder cannot be written."""
     from tactograph.graph.show.pictures import png_of
 
     with atomic_files(folder) as stage:

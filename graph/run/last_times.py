@@ -24,10 +24,7 @@ def find_last_times(plan: Plan, place: Path, *, same_graph: bool) -> LastTimes |
     Only times on the plan's device count, or on the host for a step of the host; with `same_graph`
     only those of a graph of this name.
 
-    Raises
-    ------
-    InputError
-        If the file is neither a result nor what ``bench`` wrote.
+    Raises InputError if the file is neither a result nor what ``bench`` wrote.
     """
     file = _newest(place) if place.is_dir() else place
     if file is None or not file.is_file():

@@ -123,10 +123,7 @@ def open_pipeline(
 ) -> Pipeline:
     """Read, plan and compile a graph; see `load` and `make_plan`.
 
-    Raises
-    ------
-    InputError
-        Also if `strict` and a node would fall back to another back end.
+    Raises InputError also if `strict` and a node would fall back to another back end.
     """
     graph = read_graph(graph)
     given = {word: plain(value) for word, value in given.items()}

@@ -63,13 +63,7 @@ class SourceStream:
         return sum(read.item is not None for read in self._ahead)
 
     def next(self) -> Any:
-        """The next item, None after the last.
-
-        Raises
-        ------
-        TactographError
-            If it cannot be read.
-        """
+        """The next item, None after the last.  Raises TactographError if it cannot be read."""
         if self._ahead:
             read = self._ahead.pop(0)
         else:

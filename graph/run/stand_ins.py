@@ -52,11 +52,8 @@ class StandIns:
     def check(self, arrays: Mapping[str, Any]) -> HandedIn:
         """The caller's arrays item by item, as views where possible.
 
-        Raises
-        ------
-        InputError
-            If one is missing, unknown, does not fit the first output of its source, or is a batch
-            where another is none, or one of another size.
+        Raises InputError if one is missing, unknown, does not fit the first output of its source,
+        or is a batch where another is none, or one of another size.
         """
         if self._waiting != arrays.keys():
             raise InputError(

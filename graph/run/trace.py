@@ -38,13 +38,7 @@ class Trace:
         self._add(name, "transfers" if moves else "device", start, end)
 
     def write(self, file: Path) -> None:
-        """Write the file, whole or not at all.
-
-        Raises
-        ------
-        WriteError
-            If it cannot be written.
-        """
+        """Write the file, whole or not at all.  Raises WriteError if it cannot be written."""
         named = [
             {"ph": "M", "pid": 1, "tid": number, "name": "thread_name", "args": {"name": lane}}
             for lane, number in self.lanes.items()

@@ -53,10 +53,7 @@ def use_of(node: str) -> str:
 def fold(sketch: Sketch) -> Sketch:
     """Draw each outermost use as one box, unless it reads values that follow from its own.
 
-    Raises
-    ------
-    GraphError
-        If the edges run in a cycle.
+    Raises GraphError if the edges run in a cycle.
     """
     uses = {name.partition(".")[0] for name in sketch.groups}
     box_of = {box.name: _outermost(box.name, uses) for box in sketch.boxes}

@@ -34,10 +34,7 @@ class Runner:
 
         If the item is the same as before, only the outputs `only` are made.
 
-        Raises
-        ------
-        TactographError
-            If the graph cannot be opened, or a node fails.
+        Raises TactographError if the graph cannot be opened, or a node fails.
         """
         if self._graph is None or not _alike(self._graph, graph):
             self._open(graph, capture)

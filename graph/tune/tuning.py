@@ -131,10 +131,7 @@ class Tuning:
     def set(self, node: str, parameter: str, value: Any) -> None:
         """Change a parameter.
 
-        Raises
-        ------
-        InputError
-            If the node does not take the value; then nothing has changed.
+        Raises InputError if the node does not take the value; then nothing has changed.
         """
         said = {parameter: plain(value)}
         self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **said}))
@@ -142,10 +139,7 @@ class Tuning:
     def set_backend(self, node: str, backend: str | None) -> None:
         """Bind a node to a back end; None restores that of the file.
 
-        Raises
-        ------
-        InputError
-            If there is no such back end.
+        Raises InputError if there is no such back end.
         """
         entry = self.graph.entry(node)
         if backend == "opencl" and not find_node(entry.op).has_kernel:
@@ -154,13 +148,7 @@ class Tuning:
         self._take(node, lambda name, entry: replace(entry, backend=backend or base[name].backend))
 
     def set_neutral(self, node: str, neutral: bool) -> None:
-        """Take a node out, or put it back.
-
-        Raises
-        ------
-        InputError
-            If it has no neutral value.
-        """
+        """Take a node out, or put it back.  Raises InputError if it has no neutral value."""
         self._take(node, lambda _, entry: replace(entry, neutral=neutral))
 
     def reset(self, node: str) -> None:
@@ -183,10 +171,7 @@ class Tuning:
     def put_beside(self, source: str | None) -> None:
         """Choose the graph to compare with; None for none.
 
-        Raises
-        ------
-        InputError
-            If it cannot be read.
+        Raises InputError if it cannot be read.
         """
         graph = read_graph(source) if source else None
         with self._changed:
@@ -225,10 +210,8 @@ class Tuning:
     def save(self, file: Path, *, over_others: bool = False) -> Path:
         """Write the variant and check it; `over_others` lets it replace any file.
 
-        Raises
-        ------
-        InputError
-            If nothing was changed, or the file would replace the one it extends, or another's.
+        Raises InputError if nothing was changed, or the file would replace the one it extends, or
+        another's.
         """
         if file.resolve() in {read.resolve() for read in self._files}:
             raise InputError(f"{file}: is the graph that is tuned, or extended; give another name")

@@ -754,7 +754,7 @@ def test_a_capture_that_kills_its_process_is_found_out(
     store = begin(graph, over, out, workers, chunk=1)
     list(run_batch(store, open_chunks(out, store, retry_failed=False), workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
-    assert "its process died" in store.read(3).reason
+    assert "its process died" in store.read_all()[3].reason
 
 
 def spoil_chunk(store: Path, name: str) -> None:

@@ -123,4 +123,4 @@ def test_figures_that_cannot_be_read_are_none(tmp_path: Path, text: str) -> None
     store.write({0: Entry(DONE, figures={"trust": 1.0})})
     figures: Any = zarr.open_group(str(tmp_path / "out.zarr"))["figures"]
     figures[0] = text
-    assert store.read(0).figures == {}
+    assert store.read_all()[0].figures == {}
