@@ -8,7 +8,7 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import Calibration, Raytraced, images_of, without_pictures
+from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, images_of, without_pictures
 
 RIG = "near33"
 
@@ -45,6 +45,15 @@ def test_a_forced_calibration_is_doubtful_and_repeats_it_at_use(
     assert any("a ball_radius_mm of 7 would agree" in warning for warning in made.warnings)
     used = reconstruct(raytraced / RIG, str(file))
     assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]
+
+
+@pytest.mark.slow
+def test_a_pixel_that_further_parts_of_the_film_make_up_for_is_told(
+    raytraced: Raytraced, tmp_path: Path
+) -> None:
+    wrong = {"ball_radius_mm": 7.0, "pixel_size_mm": 1.03 * RIG_PIXEL_MM["far28"]}
+    made = calibrate(raytraced / "far28", tmp_path / "cal.npz", **wrong)
+    assert "gel that diffuses 7% of the light" in made.outputs["verdict"]
 
 
 def test_a_right_calibration_is_used_without_a_word(

@@ -32,8 +32,6 @@ from tactograph.nodes.optics.film import matt_film
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """Radii that are tried first, relative to the given one; then some between the best two."""
-NEAR_FACTORS = (0.975, 1.025)
-"""Radii that are tried, relative to the given one, where that leaves noise alone."""
 FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
@@ -158,20 +156,22 @@ def judge_radius(
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
     trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
-    doubt = doubt_of_radius(trials, first, left)
+    given, doubt = as_given(trials), doubt_of_radius(trials, first, left)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
-    if not doubts and not lights_itself(film) and as_given(trials).pattern >= MIN_PATTERN:
+    if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
         gammas = try_gammas(balls, flat, pixel, lights, strength)
         doubts += doubt_of_pattern(trials, gammas, first)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
     elif not doubts:
-        advice = ", or give led_distance_mm="
-        doubts += doubt_of_diffuse(float(film.diffuse.mean()), balls.light, first, advice)
-    quality = fitted | {"light_departure_percent": 100 * as_given(trials).departure}
+        # Where a plain film leaves noise alone, further parts only hide what it would diffuse.
+        is_plain = _is_noise(given, left)
+        diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
+        doubts += doubt_of_diffuse(diffuse, balls.light, first, ", or give led_distance_mm=")
+    quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
     return RadiusVerdict(quality, doubts)
@@ -190,7 +190,7 @@ def try_radii(
     """Fit the plain film to balls of other radii, by `factors`, and near the best one.
 
     Where noise is most of what the given radius leaves, and the film chosen has `left`, no other
-    can be believed: only its neighbours are tried, and those that may explain the light as well.
+    can be believed: only those that may explain the light as well are tried.
     """
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
@@ -200,12 +200,10 @@ def try_radii(
         return [_try(balls, rest, start, f, pixel, width) for f in factors]
 
     trials = tried([1.0])
-    if is_noise := _is_noise(trials[0], left):
-        factors = (*(factor for factor in factors if factor < SMALLER_FACTOR), *NEAR_FACTORS)
+    if _is_noise(trials[0], left):
+        factors, rounds = tuple(f for f in factors if f < SMALLER_FACTOR), 0
     others = {deepest, *(factor for factor in factors if factor > deepest)}
     trials = sorted(trials + tried(f for f in others if abs(f - 1) > RADIUS_TOLERANCE))
-    if is_noise and _best(trials).factor == 1:
-        return trials
     for _ in range(rounds):
         trials = sorted(trials + tried(_beside(_best(trials), trials)))
     return trials
