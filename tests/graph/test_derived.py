@@ -16,7 +16,6 @@ from tests.graph.conftest import STREAM, added, graph_of
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-
 def first(file: str, backend: str) -> Result:
     return next(open_pipeline(file, {}, backend=backend).items())
 
