@@ -107,6 +107,12 @@ def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
+@pytest.fixture(params=["numpy", "opencl"])
+def backend(request: pytest.FixtureRequest) -> str:
+    """Each back end in turn."""
+    return str(request.param)
+
+
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Make the toy nodes known, as if a package had brought them; return their diary."""

@@ -37,28 +37,23 @@ def test_an_item_is_timed_without_its_first_run(
     assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
 
 
-def test_the_back_end_of_the_options_alone_is_measured(tactograph: Command, graph: str) -> None:
-    done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2")
-    assert done.out.count("items per second") == 1
-    assert "opencl" not in done.out
-
-
-def test_the_figures_can_be_had_as_a_file(tactograph: Command, graph: str, tmp_path: Path) -> None:
+def test_the_figures_of_one_back_end_can_be_had_as_a_file(
+    tactograph: Command, graph: str, tmp_path: Path
+) -> None:
     file = tmp_path / "bench.json"
     done = tactograph("bench", graph, "--backend", "numpy", "--repeats", "2", "--out", file)
+    assert done.out.count("items per second") == 1
+    assert "opencl" not in done.out
     (row,) = json.loads(file.read_text())
     assert [node["node"] for node in row["nodes"]] == ["light", "score"]
     assert f"an item {row['ms']:.2f} ms" in done.out
     assert row["ready_s"] > 0
 
 
-def test_a_wrong_value_is_one_line(tactograph: Command, graph: str) -> None:
-    assert "count" in one_line(tactograph("bench", graph, "cuont=2"))
-
-
-def test_a_stream_of_nothing_is_refused(tactograph: Command, graph: str) -> None:
+def test_a_stream_of_nothing_and_a_wrong_value_are_refused(tactograph: Command, graph: str) -> None:
     said = one_line(tactograph("bench", graph, "count=0", "--backend", "numpy"))
     assert "yielded nothing" in said
+    assert "count" in one_line(tactograph("bench", graph, "cuont=2"))
 
 
 @pytest.mark.slow

@@ -34,17 +34,14 @@ def test_what_an_overlay_makes_of_a_graph_is_shown(tactograph: Command, command:
     assert read_graph("live_no_flat_ros2").hash in done.out
 
 
-def test_an_overlay_is_worked_into_the_resolved_graph_before_what_is_set(
+def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
     tactograph: Command, write: Write
 ) -> None:
     words = ("live", "--with", "ros2", "--set", "publish.points_step=5")
     done = tactograph("resolve", *words)
     assert read_graph(write(done.out)).nodes["publish"].settings["points_step"] == 5
     assert tactograph("draw", *words).out.startswith('digraph "live_ros2"')
-
-
-def test_help_lists_the_params_of_an_overlay(tactograph: Command) -> None:
-    assert "namespace=TEXT" in tactograph("run", "live", "--with", "ros2", "--help").out
+    assert "namespace=TEXT" in tactograph("run", *words, "--help").out
 
 
 def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:

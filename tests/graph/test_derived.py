@@ -15,14 +15,11 @@ from tests.graph.conftest import STREAM, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
-BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
-
 
 def first(file: str, backend: str) -> Result:
     return next(open_pipeline(file, {}, backend=backend).items())
 
 
-@BOTH
 @pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
 def test_a_size_is_another_divided_by_a_parameter_rounded_up(
     backend: str, rows: int, left: int
@@ -31,7 +28,6 @@ def test_a_size_is_another_divided_by_a_parameter_rounded_up(
     assert first(graph_of(text), backend)["t"].shape == (3, left, 5)
 
 
-@BOTH
 def test_what_follows_has_the_derived_size(backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   more: {op: summed, in: {image: thin}}
@@ -40,7 +36,6 @@ def test_what_follows_has_the_derived_size(backend: str) -> None:
     assert (found["a"].shape, found["b"].shape) == ((3, 2, 5), (3, 1, 5))
 
 
-@BOTH
 def test_a_derived_size_that_clashes_names_the_rule(backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   off: {op: flat_field, in: {image: thin, flat: cal.flat, dark: cal.dark}}"""
@@ -48,7 +43,6 @@ def test_a_derived_size_that_clashes_names_the_rule(backend: str) -> None:
         first(graph_of(added(nodes, "off: off")), backend)
 
 
-@BOTH
 def test_other_settings_between_two_items_count_at_the_next(backend: str) -> None:
     text = added(
         """  dim: {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark},
@@ -109,7 +103,6 @@ def test_a_rule_that_names_nothing_is_refused() -> None:
         node(derived={"h": Parts("H", by="rows")})(thin)
 
 
-@BOTH
 @pytest.mark.parametrize("read", ["low", "high"])
 def test_an_output_that_nobody_reads_is_not_made(toys: list[str], backend: str, read: str) -> None:
     found = first(
@@ -119,7 +112,6 @@ def test_an_output_that_nobody_reads_is_not_made(toys: list[str], backend: str, 
     assert backend == "opencl" or toys.count("low") + toys.count("high") == 1
 
 
-@BOTH
 def test_an_output_that_only_the_next_item_reads_is_made(backend: str) -> None:
     nodes = """  half: {op: halves, in: {image: light}}
   sum: {op: summed, in: {image: light, before: previous.half.low}}"""

@@ -46,7 +46,6 @@ def test_a_trace_that_cannot_be_written_is_told(
     assert (done.code, "cannot be written" in done.err) == (2, True)
 
 
-@pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_values_from_inside_are_kept_beside_the_result(
     tactograph: Command, write: Write, height_file: str, tmp_path: Path, backend: str
 ) -> None:

@@ -28,14 +28,8 @@ def cuda(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_first_preferred_back_end_with_a_device_is_opened(cuda: None) -> None:
     assert open_device(["numpy", "cuda"]) == (GPU, "")
     assert open_device(["cuda"], "other") == (None, "no GPU")
-
-
-def test_a_graph_that_prefers_no_device_opens_none(cuda: None) -> None:
     assert open_device(["numpy"]) == (None, "cuda is not among the preferred back ends")
-
-
-def test_a_name_alone_asks_for_any_back_end(cuda: None) -> None:
-    assert open_device(["numpy"], "other") == (None, "no GPU")
+    assert open_device(["numpy"], "other") == (None, "no GPU"), "a name asks for any back end"
 
 
 def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_for(

@@ -48,11 +48,6 @@ def twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Node:
     return twice
 
 
-def write(tmp_path: Path, file: str, before: str, after: str) -> None:
-    path = tmp_path / "acme_twice" / file
-    path.write_text(path.read_text().replace(before, after))
-
-
 def test_headers_include_headers_each_once(device: OpenCL, twice: Node) -> None:
     light = np.arange(12, dtype=np.float32).reshape(1, 3, 4)
     prepared = device.prepare(twice, {}, {"K": 1, "H": 3, "W": 4})
@@ -62,29 +57,23 @@ def test_headers_include_headers_each_once(device: OpenCL, twice: Node) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "before", "after", "where"),
+    ("file", "before", "after", "told"),
     [
         ("twice.cl", "TWO * light[i]", "lihgt[i]", "acme_twice/twice.cl:10:"),
         ("inner.clh", "};", "}; int f(void) { return g; }", "acme_twice/inner.clh:1:"),
+        ("outer.clh", "inner.clh", "iner.clh", r"there is no iner\.clh in acme_twice"),
+        (
+            "twice.cl",
+            "const int K, const int H",
+            "const int H, const int K",
+            "argument 3 is 'int H', but the declaration says 'int K'",
+        ),
     ],
 )
-def test_a_compilers_error_names_file_and_line(
-    device: OpenCL, twice: Node, tmp_path: Path, file: str, before: str, after: str, where: str
+def test_what_is_wrong_in_a_kernel_is_told_with_file_and_line(
+    device: OpenCL, twice: Node, tmp_path: Path, file: str, before: str, after: str, told: str
 ) -> None:
-    write(tmp_path, file, before, after)
-    with pytest.raises(NodeError, match=where):
+    path = tmp_path / "acme_twice" / file
+    path.write_text(path.read_text().replace(before, after))
+    with pytest.raises(NodeError, match=told):
         device.compiled(twice).kernels_with({})
-
-
-def test_the_signature_of_a_kernel_with_an_attribute_is_compared(
-    device: OpenCL, twice: Node, tmp_path: Path
-) -> None:
-    write(tmp_path, "twice.cl", "const int K, const int H", "const int H, const int K")
-    with pytest.raises(NodeError, match="argument 3 is 'int H', but the declaration says 'int K'"):
-        device.compile([twice])
-
-
-def test_a_header_that_is_not_there_is_named(twice: Node, tmp_path: Path) -> None:
-    write(tmp_path, "outer.clh", "inner.clh", "iner.clh")
-    with pytest.raises(NodeError, match=r"there is no iner\.clh in acme_twice"):
-        kernel_source(twice)

@@ -1,12 +1,11 @@
 """A damaged program of PoCL's ends one run, not all that follow."""
 
-import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.conftest import python
 
 DIES = """
 import os
@@ -27,32 +26,20 @@ class Runs:
 
     def __init__(self, folder: Path) -> None:
         self.cache, self.usual = folder / "cache", folder / "xdg" / "pocl" / "kcache"
-        places = {"TACTOGRAPH_CACHE": self.cache, "XDG_CACHE_HOME": folder / "xdg"}
-        self._environment = {
-            **{k: v for k, v in os.environ.items() if k != "POCL_CACHE_DIR"},
-            **{name: str(place) for name, place in places.items()},
-        }
+        self._places = {"TACTOGRAPH_CACHE": self.cache, "XDG_CACHE_HOME": folder / "xdg"}
 
     def die(self, number: int) -> None:
-        assert self._run(DIES.format(number=number)).returncode == -number
+        python("-c", DIES.format(number=number), code=-number, **self._places)
 
     def begin(self, **more: str) -> tuple[str, str]:
         """PoCL's folder of programs, and the warnings."""
-        done = self._run(BEGINS, **more)
+        done = python("-c", BEGINS, **self._places, **more)
         return done.stdout.strip(), done.stderr
-
-    def _run(self, script: str, **more: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-c", script],
-            env={**self._environment, **more},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
 
 
 @pytest.fixture
-def runs(tmp_path: Path) -> Runs:
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Runs:
+    monkeypatch.delenv("POCL_CACHE_DIR", raising=False)
     return Runs(tmp_path)
 
 

@@ -10,10 +10,10 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import MagicMock
 
 import cv2
@@ -42,7 +42,6 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import Command, Outcome, Write, one_line
 
-Batch = Callable[..., tuple[int, str]]
 LIT = """
 format: 1
 title: Which pixels are lit
@@ -108,22 +107,31 @@ def opened(place: Path | str) -> Store:
     return store
 
 
-@pytest.fixture
-def place(tmp_path: Path) -> Path:
-    return tmp_path / "out.zarr"
+class Batch(NamedTuple):
+    """Runs a graph over captures, or what else is said; returns exit code and what is told."""
 
+    tactograph: Command
+    graph: str
+    over: str
+    captures: list[Path]
+    place: Path
 
-@pytest.fixture
-def batch(tactograph: Command, graph: str, over: str, captures: list[Path], place: Path) -> Batch:
-    """Run the graph over the captures, or what else is said; return exit code and what is told."""
-
-    def run(
-        *more: object, graph: str = graph, over: str = over, out: Path = place
-    ) -> tuple[int, str]:
-        outcome = tactograph("batch", graph, "--over", over, "--out", out, "--chunk", 3, *more)
+    def __call__(self, *more: object, **other: object) -> tuple[int, str]:
+        said = {"graph": self.graph, "over": self.over, "out": self.place} | other
+        words = (said["graph"], "--over", said["over"], "--out", said["out"], "--chunk", 3)
+        outcome = self.tactograph("batch", *words, *more)
         return outcome.code, outcome.err
 
-    return run
+    @property
+    def store(self) -> Store:
+        return opened(self.place)
+
+
+@pytest.fixture
+def batch(
+    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
+) -> Batch:
+    return Batch(tactograph, graph, over, captures, tmp_path / "out.zarr")
 
 
 def refusal(outcome: tuple[int, str]) -> str:
@@ -140,15 +148,17 @@ def begin(
     return open_batch(out, job, origin, find_captures([over]).captures, workers or Serial(), chunk)
 
 
-def test_every_capture_is_in_the_store_as_if_it_were_alone(
-    batch: Batch, place: Path, captures: list[Path]
-) -> None:
+def test_every_capture_is_in_the_store_as_if_it_were_alone(batch: Batch) -> None:
     assert batch() == (0, "")
-    store = opened(place)
-    assert store.captures == list(map(str, captures))
+    store = batch.store
+    assert store.captures == list(map(str, batch.captures))
     assert list(store.statuses) == [DONE] * 7
-    for number, capture in enumerate(captures):
-        np.testing.assert_array_equal(lit(store, number), expected(capture))
+    array = zarr.open_group(str(batch.place), mode="r")["lit"]  # without this package
+    assert isinstance(array, zarr.Array)
+    assert array.chunks == array.shards, "captures as small as these are read together"
+    assert array.attrs["unit"] == "LED bits"
+    np.testing.assert_array_equal(np.stack(list(array)), [*map(expected, batch.captures)])
+    np.testing.assert_array_equal(lit(store, 6), array[6])
 
 
 SIZED = """
@@ -164,44 +174,40 @@ outputs: {lit_cells: lit_cells, pixel: pixel}
 
 
 @pytest.mark.slow
-def test_xarray_opens_a_store_with_names_units_and_places_in_mm(
-    batch: Batch, place: Path, write: Write, captures: list[Path]
-) -> None:
+def test_xarray_opens_a_store_with_names_units_and_places_in_mm(batch: Batch, write: Write) -> None:
     assert batch(graph=write(SIZED, "sized.yaml")) == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
-    found = xarray.open_zarr(place, consolidated=False)
+    found = xarray.open_zarr(batch.place, consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
     assert found["lit"].attrs["units"] == "LED bits"
-    assert list(found["capture"].values) == list(map(str, captures))
+    assert list(found["capture"].values) == list(map(str, batch.captures))
     # From the middle of the image: x right, y down.
     np.testing.assert_allclose(found["x"], [-0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3], atol=1e-12)
     np.testing.assert_allclose(found["y"], [-0.25, -0.15, -0.05, 0.05, 0.15, 0.25])
     assert found["x"].attrs["units"] == found["y"].attrs["units"] == "mm"
-    one = found["lit"].sel(capture=str(captures[2])).sel(x=0.11, y=-0.26, method="nearest")
-    assert int(one) == expected(captures[2])[0, 4]
+    one = found["lit"].sel(capture=str(batch.captures[2])).sel(x=0.11, y=-0.26, method="nearest")
+    assert int(one) == expected(batch.captures[2])[0, 4]
     # A map of another size has dimensions of its own.
     assert found["lit_cells"].dims == ("capture", "lit_cells_y", "lit_cells_x")
     assert int(found["status"].sum()) == 7 * DONE
 
 
 @pytest.mark.slow
-def test_a_store_with_places_takes_more_captures(
-    batch: Batch, place: Path, write: Write, captures: list[Path]
-) -> None:
+def test_a_store_with_places_takes_more_captures(batch: Batch, write: Write) -> None:
     sized = write(SIZED, "sized.yaml")
     assert batch(graph=sized) == (0, "")
-    make_capture(captures[0].with_name("capture_07"), 7)
+    make_capture(batch.captures[0].with_name("capture_07"), 7)
     assert batch(graph=sized) == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
-    found = xarray.open_zarr(place, consolidated=False)
+    found = xarray.open_zarr(batch.place, consolidated=False)
     assert dict(found.sizes) == {"capture": 8, "y": 6, "x": 7, "lit_cells_y": 3, "lit_cells_x": 4}
 
 
 @pytest.mark.slow
-def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch, place: Path) -> None:
+def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch) -> None:
     assert batch() == (0, "")
     xarray = pytest.importorskip("xarray", reason="'make test-all' installs it")
-    found = xarray.open_zarr(place, consolidated=False)
+    found = xarray.open_zarr(batch.place, consolidated=False)
     assert found["lit"].dims == ("capture", "y", "x")
     assert {*found.coords} == {"capture"}
 
@@ -239,18 +245,8 @@ def test_warnings_are_counted_told_and_in_the_table(
         assert [row["warnings"] for row in csv.DictReader(table)] == ["a warning"] * 7
 
 
-def test_the_store_reads_without_this_package(batch: Batch, place: Path) -> None:
-    batch()
-    group = zarr.open_group(str(place), mode="r")
-    array = group["lit"]
-    assert isinstance(array, zarr.Array)
-    assert array.shape == (7, 6, 7)
-    assert array.chunks == array.shards, "captures as small as these are read together"
-    assert array.attrs["unit"] == "LED bits"
-
-
 def test_what_is_finished_is_not_done_again(
-    batch: Batch, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    batch: Batch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     batch()
     make_capture(tmp_path / "day" / "capture_99", 99)
@@ -263,7 +259,7 @@ def test_what_is_finished_is_not_done_again(
     )
     batch()
     assert [Path(place).name for place in ran] == ["capture_99"]
-    np.testing.assert_array_equal(lit(opened(place), 7), expected(tmp_path / "day" / "capture_99"))
+    np.testing.assert_array_equal(lit(batch.store, 7), expected(tmp_path / "day" / "capture_99"))
 
 
 def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
@@ -277,15 +273,13 @@ def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
     assert not idle.submit.called
 
 
-def test_a_capture_that_fails_is_told_and_stops_no_other(
-    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
-) -> None:
-    (captures[2] / "led2.png").write_bytes(b"no image")
+def test_a_capture_that_fails_is_told_and_stops_no_other(batch: Batch, tmp_path: Path) -> None:
+    (batch.captures[2] / "led2.png").write_bytes(b"no image")
     code, err = batch()
     assert code == 1
     assert "capture_02/led2.png: not an image" in err
-    assert err.count(str(captures[2])) == 1, "its place is told once"
-    store = opened(place)
+    assert err.count(str(batch.captures[2])) == 1, "its place is told once"
+    store = batch.store
     assert list(store.statuses) == [DONE, DONE, FAILED, DONE, DONE, DONE, DONE]
     with (tmp_path / "out.csv").open() as table:
         rows = list(csv.DictReader(table))
@@ -294,13 +288,13 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(
 
 
 def test_the_next_capture_is_read_while_one_is_computed(
-    batch: Batch, place: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
+    batch: Batch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each capture waits, before it is computed, until the one behind it has been read.
 
     So does the last of a chunk for the first of the next.
     """
-    read = {place.name: threading.Event() for place in captures}
+    read = {capture.name: threading.Event() for capture in batch.captures}
     begin, attempt = worker._read, worker._attempt
 
     def note(*about: Any) -> object:
@@ -320,10 +314,10 @@ def test_the_next_capture_is_read_while_one_is_computed(
 
 
 def test_a_chunk_is_written_while_the_next_is_computed(
-    batch: Batch, place: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
+    batch: Batch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each chunk but the last waits, before it is written, for a capture of the next."""
-    begun = {place.name: threading.Event() for place in captures}
+    begun = {capture.name: threading.Event() for capture in batch.captures}
     write, attempt = Store.write, worker._attempt
 
     def note(pipeline: Pipeline, ready: Any, *more: Any) -> Any:
@@ -332,37 +326,30 @@ def test_a_chunk_is_written_while_the_next_is_computed(
 
     def wait(self: Store, entries: dict[int, Entry]) -> None:
         behind = max(entries) + 1
-        assert behind == len(captures) or begun[captures[behind].name].wait(60)
+        assert behind == len(batch.captures) or begun[batch.captures[behind].name].wait(60)
         write(self, entries)
 
     monkeypatch.setattr(worker, "_attempt", note)
     monkeypatch.setattr(Store, "write", wait)
     assert batch("--chunk", "3")[0] == 0
-    assert opened(place).statuses.tolist() == [DONE] * len(captures)
+    assert batch.store.statuses.tolist() == [DONE] * len(batch.captures)
 
 
-def test_failed_captures_are_done_again_only_when_asked(
-    batch: Batch, place: Path, captures: list[Path]
+def test_what_failed_is_done_again_only_when_asked_and_never_told_as_finished(
+    tactograph: Command, batch: Batch
 ) -> None:
-    whole = (captures[2] / "led2.png").read_bytes()
-    (captures[2] / "led2.png").write_bytes(b"no image")
-    batch()
-    (captures[2] / "led2.png").write_bytes(whole)
-    assert batch()[0] == 1
-    assert batch("--retry-failed")[0] == 0
-    np.testing.assert_array_equal(lit(opened(place), 2), expected(captures[2]))
-
-
-def test_what_failed_before_is_not_told_as_finished(
-    tactograph: Command, graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    words = ["batch", graph, "--over", over, "--out", tmp_path / "out.zarr"]
-    (captures[2] / "led2.png").write_bytes(b"no image")
-    number = len(captures)
+    words = ["batch", batch.graph, "--over", batch.over, "--out", batch.place]
+    damaged, number = batch.captures[2] / "led2.png", len(batch.captures)
+    whole = damaged.read_bytes()
+    damaged.write_bytes(b"no image")
     assert f"{number} captures, 0 of them finished before; " in tactograph(*words).out
+    damaged.write_bytes(whole)
     said = f"{number} captures, {number - 1} of them finished before, 1 failed"
-    assert f"{said} (not done again); " in tactograph(*words).out
-    assert f"{said} (done again); " in tactograph(*words, "--retry-failed").out
+    left = tactograph(*words)
+    assert (left.code, f"{said} (not done again); " in left.out) == (1, True)
+    done = tactograph(*words, "--retry-failed")
+    assert (done.code, f"{said} (done again); " in done.out) == (0, True)
+    np.testing.assert_array_equal(lit(batch.store, 2), expected(batch.captures[2]))
 
 
 def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
@@ -374,48 +361,34 @@ def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
     assert "5 x 5, but the store holds 6 x 7" in err
 
 
-def test_a_folder_of_captures_is_no_capture(batch: Batch, tmp_path: Path) -> None:
-    said = refusal(batch(over=str(tmp_path / "da*")))
-    assert "holds several captures; let --over match each of them" in said
-
-
-def test_nothing_is_written_of_a_folder_that_holds_several_captures(
-    batch: Batch, saving: str, tmp_path: Path
-) -> None:
-    code, err = batch(graph=saving, over=str(tmp_path / "da*"), out=tmp_path / "folders")
+def test_a_folder_of_captures_is_no_capture(batch: Batch, saving: str, tmp_path: Path) -> None:
+    over = str(tmp_path / "da*")
+    assert "several captures; let --over match each of them" in refusal(batch(over=over))
+    code, err = batch(graph=saving, over=over, out=tmp_path / "folders")
     assert (code, "failed: " in err) == (1, True)
-    assert not [*tmp_path.glob("folders/**/image.npy")]
+    assert not [*tmp_path.glob("folders/**/image.npy")], "nothing is written"
 
 
-def test_a_folder_of_captures_stands_for_those(
-    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
-) -> None:
+def test_a_folder_of_captures_stands_for_those(batch: Batch, tmp_path: Path) -> None:
     assert batch(over=str(tmp_path / "day")) == (0, "")
-    assert opened(place).captures == list(map(str, captures))
+    assert batch.store.captures == list(map(str, batch.captures))
 
 
-def test_a_folder_with_a_file_is_a_capture(captures: list[Path]) -> None:
-    assert find_captures([str(captures[0])]).captures == [str(captures[0])]
-
-
-def test_files_beside_captures_are_passed_over_and_named(
-    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
-) -> None:
+def test_files_beside_captures_are_passed_over_and_named(batch: Batch, tmp_path: Path) -> None:
     (tmp_path / "day" / "grid.png").write_bytes(b"")
-    (tmp_path / "day" / "linked").symlink_to(captures[0])
+    (tmp_path / "day" / "linked").symlink_to(batch.captures[0])
     code, err = batch()
     assert code == 0
     assert err == f"passed over, as it is no folder: {tmp_path / 'day' / 'grid.png'}\n"
     linked = str(tmp_path / "day" / "linked")
-    assert opened(place).captures == [*map(str, captures), linked]
+    assert batch.store.captures == [*map(str, batch.captures), linked]
 
 
-def test_files_alone_are_captures(tmp_path: Path) -> None:
-    for name in ("a.npy", "b.npy"):
-        (tmp_path / name).touch()
-    found = find_captures([str(tmp_path / "*")])
-    assert [Path(each).name for each in found.captures] == ["a.npy", "b.npy"]
-    assert not found.passed_over
+def test_files_alone_are_captures_and_a_folder_with_files_is_one(captures: list[Path]) -> None:
+    files = sorted(map(str, captures[0].iterdir()))
+    found = find_captures([str(captures[0] / "*")])
+    assert (found.captures, found.passed_over) == (files, [])
+    assert find_captures([str(captures[0])]).captures == [str(captures[0])]
 
 
 @pytest.mark.parametrize(
@@ -453,14 +426,14 @@ def test_a_store_takes_no_captures_of_another_kind(
 
 
 def test_a_store_keeps_how_its_captures_are_cut_up(
-    batch: Batch, place: Path, tactograph: Command, graph: str, over: str, tmp_path: Path
+    batch: Batch, tactograph: Command, graph: str, over: str, tmp_path: Path
 ) -> None:
     batch()
     assert "was made with --chunk 3; leave --chunk out" in refusal(batch("--chunk", 4))
     make_capture(tmp_path / "day" / "capture_99", 99)
-    outcome = tactograph("batch", graph, "--over", over, "--out", place)
-    assert (outcome.code, opened(place).chunk) == (0, 3)
-    assert list(opened(place).statuses) == [DONE] * 8
+    outcome = tactograph("batch", graph, "--over", over, "--out", batch.place)
+    assert (outcome.code, batch.store.chunk) == (0, 3)
+    assert list(batch.store.statuses) == [DONE] * 8
 
 
 def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
@@ -472,9 +445,9 @@ def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
     assert begin(graph, over, out).chunk == 4
 
 
-def test_a_store_of_another_format_is_refused(batch: Batch, place: Path) -> None:
+def test_a_store_of_another_format_is_refused(batch: Batch) -> None:
     batch()
-    about = place / "zarr.json"
+    about = batch.place / "zarr.json"
     about.write_text(about.read_text().replace('"format": 3', '"format": 1'))
     assert "format 1; this reads 3; give another --out" in refusal(batch())
 
@@ -515,27 +488,27 @@ def test_a_chunk_that_was_half_written_is_done_again(
     np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
 
 
-def test_results_may_go_into_folders(
-    batch: Batch, saving: str, captures: list[Path], tmp_path: Path
-) -> None:
+def test_results_may_go_into_folders(batch: Batch, saving: str, tmp_path: Path) -> None:
     assert batch(graph=saving, out=tmp_path / "folders") == (0, "")
-    for capture in captures:
+    for capture in batch.captures:
         folder = tmp_path / "folders" / capture.name
         np.testing.assert_array_equal(np.load(folder / "image.npy").shape, (3, 6, 7))
     assert (tmp_path / "folders" / "captures.csv").is_file()
     read = sorted((tmp_path / "day").rglob("*"))
-    for out in (tmp_path / "day", captures[0]):
+    for out in (tmp_path / "day", batch.captures[0]):
         assert f"--out {out}: is what --over {out} reads" in refusal(batch(graph=saving, out=out))
     assert sorted((tmp_path / "day").rglob("*")) == read
 
 
 def test_folders_of_results_lie_where_the_first_batch_put_them(
-    batch: Batch, saving: str, captures: list[Path], tmp_path: Path
+    batch: Batch, saving: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "folders"
     assert batch(graph=saving, over=str(tmp_path / "**" / "capture_00"), out=out) == (0, "")
     assert batch(graph=saving, over=str(tmp_path / "day" / "*"), out=out) == (0, "")
-    assert {f.parent.name for f in (out / "day").glob("*/image.npy")} == {c.name for c in captures}
+    assert {f.parent.name for f in (out / "day").glob("*/image.npy")} == {
+        c.name for c in batch.captures
+    }
     elsewhere = make_capture(tmp_path.parent / f"{tmp_path.name}_other" / "capture_00", 1)
     assert f"lie below {tmp_path}" in refusal(batch(graph=saving, over=str(elsewhere), out=out))
     assert len(opened(out / "batch.zarr")) == 7
@@ -543,36 +516,33 @@ def test_folders_of_results_lie_where_the_first_batch_put_them(
 
 @pytest.mark.parametrize("over", ["memory://lab_2/*", "day/../day/*", "day/"])
 def test_folders_of_results_are_called_as_the_captures_however_these_are_reached(
-    batch: Batch,
-    saving: str,
-    captures: list[Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    over: str,
+    batch: Batch, saving: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, over: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for capture in captures:
+    for capture in batch.captures:
         fsspec.filesystem("memory").put(str(capture), f"/lab_2/{capture.name}", recursive=True)
     out = tmp_path / "folders"
     assert batch(graph=saving, over=over, out=out) == (0, "")
-    assert {f.parent for f in out.glob("**/image.npy")} == {out / c.name for c in captures}
+    assert {f.parent for f in out.glob("**/image.npy")} == {out / c.name for c in batch.captures}
 
 
 def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(
-    batch: Batch, saving: str, captures: list[Path], tmp_path: Path
+    batch: Batch, saving: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "folders"
-    assert batch(graph=saving, over=str(captures[0]), out=out) == (0, "")
+    assert batch(graph=saving, over=str(batch.captures[0]), out=out) == (0, "")
     about = out / "batch.zarr" / "zarr.json"
     document = json.loads(about.read_text())
     del document["attributes"]["tactograph"]["job"]["below"]
     document["attributes"]["tactograph"]["stamp"] = "earlier"  # this process knows the other
     about.write_text(json.dumps(document))
-    whole = out / str(captures[0]).lstrip("/")
+    whole = out / str(batch.captures[0]).lstrip("/")
     whole.parent.mkdir(parents=True)
-    (out / captures[0].name).rename(whole)
+    (out / batch.captures[0].name).rename(whole)
     assert batch(graph=saving, over=str(tmp_path / "day" / "*"), out=out) == (0, "")
-    assert {f.parent.name for f in whole.parent.glob("*/image.npy")} == {c.name for c in captures}
+    assert {f.parent.name for f in whole.parent.glob("*/image.npy")} == {
+        c.name for c in batch.captures
+    }
 
 
 def test_folders_need_a_graph_that_writes(batch: Batch, write: Write, tmp_path: Path) -> None:
@@ -596,29 +566,25 @@ def test_what_is_no_store_is_not_written_into(batch: Batch, tmp_path: Path) -> N
     assert "no store of a batch" in refusal(batch(out=tmp_path / "other.zarr"))
 
 
-def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch, place: Path) -> None:
-    with alone_in(str(place)):
+def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch) -> None:
+    with alone_in(str(batch.place)):
         assert "another batch is at work in it" in refusal(batch())
-    assert not place.exists(), "nothing came into it"
+    assert not batch.place.exists(), "nothing came into it"
     assert batch() == (0, "")
 
 
-def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(
-    batch: Batch, place: Path, captures: list[Path]
-) -> None:
-    told = refusal(batch(over=str(captures[0] / "led1.png")))
+def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(batch: Batch) -> None:
+    told = refusal(batch(over=str(batch.captures[0] / "led1.png")))
     assert told.startswith("tactograph: the capture cannot be processed: ")
     assert batch("level=0.25") == (0, "")
-    assert opened(place).captures == list(map(str, captures))
+    assert batch.store.captures == list(map(str, batch.captures))
 
 
-def test_a_batch_does_not_take_its_own_store_for_a_capture(
-    batch: Batch, captures: list[Path], tmp_path: Path
-) -> None:
+def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_path: Path) -> None:
     out = tmp_path / "day" / "out.zarr"
     for _ in range(2):
         assert batch(out=out) == (0, "")
-    assert opened(out).captures == list(map(str, captures))
+    assert opened(out).captures == list(map(str, batch.captures))
     assert "nothing is there but what lies in --out" in refusal(batch(over=f"{out}*", out=out))
 
 
@@ -638,12 +604,12 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(
     ],
 )
 def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
-    batch: Batch, place: Path, words: list[str], told: str
+    batch: Batch, words: list[str], told: str
 ) -> None:
     code, err = batch(*words)
     assert code == 2
     assert told in err
-    assert not place.exists()
+    assert not batch.place.exists()
 
 
 @pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}'])
@@ -778,17 +744,15 @@ def lose_array(store: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("damage", "again"), [(spoil_chunk, "finished capture"), (lose_chunk, "3"), (lose_array, "7")]
 )
-def test_what_is_called_done_but_is_damaged_is_done_again(
-    batch: Batch, place: Path, captures: list[Path], damage, again
-) -> None:
+def test_what_is_called_done_but_is_damaged_is_done_again(batch: Batch, damage, again) -> None:
     batch()
-    damage(place, "lit")
+    damage(batch.place, "lit")
     code, err = batch()
     assert code == 0
     assert f"{again}" in err
     assert "damaged: done again" in err
-    for number, capture in enumerate(captures):
-        np.testing.assert_array_equal(lit(opened(place), number), expected(capture))
+    for number, capture in enumerate(batch.captures):
+        np.testing.assert_array_equal(lit(batch.store, number), expected(capture))
     assert batch() == (0, "")
 
 
@@ -797,15 +761,15 @@ def test_what_is_called_done_but_is_damaged_is_done_again(
     [("capture", "'capture' is missing"), ("capture/c/0", "'capture' lacks 3 of 7 names")],
 )
 def test_a_store_without_the_names_of_its_captures_is_refused(
-    batch: Batch, place: Path, lost: str, told: str
+    batch: Batch, lost: str, told: str
 ) -> None:
     batch()
-    (place / lost).rename(place.with_name("lost"))
+    (batch.place / lost).rename(batch.place.with_name("lost"))
     assert f"{told}; remove it, or give another --out" in refusal(batch())
 
 
 def test_captures_that_were_half_added_are_added_again(
-    batch: Batch, place: Path, captures: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    batch: Batch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     batch()
     make_capture(tmp_path / "day" / "capture_99", 99)
@@ -819,21 +783,23 @@ def test_captures_that_were_half_added_are_added_again(
     with monkeypatch.context() as patch:
         patch.setattr(zarr.Array, "resize", stop)
         assert batch()[0] == 130
-    assert opened(place).captures == list(map(str, captures))
-    assert len(opened(place).read_all()) == 7
+    assert batch.store.captures == list(map(str, batch.captures))
+    assert len(batch.store.read_all()) == 7
     assert batch() == (0, "")
-    assert opened(place).captures[7].endswith("capture_99")
-    np.testing.assert_array_equal(lit(opened(place), 7), expected(tmp_path / "day" / "capture_99"))
+    assert batch.store.captures[7].endswith("capture_99")
+    np.testing.assert_array_equal(lit(batch.store, 7), expected(tmp_path / "day" / "capture_99"))
 
 
 def test_a_name_that_is_not_text_is_refused_before_there_is_a_store(
-    batch: Batch, place: Path, captures: list[Path], tmp_path: Path
+    batch: Batch, tmp_path: Path
 ) -> None:
-    captures[2].rename(captures[2].with_name(os.fsdecode(b"bad\xff")))
+    batch.captures[2].rename(batch.captures[2].with_name(os.fsdecode(b"bad\xff")))
     assert r"day/bad\udcff': the name is not UTF-8; rename it" in refusal(batch())
-    assert not place.exists()
+    assert not batch.place.exists()
     out = tmp_path / os.fsdecode(b"out\xff.zarr")
-    assert "the name is not UTF-8; rename it" in refusal(batch(over=str(captures[0]), out=out))
+    assert "the name is not UTF-8; rename it" in refusal(
+        batch(over=str(batch.captures[0]), out=out)
+    )
 
 
 @pytest.mark.parametrize("option", ["--over", "--out"])
@@ -847,11 +813,9 @@ def test_a_file_system_that_needs_more_than_a_url_is_refused(
     assert "internal error" not in said
 
 
-def test_a_store_that_speaks_of_endless_captures_is_refused_unread(
-    batch: Batch, place: Path
-) -> None:
+def test_a_store_that_speaks_of_endless_captures_is_refused_unread(batch: Batch) -> None:
     batch()
-    for about in place.glob("*/zarr.json"):
+    for about in batch.place.glob("*/zarr.json"):
         about.write_text(
             re.sub(r'("shape":\s*\[\s*)7', r"\g<1>1000000000000", about.read_text(), count=1)
         )
@@ -859,11 +823,11 @@ def test_a_store_that_speaks_of_endless_captures_is_refused_unread(
 
 
 def test_results_that_were_removed_are_made_again(
-    batch: Batch, saving: str, captures: list[Path], tmp_path: Path
+    batch: Batch, saving: str, tmp_path: Path
 ) -> None:
     place = tmp_path / "out"
     batch(graph=saving, out=place)
-    removed = place / captures[2].name
+    removed = place / batch.captures[2].name
     shutil.rmtree(removed)
     code, err = batch(graph=saving, out=place)
     assert (code, "1 finished capture damaged" in err) == (0, True)
@@ -871,7 +835,7 @@ def test_results_that_were_removed_are_made_again(
 
 
 def test_a_device_that_fails_late_costs_one_capture_and_is_opened_again(
-    batch: Batch, place: Path, toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
+    batch: Batch, toys: list[str], write: Write, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = LIT.replace("prefer: [numpy]", "prefer: [opencl]")
     finish, opened_pipelines = OpenCL.finish, []
@@ -886,6 +850,6 @@ def test_a_device_that_fails_late_costs_one_capture_and_is_opened_again(
     code, err = batch(graph=write(text, "lit.yaml"))
     assert code == 1
     assert "OUT_OF_RESOURCES" in err
-    store = opened(place)
+    store = batch.store
     assert sorted(store.statuses) == [DONE] * 6 + [FAILED]
     assert len({id(each) for each in opened_pipelines}) == 2

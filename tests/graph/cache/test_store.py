@@ -72,15 +72,13 @@ def test_what_was_made_is_read_the_next_time(folder: Path) -> None:
     np.testing.assert_array_equal(second.rows, first.rows)
 
 
-def test_other_inputs_or_settings_are_made_anew(folder: Path) -> None:
+def test_other_inputs_or_settings_or_code_are_made_anew(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made(made_now=True)
     made(IMAGE + 1, made_now=True)
     made(scale=2.0, made_now=True)
     made(made_now=False)
-
-
-def test_other_code_is_made_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made(made_now=True)
     monkeypatch.setattr("tactograph.graph.cache.result_origin.code_of", lambda node: "another")
     made(made_now=True)
 

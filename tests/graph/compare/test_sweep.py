@@ -13,7 +13,7 @@ from tactograph.graph.compare.sweep import (
     seeds,
 )
 from tactograph.graph.files.read_graph import read_graph
-from tests.graph.conftest import Write
+from tests.graph.conftest import graph_of
 
 NOISY = """
 format: 1
@@ -28,30 +28,24 @@ outputs: {image: camera.image}
 """
 
 
+GROUPED = """
+format: 1
+groups:
+  shot:
+    inputs: {light: {}}
+    params: {seed: {default: 3}}
+    nodes: {camera: {op: expose, in: {light: light}, with: {seed: $seed}}}
+    outputs: {image: camera.image}
+nodes:
+  cal: {op: at_rest}
+  a: {group: shot, in: {light: cal.flat}}
+  b: {group: shot, in: {light: cal.flat}, with: {seed: 5}}
+outputs: {image: b.image}
+"""
+
+
 def test_a_parameter_may_be_one_of_a_group() -> None:
-    graph = read_graph(
-        {
-            "format": 1,
-            "groups": {
-                "shot": {
-                    "inputs": {"light": {}},
-                    "params": {"seed": {"default": 3}},
-                    "nodes": {
-                        "camera": {
-                            "op": "expose", "in": {"light": "light"}, "with": {"seed": "$seed"}
-                        }
-                    },
-                    "outputs": {"image": "camera.image"},
-                }
-            },
-            "nodes": {
-                "cal": {"op": "at_rest"},
-                "a": {"group": "shot", "in": {"light": "cal.flat"}},
-                "b": {"group": "shot", "in": {"light": "cal.flat"}, "with": {"seed": 5}},
-            },
-            "outputs": {"image": "b.image"},
-        }
-    )  # fmt: skip
+    graph = graph_of(GROUPED)
     for target, first in {"shot.seed": 3, "b.seed": 5, "shot.camera.seed": 3}.items():
         sweep = read_sweep(f"{target}=1,2")
         check_targets([graph], [target], "--sweep")
@@ -124,14 +118,11 @@ def test_a_sweep_over_nothing_says_what_there_is(target: str, said: str) -> None
         check_targets([read_graph("paper_no_shadow")], ["shadow.threshold"], "--sweep")
 
 
-def test_seeds_count_up_from_the_graphs_own(write: Write) -> None:
-    graph = read_graph(write(NOISY))
+def test_seeds_are_whole_numbers_and_count_up_from_the_graphs_own() -> None:
+    graph = graph_of(NOISY)
     assert seed_like([graph]) == ["camera.seed"]
     assert seeds(graph, "camera.seed", 3, {}) == [{"camera.seed": s} for s in (7, 8, 9)]
     assert seeds(graph, "camera.seed", 2, {"seed": 1})[1] == {"camera.seed": 2}
     assert seeds(read_graph("paper"), "camera.seed", 3, {}) == [{}]
-
-
-def test_a_seed_is_a_whole_number(write: Write) -> None:
     with pytest.raises(InputError, match="whole number"):
-        seeds(read_graph(write(NOISY)), "camera.read_noise", 2, {})
+        seeds(graph, "camera.read_noise", 2, {})

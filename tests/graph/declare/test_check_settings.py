@@ -31,19 +31,17 @@ def refusal(**settings: Any) -> str:
     return str(caught.value)
 
 
-def test_defaults_are_filled_in() -> None:
-    assert check() == {
-        "way": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False
-    }  # fmt: skip
+def test_defaults_are_filled_in_and_whole_numbers_are_fractions_and_text_is_a_path() -> None:
+    defaults = {"way": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False}
+    assert check() == defaults
+    assert check(level=2)["level"] == 2.0
+    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, where)
+    assert found["file"] == Path("a/b.npy")
 
 
 @pytest.mark.parametrize("corner", [[3, 4], "3,4", (3, 4), "[3, 4]", " [3,4] "])
 def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
     assert check(corner=corner)["corner"] == (3, 4)
-
-
-def test_a_whole_number_will_do_for_a_fraction() -> None:
-    assert check(level=2)["level"] == 2.0
 
 
 @pytest.mark.parametrize(
@@ -85,12 +83,9 @@ def test_a_parameter_that_is_needed_is_asked_for() -> None:
         check_settings(choosy, {}, where)
 
 
-def test_a_value_that_is_not_given_yet_is_taken_to_be_right() -> None:
+def test_a_value_that_is_not_given_yet_is_taken_to_be_right_but_not_the_one_beside_it() -> None:
     assert check(way=NOT_GIVEN)["way"] is NOT_GIVEN
     assert check(way=NOT_GIVEN, level=NOT_GIVEN)["corner"] == (0, 0)
-
-
-def test_a_wrong_value_beside_one_that_is_not_given_is_refused() -> None:
     assert "with.share" in refusal(way=NOT_GIVEN, share=7)
 
 
@@ -132,11 +127,6 @@ def test_a_tilde_is_the_user_s_home(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert check_settings(node, {"folder": "./~"}, where)["folder"] == Path("~")
     with pytest.raises(InputError, match="~nobody-of-that-name: there is no such user"):
         check_settings(node, {"folder": "~nobody-of-that-name"}, where)
-
-
-def test_a_path_is_a_path() -> None:
-    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, where)
-    assert found["file"] == Path("a/b.npy")
 
 
 def test_of_one_or_two_values_three_are_told_in_plain_words() -> None:

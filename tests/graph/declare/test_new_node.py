@@ -32,10 +32,6 @@ def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> No
     }
 
 
-def test_a_node_goes_into_a_room(tactograph: Command, clone: Path) -> None:
-    assert "say ROOM/brighten, with a room of light" in one_line(tactograph("new-node", "brighten"))
-
-
 @pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
 @pytest.mark.parametrize("package", [False, True])
 def test_what_is_written_is_formatted_and_clean(
@@ -80,6 +76,7 @@ def test_a_second_node_of_a_package_says_what_to_register(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (["brighten"], "say ROOM/brighten, with a room of light"),
         (["light/flat_field"], "there is a node 'flat_field' already"),
         (["light/Flat"], "lower-case"),
         (["light/class"], "a Python keyword"),

@@ -57,20 +57,17 @@ def test_positional_arguments_are_inputs_and_keyword_only_ones_are_parameters() 
     assert each.parameters["floor"].default == 0.1
 
 
-def test_a_single_output_has_the_name_of_the_node() -> None:
+def test_a_single_output_has_the_name_of_the_node_and_a_record_gives_several() -> None:
     @node
     def each(light: Light) -> Height: ...
 
+    @node
+    def pair(light: Light) -> Two: ...
+
     assert list(each.outputs) == ["each"]
     assert each.outputs["each"].dims == ("H", "W")
-
-
-def test_a_record_gives_several_outputs() -> None:
-    @node
-    def each(light: Light) -> Two: ...
-
-    assert list(each.outputs) == ["light", "pixel", "label"]
-    assert [port.kind for port in each.outputs.values()] == ["array", "number", "object"]
+    assert list(pair.outputs) == ["light", "pixel", "label"]
+    assert [port.kind for port in pair.outputs.values()] == ["array", "number", "object"]
 
 
 def test_a_record_as_an_argument_is_an_input_for_each_of_its_fields() -> None:
@@ -125,13 +122,6 @@ def test_a_record_of_parameters_stands_for_its_fields() -> None:
     assert each.parameters["floor"].default == 0.1
     assert each(1.0, gain=3.0, floor=0.0) == 6
     assert describe(each).arguments["gain"] == "Its gain."
-
-
-def test_a_record_of_parameters_and_a_parameter_cannot_share_a_name() -> None:
-    with pytest.raises(TypeError, match="two parameters are called 'gain'"):
-
-        @node
-        def each(light: Light, *, settings: Settings, gain: float = 2.0) -> Light: ...
 
 
 def test_any_number_of_inputs_take_the_names_that_a_graph_gives_them() -> None:
@@ -237,35 +227,29 @@ def no_port_out(light: Light) -> F4: ...
 def no_node(light: Light, *, call: NodeCall = np.abs) -> Light: ...
 
 
+def twice(light: Light, *, settings: Settings, gain: float = 2.0) -> Light: ...
+def turned(light: Light) -> Height: ...
+def pair(light: Light) -> Two: ...
+
+
 @pytest.mark.parametrize(
-    ("function", "message"),
+    ("function", "neutral", "message"),
     [
-        (no_type, "no_type: argument 'light' has no type"),
-        (no_port, "port 'light': an array needs"),
-        (union, "a union of types cannot be a port"),
-        (no_port_out, "port 'no_port_out': an array needs"),
-        (no_node, "no_node: the default of 'call' has to be a node"),
+        (no_type, {}, "no_type: argument 'light' has no type"),
+        (no_port, {}, "port 'light': an array needs"),
+        (union, {}, "a union of types cannot be a port"),
+        (no_port_out, {}, "port 'no_port_out': an array needs"),
+        (no_node, {}, "no_node: the default of 'call' has to be a node"),
+        (twice, {}, "two parameters are called 'gain'"),
+        (turned, {"neutral": "light"}, "neutral 'light' is no input of the output's type"),
+        (pair, {"neutral": 0}, "only a node with one output"),
     ],
 )
 def test_a_signature_that_is_no_declaration_is_refused(
-    function: Callable[..., Any], message: str
+    function: Callable[..., Any], neutral: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(TypeError, match=message):
-        node(function)
-
-
-def test_a_neutral_input_is_of_the_type_of_the_output() -> None:
-    with pytest.raises(TypeError, match="neutral 'light' is no input of the output's type"):
-
-        @node(neutral="light")
-        def each(light: Light) -> Height: ...
-
-
-def test_only_a_node_with_one_output_has_a_neutral() -> None:
-    with pytest.raises(TypeError, match="only a node with one output"):
-
-        @node(neutral=0)
-        def each(light: Light) -> Two: ...
+        node(**neutral)(function)
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -24,21 +24,20 @@ def refusal(write: Write, *changes: str) -> str:
 
 
 def test_set_changes_a_parameter_and_keeps_the_others(write: Write) -> None:
-    graph = patched(
-        write, "{set: height, with: {crop: [0, 0, 2, 2]}}", "{set: slope, with: {steepest: 2}}"
-    )
+    crop, steepest = "{set: height, with: {crop: %s}}", "{set: slope, with: {steepest: 2}}"
+    graph = patched(write, crop % "[0, 0, 2, 2]", steepest)
     assert graph.nodes["height"].settings == {"file": "$file", "crop": [0, 0, 2, 2]}
     assert graph.nodes["slope"].settings == {"steepest": 2}
-
-
-def test_set_can_set_nothing(write: Write) -> None:
-    graph = patched(write, "{set: height, with: {crop: null}}")
+    graph = patched(write, crop % "null")
     assert graph.nodes["height"].settings == {"file": "$file", "crop": None}
 
 
-def test_set_changes_an_input_and_keeps_the_others(write: Write) -> None:
-    graph = patched(write, "{set: slope, in: {height: again}}")
+def test_set_changes_inputs_and_takes_them_away(write: Write) -> None:
+    again = "{set: slope, in: {height: again}, with: {steepest: 2}}"
+    graph = patched(write, again)
     assert graph.nodes["slope"].inputs == {"height": "again", "pixel": "pixel"}
+    slope = patched(write, again, "{set: slope, in: {pixel: null}}").nodes["slope"]
+    assert (slope.inputs, slope.settings) == ({"height": "again"}, {"steepest": 2})
 
 
 def test_replace_keeps_the_inputs_unless_it_states_them(write: Write) -> None:
@@ -49,35 +48,20 @@ def test_replace_keeps_the_inputs_unless_it_states_them(write: Write) -> None:
     assert graph.nodes["again"].inputs == {"height": "height"}
 
 
-def test_insert_after_a_value_redirects_all_its_readers(write: Write) -> None:
-    graph = patched(
-        write, "{insert: rest, op: rest_at_border, in: {height: height}, after: height}"
-    )
+def test_insert_after_a_value_redirects_all_its_readers_and_else_only_adds(write: Write) -> None:
+    insert = "{insert: rest, op: rest_at_border, in: {height: height}"
+    graph = patched(write, insert + "}")
+    assert [graph.nodes[name].inputs["height"] for name in ("slope", "rest")] == ["height"] * 2
+    graph = patched(write, insert + ", after: height}")
     assert graph.nodes["slope"].inputs["height"] == "rest"
     assert graph.nodes["rest"].inputs["height"] == "height"
+    assert patched(write, insert + ", after: again}").outputs["height"] == "rest"
 
 
-def test_insert_after_an_output_redirects_the_output(write: Write) -> None:
-    graph = patched(write, "{insert: rest, op: rest_at_border, in: {height: again}, after: again}")
-    assert graph.outputs["height"] == "rest"
-
-
-def test_insert_without_after_only_adds(write: Write) -> None:
-    graph = patched(write, "{insert: rest, op: rest_at_border, in: {height: height}}")
-    assert graph.nodes["slope"].inputs["height"] == "height"
-    assert "rest" in graph.nodes
-
-
-def test_remove_removes(write: Write) -> None:
-    assert "again" not in patched(write, "{remove: again}").nodes
-
-
-def test_backend_binds(write: Write) -> None:
-    assert patched(write, "{backend: slope, to: numpy}").nodes["slope"].backend == "numpy"
-
-
-def test_neutral_takes_out(write: Write) -> None:
-    assert patched(write, "{neutral: slope}").nodes["slope"].neutral
+def test_remove_removes_backend_binds_and_neutral_takes_out(write: Write) -> None:
+    graph = patched(write, "{remove: again}", "{backend: slope, to: numpy}", "{neutral: slope}")
+    assert "again" not in graph.nodes
+    assert (graph.nodes["slope"].backend, graph.nodes["slope"].neutral) == ("numpy", True)
 
 
 def test_changes_are_made_in_order(write: Write) -> None:
@@ -184,19 +168,13 @@ def test_a_node_that_is_still_read_is_told_at_the_change_that_takes_it_out(write
     said = plan_refusal(write, "{backend: slope, to: numpy}", "{remove: height}")
     assert re.match(r"\S*variant.yaml:5:5: patch\[1\]: takes out 'height', but ", said)
     assert re.search(r"base.yaml:9:\d+: nodes.slope.in.height reads it; change that too", said)
-
-
-def test_an_output_that_a_removed_node_made_is_told_at_the_change_too(write: Write) -> None:
     said = plan_refusal(write, "{remove: again}")
-    assert re.match(r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but ", said)
-    assert "outputs.height reads it" in said
-
-
-def test_a_removed_node_that_is_put_in_again_is_there(write: Write) -> None:
-    graph = patched(
-        write, "{remove: again}", "{insert: again, op: rest_at_border, in: {height: height}}"
+    assert re.match(
+        r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but .*outputs.height", said
     )
-    make_plan(graph, graph.placeholders, device=None)
+    insert = "{insert: again, op: rest_at_border, in: {height: height}}"
+    graph = patched(write, "{remove: again}", insert)
+    make_plan(graph, graph.placeholders, device=None)  # what is put in again is there
 
 
 @pytest.mark.parametrize(

@@ -47,15 +47,12 @@ def test_the_device_is_given_work_before_the_host_starts_on_its_own(
     assert places == sorted(places)
 
 
-def test_what_runs_once_comes_first(write: Write, device: OpenCL) -> None:
-    stream = [step.stream for step in planned(write(STREAM), device).steps]
+def test_what_runs_once_comes_first_and_what_writes_last(write: Write, device: OpenCL) -> None:
+    """So that nothing is written if a computation fails."""
+    steps = planned(write(STREAM), device).steps
+    stream = [step.stream for step in steps]
     assert stream == sorted(stream)
-
-
-def test_writers_come_last_so_that_nothing_is_written_if_a_computation_fails(
-    write: Write, device: OpenCL
-) -> None:
-    assert [step.name for step in planned(write(STREAM), device).steps][-1] == "save"
+    assert steps[-1].name == "save"
 
 
 def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Write) -> None:
@@ -99,11 +96,6 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     assert len(set(released)) == len(released)
     assert on_device - recalled <= set(released)
     assert not recalled & set(released)
-
-
-def test_what_is_made_once_is_never_let_go(write: Write, device: OpenCL) -> None:
-    released = {v for step in planned(write(STREAM), device).steps for v in step.release}
-    assert not [value for value in released if value.node == "cal"]
 
 
 def test_what_waits_for_sizes_of_the_data_comes_after_what_the_host_has_to_do(

@@ -22,11 +22,8 @@ def test_an_array_goes_up_where_a_kernel_reads_it_and_down_where_it_is_wanted(
     ]  # fmt: skip
 
 
-def test_on_numpy_nothing_is_moved(write: Write) -> None:
+def test_on_numpy_nothing_is_moved_and_nowhere_a_number(write: Write, device: OpenCL) -> None:
     assert transfers(planned(write(SLOPES), None)) == []
-
-
-def test_a_number_is_not_moved(write: Write, device: OpenCL) -> None:
     assert not [name for name in transfers(planned(write(SLOPES), device)) if "pixel" in name]
 
 

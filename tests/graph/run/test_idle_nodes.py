@@ -63,19 +63,22 @@ def test_light_is_the_same_with_and_without_a_device(graph: str, kind: str, bend
         assert found[1][name].dtype == np.float32
 
 
-def test_without_a_lens_a_device_reads_the_cameras_bytes_themselves(launched: list[str]) -> None:
-    load(graph_of(GRAPH), backend="opencl")(frames=IMAGES["u8"])
-    assert launched == ["flat_field uint8"]
-
-
-def test_a_lens_has_to_be_undone(launched: list[str]) -> None:
-    load(graph_of(GRAPH), backend="opencl", bend=0.04)(frames=IMAGES["u8"])
-    assert launched == ["undistort uint8", "flat_field float32"]
-
-
-def test_bytes_that_somebody_reads_as_fractions_are_made_fractions(launched: list[str]) -> None:
-    load(graph_of(AND_THE_IMAGE), backend="opencl")(frames=IMAGES["u8"])
-    assert launched == ["undistort uint8", "flat_field float32"]
+@pytest.mark.parametrize(
+    ("graph", "bend", "ran"),
+    [
+        pytest.param(GRAPH, 0, ["flat_field uint8"], id="the camera's bytes themselves"),
+        pytest.param(GRAPH, 0.04, ["undistort uint8", "flat_field float32"], id="a lens is undone"),
+        pytest.param(
+            AND_THE_IMAGE,
+            0,
+            ["undistort uint8", "flat_field float32"],
+            id="another reads fractions",
+        ),
+    ],
+)
+def test_a_device_reads(launched: list[str], graph: str, bend: float, ran: list[str]) -> None:
+    load(graph_of(graph), backend="opencl", bend=bend)(frames=IMAGES["u8"])
+    assert launched == ran
 
 
 def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str]) -> None:
@@ -134,7 +137,6 @@ def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backend", BACKENDS)
 def test_film_that_throws_no_light_on_film_makes_none(
     raytraced: Raytraced, calibration: Calibration, tmp_path: Path, backend: str
 ) -> None:

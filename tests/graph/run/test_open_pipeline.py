@@ -36,12 +36,9 @@ def test_a_fallback_is_in_the_plan(no_device: None) -> None:
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_a_loaded_pipeline_warns_of_a_fallback(no_device: None) -> None:
+def test_a_loaded_pipeline_warns_of_a_fallback_and_does_not_list_many(no_device: None) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
         load(graph_of(WAITING))
-
-
-def test_a_loaded_pipeline_does_not_list_many_nodes_in_its_warning(no_device: None) -> None:
     with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
         load("reconstruct", calibration="no.npz")
     assert len(told) == 1
@@ -53,29 +50,24 @@ def test_outputs_are_a_list_of_names(outputs: Any) -> None:
         load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
 
 
-def test_strict_refuses_a_fallback(no_device: None) -> None:
-    with pytest.raises(InputError, match="--strict: light runs on numpy: opencl is preferred"):
-        load(graph_of(WAITING), strict=True)
-
-
 def test_strict_is_content_where_nothing_falls_back() -> None:
     load(graph_of(WAITING), strict=True)
     load(graph_of(WAITING), strict=True, backend="numpy")
 
 
-def test_opencl_that_was_demanded_and_is_not_there_is_an_error(no_device: None) -> None:
-    with pytest.raises(InputError, match="--backend opencl: no OpenCL device works"):
-        load(graph_of(WAITING), backend="opencl")
-
-
-def test_a_back_end_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no back end 'cuda'"):
-        load(graph_of(WAITING), backend="cuda")
-
-
-def test_a_device_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(InputError, match="no OpenCL device's name contains 'abacus'"):
-        load(graph_of(WAITING), device="abacus")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"strict": True}, "--strict: light runs on numpy: opencl is preferred"),
+        ({"backend": "opencl"}, "--backend opencl: no OpenCL device works"),
+        ({"backend": "cuda"}, "there is no back end 'cuda'"),
+    ],
+)
+def test_what_cannot_run_as_demanded_is_refused(
+    no_device: None, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        load(graph_of(WAITING), **options)
 
 
 def test_numpy_looks_for_no_device(monkeypatch: pytest.MonkeyPatch) -> None:

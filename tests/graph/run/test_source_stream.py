@@ -14,7 +14,6 @@ from tests.graph.conftest import STREAM, WAITING, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
-BOTH = pytest.mark.parametrize("backend", ["numpy", "opencl"])
 SUMMED = added("  sum: {op: summed, in: {image: light, before: previous.sum}}", "sum: sum", WAITING)
 LONG_S = 30.0
 
@@ -27,7 +26,6 @@ def refilled(count: int) -> Iterator[NDArray[np.float32]]:
         yield buffer
 
 
-@BOTH
 def test_a_stream_gives_what_calls_give(backend: str) -> None:
     with load(graph_of(SUMMED), backend=backend) as pipeline:
         called = [pipeline(frames=stack)["sum"] for stack in refilled(20)]

@@ -50,7 +50,6 @@ def sent(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return types
 
 
-@pytest.mark.parametrize("backend", ["numpy", "opencl"])
 @pytest.mark.parametrize("graph", [GRAPH, READ_BY_THE_HOST, AN_OUTPUT])
 def test_integers_count_as_fractions_of_full_scale(graph: str, backend: str) -> None:
     (result,) = load(graph_of(graph), backend=backend).items()
@@ -70,7 +69,6 @@ def test_a_source_is_told_who_reads_its_images(sent: list[str], graph: str, kind
     assert sent == [kind]
 
 
-@pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
     monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:

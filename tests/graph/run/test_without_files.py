@@ -54,7 +54,6 @@ def data(**changes: Any) -> dict[str, Any]:
     return {**plain, **changes}
 
 
-@pytest.mark.parametrize("backend", ["numpy", "opencl"])
 def test_a_graph_of_plain_data_runs_a_node_of_the_program(backend: str) -> None:
     pipeline = load(data(), nodes=[brightened], backend=backend)
     assert pipeline.plan.placements["more"].backend == backend

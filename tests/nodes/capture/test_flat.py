@@ -27,18 +27,12 @@ def write(folder: Path, images: np.ndarray) -> Path:
     return folder
 
 
-def test_the_film_at_rest_is_one_everywhere() -> None:
+def test_the_film_at_rest_is_one_everywhere_and_the_dark_level_is_taken_off() -> None:
     assert np.allclose(flat_field(UNEVEN, UNEVEN, DARK), 1)
-
-
-def test_the_dark_level_is_taken_off() -> None:
-    dark = DARK + np.float32(0.05)
+    dark, nothing = DARK + np.float32(0.05), np.zeros_like(UNEVEN)
     assert np.allclose(flat_field(UNEVEN + dark, UNEVEN, dark), 1, atol=1e-6)
-
-
-def test_black_corners_are_not_blown_up() -> None:
-    nothing = np.zeros_like(UNEVEN)
-    assert flat_field(nothing + np.float32(0.001), nothing, DARK, floor=0.02).max() < 0.06
+    black_corners = flat_field(nothing + np.float32(0.001), nothing, DARK, floor=0.02)
+    assert black_corners.max() < 0.06, "they are not blown up"
 
 
 def test_the_untouched_film_is_read_and_its_noise_smoothed(tmp_path: Path) -> None:

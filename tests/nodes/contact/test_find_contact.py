@@ -74,12 +74,11 @@ def test_film_of_unknown_height_is_no_contact() -> None:
     assert not found[:, 30:].any()
 
 
-def test_no_height_no_contact() -> None:
-    assert not find_contact(np.zeros(SHAPE, np.float32)).any()
-
-
-def test_specks_are_no_contact() -> None:
+def test_specks_are_no_contact_nor_is_level_film() -> None:
     height = np.zeros(SHAPE, np.float32)
+    assert not find_contact(height).any()
+    with pytest.raises(InputError, match="leave=11 is above enter=10"):
+        find_contact(height, leave=11.0)
     height[10:13, 10:16] = 0.5
     assert not find_contact(height).any()
     assert find_contact(height, least_px=18).sum() == 18
@@ -107,8 +106,3 @@ def test_cores_that_share_their_skirt_are_one_contact() -> None:
     found = find_contact(bump(22, 23, 14, 0.2) + bump(42, 23, 14, 0.2), error)
     assert found.max() == 1
     assert found[23, 22] == found[23, 42] == 1
-
-
-def test_thresholds_the_wrong_way_round_are_refused() -> None:
-    with pytest.raises(InputError, match="leave=11 is above enter=10"):
-        find_contact(np.zeros(SHAPE, np.float32), leave=11.0)

@@ -34,14 +34,12 @@ def test_a_sine_has_a_sines_parameters_whatever_plane_it_lies_on() -> None:
     assert found["texture_area_mm2"] == pytest.approx(ROWS * COLUMNS * PIXEL_MM**2)
 
 
-def test_the_tilt_counts_where_only_the_mean_is_taken_off() -> None:
+def test_the_form_that_is_taken_off_is_of_the_degree_asked_for() -> None:
     tilted = (WAVES + 0.05 * Y).astype(np.float32)
     assert surface_texture(tilted, PIXEL_MM, form_degree=0)["Sa_um"] > 3 * AMPLITUDE_UM
-
-
-def test_on_a_ball_the_form_is_of_the_second_degree() -> None:
     ball = (WAVES - ((X - 4) ** 2 + (Y - 3) ** 2) / 40).astype(np.float32)
     check_waves(surface_texture(ball, PIXEL_MM, form_degree=2))
+    assert surface_texture(WAVES, PIXEL_MM, np.zeros((ROWS, COLUMNS), np.uint8)) == {}
 
 
 def test_what_is_not_known_is_left_out_and_not_filled() -> None:
@@ -67,10 +65,6 @@ def test_every_contact_has_its_own_texture_without_its_border() -> None:
     assert found["Sa_um/c2"] == pytest.approx(0, abs=1e-3)
     assert "Ssk/c2" not in found
     assert found["texture_area_mm2/c2"] == pytest.approx(20 * 30 * PIXEL_MM**2)
-
-
-def test_where_nothing_touches_there_is_no_texture() -> None:
-    assert surface_texture(WAVES, PIXEL_MM, np.zeros((ROWS, COLUMNS), np.uint8)) == {}
 
 
 @pytest.mark.parametrize("size", [(2, 3), (2, 100), (100, 1)])

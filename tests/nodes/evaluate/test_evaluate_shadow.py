@@ -10,15 +10,12 @@ TRUTH[:4, :5] |= 1
 TRUTH[:2, :] |= 8
 
 
-def test_no_truth_no_figures() -> None:
-    assert evaluate_shadow(TRUTH) == {}
-
-
-def test_the_truth_itself_is_perfect() -> None:
+def test_the_truth_itself_is_perfect_and_nothing_has_no_figures() -> None:
     found = evaluate_shadow(TRUTH, TRUTH)
     assert set(found.values()) == {1.0}
     assert {"shadow_iou", "shadow_iou/led1", "shadow_iou/led4"} <= set(found)
     assert "shadow_iou/led2" not in found
+    assert evaluate_shadow(TRUTH) == evaluate_shadow(0 * TRUTH, 0 * TRUTH) == {}
 
 
 def test_counts_by_hand() -> None:
@@ -32,7 +29,3 @@ def test_counts_by_hand() -> None:
     assert "shadow_precision/led4" not in metrics
     assert metrics["shadow_recall"] == pytest.approx(20 / 40)
     assert metrics["shadow_iou"] == pytest.approx(20 / 60)
-
-
-def test_nothing_found_and_nothing_there_has_no_figures() -> None:
-    assert evaluate_shadow(np.zeros_like(TRUTH), np.zeros_like(TRUTH)) == {}

@@ -12,10 +12,6 @@ def plane(p: float, q: float) -> np.ndarray:
     return np.stack([np.full((6, 7), p), np.full((6, 7), q)]).astype(np.float32)
 
 
-def test_no_truth_no_figures() -> None:
-    assert evaluate_slope(FLAT, 0.1) == {}
-
-
 @pytest.mark.parametrize("degrees", [0.001, 1.0, 45.0, 80.0])
 def test_the_angle_of_a_tilted_plane(degrees: float) -> None:
     tilted = plane(float(np.tan(np.radians(degrees))), 0)
@@ -26,6 +22,7 @@ def test_the_angle_of_a_tilted_plane(degrees: float) -> None:
 def test_the_rmse_is_over_both_components() -> None:
     found = evaluate_slope(plane(0.3, 0.4), 0.1, FLAT)
     assert found["slope_rmse"] == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2))
+    assert evaluate_slope(FLAT, 0.1) == {}, "without a truth there are none"
 
 
 def test_without_true_slopes_the_true_height_is_differentiated() -> None:

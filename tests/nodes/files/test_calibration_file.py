@@ -190,12 +190,16 @@ def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file:
     assert notes[0].endswith("calibrate again")
 
 
-def test_units_and_version_are_inside(file: Path) -> None:
+def test_units_version_date_and_settings_are_inside(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    write(file, lights="bgr")
     with np.load(file, allow_pickle=False) as archive:
         about = json.loads(str(archive["about"]))
     assert about["format"] == 1
     assert about["units"]["pixel_size"] == "mm/px"
     assert about["quality"] == {"entries": 50.0}
+    assert datetime.fromisoformat(about["date"]).tzinfo is not None
+    assert about["made"]["given"] == {"lights": "bgr"}
 
 
 def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path: Path) -> None:
@@ -227,24 +231,13 @@ def test_nothing_is_said_of_a_right_or_an_older_calibration(file: Path) -> None:
 
 def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
+    write(file)
+    (note,) = told_by(file, "rgb")
+    assert "does not say whether it was made with lights=rgb" in note, "an older one does not know"
     write(file, lights="bgr")
     with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
         read_calibration(file=file, lights="rgb")
     assert not told_by(file, "bgr")
-
-
-def test_an_older_file_used_for_rgb_does_not_say_what_it_was_made_from(file: Path) -> None:
-    (note,) = told_by(file, "rgb")
-    assert "does not say whether it was made with lights=rgb" in note
-
-
-def test_date_and_settings_are_inside(tmp_path: Path) -> None:
-    file = tmp_path / "cal.npz"
-    write(file, lights="bgr")
-    with np.load(file, allow_pickle=False) as archive:
-        about = json.loads(str(archive["about"]))
-    assert datetime.fromisoformat(about["date"]).tzinfo is not None
-    assert about["made"]["given"] == {"lights": "bgr"}
 
 
 def say(file: Path, **about) -> None:

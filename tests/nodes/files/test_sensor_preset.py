@@ -63,18 +63,15 @@ def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
         read_preset("mimi")
 
 
-def test_a_picture_is_turned_cut_and_shrunk() -> None:
+def test_a_picture_is_turned_cut_and_shrunk_or_stays_as_it_is() -> None:
     picture = np.zeros((40, 60, 3), np.uint8)
     picture[:, 50:] = (10, 20, 30)  # what is right becomes what is above
     seen = View(90, (0.0, 0.0, 1.0, 0.5), (20, 15)).of(picture)
     assert seen.shape == (15, 20, 3)
     np.testing.assert_array_equal(seen[0, 0], (10, 20, 30))
     np.testing.assert_array_equal(seen[-1, 0], (0, 0, 0))
-
-
-def test_a_picture_that_is_right_already_stays_as_it_is() -> None:
-    picture = np.arange(24, dtype=np.uint16).reshape(4, 6)
-    np.testing.assert_array_equal(View(0, (0, 0, 1, 1), (6, 4)).of(picture), picture)
+    right = np.arange(24, dtype=np.uint16).reshape(4, 6)
+    np.testing.assert_array_equal(View(0, (0, 0, 1, 1), (6, 4)).of(right), right)
 
 
 def test_a_calibration_of_another_size_is_refused() -> None:

@@ -43,8 +43,9 @@ def graph(call: Any) -> dict[str, Any]:
 
 def test_the_slope_of_a_ramp_is_what_sobel_finds() -> None:
     ramp = np.broadcast_to(np.arange(9, dtype=np.float32), (2, 7, 9))
-    found = opencv(ramp, call={"Sobel": {"dx": 1, "dy": 0, "scale": 1 / 8}})
-    np.testing.assert_allclose(found[:, :, 1:-1], 1)
+    call = {"Sobel": {"dx": 1, "dy": 0, "scale": 1 / 8}}
+    load(graph(call))
+    np.testing.assert_allclose(opencv(ramp, call=call)[:, :, 1:-1], 1)
 
 
 @pytest.mark.parametrize("name", FUNCTION_ARGUMENTS)
@@ -72,7 +73,3 @@ def test_every_listed_function_gives_an_image_of_the_same_size(name: str) -> Non
 def test_a_call_that_is_not_right_is_refused_before_anything_runs(call: Any, said: str) -> None:
     with pytest.raises(GraphError, match=said):
         load(graph(call))
-
-
-def test_a_call_that_is_right_passes_the_check() -> None:
-    load(graph({"Laplacian": {}}))

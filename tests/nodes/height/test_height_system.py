@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tactograph.graph.declare.find_node import find_node
 from tactograph.nodes import ShadowRises
 from tactograph.nodes.height.height_equations import STATE_AWAY, STATE_REST
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
@@ -87,10 +86,3 @@ def test_what_rejects_outliers_is_set_once_for_height_and_stated_error() -> None
     (wrong, stated), (more_wrong, other) = found
     assert wrong < 0.2 * more_wrong
     assert np.abs(stated - other).max() > 0.1 * other.max()
-
-
-@pytest.mark.parametrize("name", ["height_system", "integrate_weighted", "height_error"])
-def test_a_node_has_no_more_inputs_and_parameters_than_one_can_take_in(name: str) -> None:
-    node = find_node(name)
-    assert len({port.partition(".")[0] for port in node.inputs}) <= 12
-    assert len(node.parameters) <= 10

@@ -86,31 +86,29 @@ def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
     assert not shadow[20, 20:].any()
 
 
-def test_a_steps_shadow_measures_its_height() -> None:
+def test_a_steps_shadow_measures_its_height_and_none_nothing() -> None:
     z = plateau(0.5)
     led = distant_led(30, 0)
     shadow = cast_shadows(z, led, PIXEL)
     light = (1 - shadow)[None].astype(np.float32)
-    used = np.full(SHAPE, 0b111, np.uint8)
-    level = np.zeros((2, *SHAPE), np.float32)
-    rises = shadow_constraints(light, shadow, used, level, np.zeros(SHAPE, np.float32), led, PIXEL)
+    known = np.full(SHAPE, 0b111, np.uint8), np.zeros((2, *SHAPE), np.float32), 0 * z, led, PIXEL
+    rises = shadow_constraints(light, shadow, *known)
     assert len(rises.rise) >= 14
     step = z.ravel()[rises.top] - z.ravel()[rises.foot]
     assert np.allclose(step, 0.5)
     assert np.median(rises.rise) == pytest.approx(0.5, abs=0.5 * PIXEL)
+    none = shadow_constraints(np.ones_like(light), 0 * shadow, *known)
+    assert [part.size for part in none] == [0, 0, 0, 0]
 
 
-def test_no_shadow_measures_nothing() -> None:
-    lit, level = np.ones((1, *SHAPE), np.float32), np.zeros((2, *SHAPE), np.float32)
-    none, all_used = np.zeros(SHAPE, np.uint8), np.full(SHAPE, 7, np.uint8)
-    rises = shadow_constraints(lit, none, all_used, level, level[0], distant_led(30), PIXEL)
-    assert [part.size for part in rises] == [0, 0, 0, 0]
-
-
-def test_exact_slopes_give_the_exact_surface() -> None:
+def test_exact_slopes_give_the_exact_surface_and_the_film_at_rest_stays_at_zero() -> None:
     z, slope = dome()
-    found = integrate_weighted(equations(slope, 1e-6, at_rest(z)), np.zeros_like(z), steps=30)
+    rest = at_rest(z)
+    found = integrate_weighted(equations(slope, 1e-6, rest), np.zeros_like(z), steps=30)
     assert np.abs(found - z).max() < 0.01 * PIXEL
+    noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
+    found = integrate_weighted(equations(noisy, 4e-4, rest), z)
+    assert np.abs(found[rest > 0]).max() < 1e-5
 
 
 def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
@@ -227,14 +225,6 @@ def test_a_touch_without_any_film_at_rest_has_a_border_at_zero() -> None:
     assert np.abs(found - z).max() < 0.02 * PIXEL
 
 
-def test_the_film_at_rest_stays_at_zero() -> None:
-    z, slope = dome()
-    rest = at_rest(z)
-    noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
-    found = integrate_weighted(equations(noisy, 4e-4, rest), z)
-    assert np.abs(found[rest > 0]).max() < 1e-5
-
-
 def test_without_a_touch_everything_is_at_rest() -> None:
     rng = np.random.default_rng(2)
     light = rng.normal(1, 0.01, (4, *SHAPE)).astype(np.float32)
@@ -272,11 +262,8 @@ def test_film_at_rest_is_calm_where_neighbours_share_noise() -> None:
     sigma = np.full_like(light, 0.01)
     assert calm_film(light, sigma).mean() < 0.97
     assert calm_film(light, sigma, 4.0).all()
-
-
-def test_one_pixel_is_as_calm_as_its_own_noise_says() -> None:
-    light, sigma = np.full((3, *SHAPE), 1.07, np.float32), np.full((3, *SHAPE), 0.01, np.float32)
-    assert not calm_film(light, sigma, 4.0, radius_px=0).any()
+    one_pixel = calm_film(np.full_like(light, 1.07), sigma, 4.0, radius_px=0)
+    assert not one_pixel.any(), "it is as calm as its own noise says"
 
 
 def test_one_pixel_is_outvoted() -> None:

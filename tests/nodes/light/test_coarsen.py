@@ -18,31 +18,27 @@ def like(rows: int, columns: int) -> F4:
     return np.zeros((3, rows, columns), np.float32)
 
 
-def test_a_cell_is_the_mean_of_its_pixels() -> None:
-    light = np.random.default_rng(0).random((4, 12, 8), np.float32)
+def test_a_cell_is_the_mean_of_its_pixels_or_its_first_one() -> None:
+    light = np.random.default_rng(0).random((4, 11, 7), np.float32)
     found = coarsen(light, factor=4)
     assert found.shape == (4, 3, 2)
     assert found[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
-
-
-def test_the_corner_of_a_cell_is_its_first_pixel() -> None:
-    light = np.random.default_rng(0).random((4, 11, 7), np.float32)
     assert np.array_equal(coarsen(light, factor=4, take="corner"), light[:, ::4, ::4])
+    assert np.array_equal(coarsen_dark(light[0]), coarsen(light[:1])[0])
+    row = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
+    assert coarsen(row, factor=4)[0, 0].tolist() == [1.5, 4], "beyond the border it goes on"
 
 
-def test_cells_beyond_the_border_count_its_pixels_again() -> None:
-    light = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
-    assert coarsen(light, factor=4)[0, 0].tolist() == [1.5, 4]
+def test_a_cell_is_so_many_pixels_wide() -> None:
+    assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
+    with pytest.raises(InputError, match="name it with 'like'"):
+        coarsen_pixel(0.05, factor=0)
 
 
 def test_cells_of_one_pixel_change_nothing() -> None:
     light = np.random.default_rng(0).random((3, 5, 7), np.float32)
     assert np.array_equal(coarsen(light, factor=1), light)
     assert np.array_equal(enlarge_height(light[0], like(5, 7), factor=1), light[0])
-
-
-def test_a_cell_is_so_many_pixels_wide() -> None:
-    assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(
@@ -56,11 +52,6 @@ def test_cells_are_twice_as_wide_above_two_megapixels(rows: int, columns: int, s
     assert coarsen_pixel(0.05, light, factor=0) == pytest.approx(side * 0.05)
     back = enlarge_height(found[0], light, factor=0)
     assert np.abs(back - light[0])[:, side:-side].max() < 1e-3
-
-
-def test_a_cell_that_follows_no_image_is_refused() -> None:
-    with pytest.raises(InputError, match="name it with 'like'"):
-        coarsen_pixel(0.05, factor=0)
 
 
 def test_a_tilted_plane_comes_back_between_the_outermost_centres() -> None:
@@ -97,8 +88,3 @@ def test_both_back_ends_agree_on_megapixels(device: OpenCL, take: str) -> None:
     assert compare(enlarge_height, device, Case(sizes, "random", "default", settings)) is None
     settings = {"factor": 0, "take": take}
     assert compare(coarsen, device, Case(sizes, "random", "default", settings)) is None
-
-
-def test_the_dark_level_of_a_cell_is_that_of_its_pixels() -> None:
-    dark = np.random.default_rng(0).random((9, 14), np.float32)
-    assert np.array_equal(coarsen_dark(dark), coarsen(dark[None])[0])

@@ -227,10 +227,6 @@ def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
     rest, touch = errors("reconstruct", scene, calibration)
     assert rest < 0.004
     assert touch < 0.01
-
-
-@pytest.mark.slow
-def test_without_levelling_a_fade_is_taken_for_height(scene, calibration: Path) -> None:
     rest, touch = errors("reconstruct_no_levelling", scene, calibration)
-    assert rest > 0.03
+    assert rest > 0.03, "a fade is taken for height"
     assert touch > 0.02

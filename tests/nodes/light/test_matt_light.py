@@ -76,17 +76,14 @@ def test_a_matt_film_that_is_seen_from_afar_keeps_its_light() -> None:
     assert found.sigma == pytest.approx(0.01)
 
 
-def test_light_that_bounces_is_taken_off() -> None:
-    light, height, slope, _ = seen(FILMS["diffuse"])
-    more = np.full_like(light, 0.1)
-    with_it = matt(FILMS["diffuse"], light + more, slope, height, bounced=more)
-    assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
-
-
-def test_a_shadow_that_holds_diffused_light_is_dark() -> None:
+def test_diffused_and_bounced_light_is_taken_off() -> None:
     film = FILMS["diffuse"]
     shadow = np.broadcast_to(film.diffuse[:, None, None], (4, *SIZE)).astype(np.float32)
     assert matt(film, shadow, REST, REST[0]).light == pytest.approx(0, abs=1e-6)
+    light, height, slope, _ = seen(film)
+    more = np.full_like(light, 0.1)
+    with_it = matt(film, light + more, slope, height, bounced=more)
+    assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
 
 
 def test_light_behind_a_soft_terminator_is_known_the_less_the_darker_it_is() -> None:
@@ -99,13 +96,10 @@ def test_light_behind_a_soft_terminator_is_known_the_less_the_darker_it_is() -> 
     assert (np.diff(found.sigma, axis=-1) > 0.01).all()
 
 
-def test_noise_grows_as_the_direct_share_shrinks() -> None:
+def test_noise_grows_as_the_direct_share_shrinks_and_with_the_film_s_grain() -> None:
     film = FILMS["diffuse"]._replace(gain=1.0)
     found = matt(film, np.ones((4, *SIZE), np.float32), REST, REST[0]).sigma
     assert found[:, 0, 0] == pytest.approx(0.01 / (1 - film.diffuse))
-
-
-def test_the_films_grain_adds_to_the_noise() -> None:
     light = np.full((4, *SIZE), 0.5, np.float32)
     found = matt(MATT._replace(grain=0.02), light, REST, REST[0]).sigma
     assert found == pytest.approx(np.hypot(0.01, 0.02 * 0.5))

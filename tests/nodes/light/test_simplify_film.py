@@ -18,11 +18,8 @@ def test_what_is_switched_off_is_that_of_a_matt_film(part: str) -> None:
         assert np.array_equal(value, getattr(kept, name)), name
 
 
-def test_without_any_part_off_the_film_stays() -> None:
+def test_without_all_parts_it_is_matt_and_with_all_it_stays() -> None:
     assert simplify_film(FILM) == FILM
-
-
-def test_without_all_parts_it_is_matt() -> None:
     found = simplify_film(FILM, without=tuple(PART_FIELDS))
     assert not found.diffuse.any()
     assert not found.harmonics.any()

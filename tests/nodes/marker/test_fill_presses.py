@@ -34,8 +34,5 @@ def test_film_far_from_markers_stays_as_it_was_seen() -> None:
     changed = (filled != seen).any(axis=1)
     assert changed.mean() < 0.4
     assert (seen == BARE).any(axis=1)[~changed].mean() > 0.9
-
-
-def test_presses_without_markers_are_handed_on() -> None:
     even = np.full((2, 3, 30, 40), 0.5, np.float32)
     np.testing.assert_array_equal(fill_presses(even), even)

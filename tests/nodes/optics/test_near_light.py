@@ -8,10 +8,6 @@ from tactograph.nodes.optics.near_light import unwrapped, wrapped
 DIRECT = np.linspace(-1, 1.2, 221, dtype=np.float32)
 
 
-def test_a_point_leaves_film_behind_the_terminator_dark() -> None:
-    assert np.array_equal(wrapped(DIRECT, 0.0), np.maximum(DIRECT, 0))
-
-
 @pytest.mark.parametrize("wrap", [0.05, 0.2, 0.4])
 def test_a_soft_terminator_bends_light_gently_down_to_a_shadow(wrap: float) -> None:
     light = wrapped(DIRECT, wrap)
@@ -29,3 +25,5 @@ def test_what_is_wrapped_is_unwrapped(wrap: float) -> None:
     found, sigma = unwrapped(light, np.full_like(light, 0.01), wrap)
     assert found == pytest.approx(above, abs=1e-5)
     assert (sigma[above >= 0] == np.float32(0.01)).all()
+    # Under a point film behind the terminator is dark.
+    assert np.array_equal(wrapped(DIRECT, 0.0), np.maximum(DIRECT, 0))

@@ -54,16 +54,20 @@ def record_touch(
     record(frames, light, name, state, provenance=PROVENANCE, session=session, **settings)
 
 
+def record_cycles(folder: Path, *cycles: list[RawFrame], **settings: Any) -> None:
+    """Record touches into `folder`, each by its frames."""
+    session = Session()
+    for number, frames in enumerate(cycles):
+        record_touch(session, frames, f"{number:06}", folder=folder, **settings)
+    session.close()
+
+
 def make_recording(folder: Path, touches: int, **settings: Any) -> list[RawFrame]:
     """Record so many touches into `folder`; the frames that are in it then."""
-    session = Session()
-    frames = []
     began = time.monotonic()
-    for touch in range(touches):
-        frames += make_cycle(touch, began=began)
-        record_touch(session, frames[-LEDS:], f"{touch:06}", folder=folder, **settings)
-    session.close()
-    return frames
+    cycles = [make_cycle(touch, began=began) for touch in range(touches)]
+    record_cycles(folder, *cycles, **settings)
+    return [frame for cycle in cycles for frame in cycle]
 
 
 def read_numbers(folder: Path) -> list[int]:

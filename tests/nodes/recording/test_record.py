@@ -27,6 +27,7 @@ from tests.nodes.recording.recordings import (
     make_cycle,
     make_recording,
     read_numbers,
+    record_cycles,
     record_touch,
 )
 
@@ -64,9 +65,8 @@ def test_leds_and_settings_stand_beside_the_frames(tmp_path: Path) -> None:
 
 
 def test_sixteen_bits_stay_sixteen_bits(tmp_path: Path) -> None:
-    session, frames = Session(), make_cycle(0, dtype=np.uint16)
-    record_touch(session, frames, "0", folder=tmp_path)
-    session.close()
+    frames = make_cycle(0, dtype=np.uint16)
+    record_cycles(tmp_path, frames)
     images = [m.body for m in McapFile(log_files(tmp_path)[0]).messages() if m.topic != "/touch"]
     assert {image.encoding for image in images} == {"mono16"}
     assert [image.data for image in images] == [frame.data.tobytes() for frame in frames]
@@ -132,17 +132,14 @@ def test_a_damaged_frame_is_left_out_and_the_next_one_read(tmp_path: Path) -> No
     assert file.lost > 0
 
 
-def test_a_new_file_is_begun_when_one_is_large_enough(tmp_path: Path) -> None:
+def test_a_new_file_is_begun_when_one_is_large_or_old_enough(tmp_path: Path) -> None:
     frames = make_recording(tmp_path, 12, file_mb=0.01)
     files = log_files(tmp_path)
     assert len(files) > 2
     assert [f.name[:6] for f in files] == [f"{n:06}" for n in range(1, len(files) + 1)]
     assert read_numbers(tmp_path) == [frame.number for frame in frames]
-
-
-def test_a_new_file_is_begun_when_one_is_old_enough(tmp_path: Path) -> None:
-    make_recording(tmp_path, 3, file_minutes=1e-9)
-    assert len(log_files(tmp_path)) == 3
+    make_recording(tmp_path / "old", 3, file_minutes=1e-9)
+    assert len(log_files(tmp_path / "old")) == 3
 
 
 def test_a_second_recording_continues_the_first(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from tactograph.graph import InputError, Session
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.files import mcap_read
 from tactograph.nodes.files.mcap_log import Limits, McapLog, log_files
@@ -24,7 +24,7 @@ from tests.nodes.recording.recordings import (
     light_of,
     make_cycle,
     make_recording,
-    record_touch,
+    record_cycles,
 )
 
 
@@ -59,10 +59,8 @@ def test_times_are_those_of_the_exposures(tmp_path: Path) -> None:
 
 def test_a_recording_of_a_replay_is_the_same_recording(tmp_path: Path) -> None:
     make_recording(tmp_path / "first", 3)
-    session = Session()
-    for touch in replay(recording=tmp_path / "first", speed=0):
-        record_touch(session, touch.new, touch.name, folder=tmp_path / "second")
-    session.close()
+    replayed = replay(recording=tmp_path / "first", speed=0)
+    record_cycles(tmp_path / "second", *(touch.new for touch in replayed))
     both = [list(replay(recording=tmp_path / n, speed=0)) for n in ("first", "second")]
     assert len(both[0]) == len(both[1])
     for one, other in zip(*both, strict=True):
@@ -84,11 +82,8 @@ def test_time_passes_at_the_speed_asked_for(tmp_path: Path, speed: float, second
 
 
 def test_nobody_waits_for_a_pause_between_two_recordings(tmp_path: Path) -> None:
-    session = Session()
-    for touch, began in enumerate((time.monotonic() - 7200, time.monotonic())):
-        record_touch(session, make_cycle(touch, began=began), "", folder=tmp_path)
-    session.close()
     start = time.monotonic()
+    record_cycles(tmp_path, make_cycle(0, began=start - 7200), make_cycle(1, began=start))
     touches = list(replay(recording=tmp_path, speed=1))
     assert time.monotonic() - start < 5
     # Frames from before the pause are not mixed with those after it.
@@ -103,10 +98,7 @@ def test_files_follow_one_another_without_a_gap(tmp_path: Path) -> None:
 
 
 def test_missing_frames_are_counted_and_nothing_stale_is_reconstructed(tmp_path: Path) -> None:
-    session = Session()
-    for touch in (0, 1, 9, 10):
-        record_touch(session, make_cycle(touch), "", folder=tmp_path)
-    session.close()
+    record_cycles(tmp_path, *map(make_cycle, (0, 1, 9, 10)))
     touches = list(replay(recording=tmp_path, speed=0, refresh="cycle"))
     assert len(touches) == 4
     assert [touch.state.dropped for touch in touches] == [0, 0, 7 * LEDS, 7 * LEDS]
@@ -114,10 +106,8 @@ def test_missing_frames_are_counted_and_nothing_stale_is_reconstructed(tmp_path:
 
 
 def test_a_camera_of_twelve_bits_has_its_own_full_scale(tmp_path: Path) -> None:
-    session = Session()
     frames = [replace(frame, data=frame.data >> 4) for frame in make_cycle(0, dtype=np.uint16)]
-    record_touch(session, frames, "", bits=12, folder=tmp_path)
-    session.close()
+    record_cycles(tmp_path, frames, bits=12)
     (touch,) = replay(recording=tmp_path, speed=0)
     np.testing.assert_allclose(touch.image, [f.data / np.float32(4095) for f in frames], atol=1e-6)
 
@@ -129,13 +119,9 @@ def test_light_with_all_leds_off_is_taken_off_less_the_cameras_own_dark(tmp_path
         RawFrame(k, k, began + k / RATE, np.full(SIZE, 100 + k, np.uint8))
         for k in range(1, LEDS + 1)
     ]
-    session = Session()
-    record_touch(session, frames[1:], "", folder=tmp_path)
-    session.close()
+    record_cycles(tmp_path, frames[1:])
     (plain,) = replay(recording=tmp_path, speed=0)
-    session = Session()
-    record_touch(session, frames, "", folder=tmp_path / "ambient")
-    session.close()
+    record_cycles(tmp_path / "ambient", frames)
     (touch,) = replay(recording=tmp_path / "ambient", speed=0)
     np.testing.assert_allclose(touch.image, plain.image - 20 / 255, atol=1e-6)
 
@@ -169,17 +155,12 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
     ]
 
 
-def test_a_whole_recording_gives_no_warning(tmp_path: Path) -> None:
-    make_recording(tmp_path, 2)
-    with collect_warnings([]) as notes:
-        list(replay(recording=tmp_path, speed=0))
-    assert notes == []
-
-
 def test_an_empty_file_beside_others_does_not_hurt(tmp_path: Path) -> None:
     make_recording(tmp_path, 1)
-    (tmp_path / "000002_now.mcap").write_bytes(b"")
     with collect_warnings([]) as notes:
+        list(replay(recording=tmp_path, speed=0))
+        assert notes == [], "a whole recording gives no warning"
+        (tmp_path / "000002_now.mcap").write_bytes(b"")
         assert len(list(replay(recording=tmp_path, speed=0))) == 1
     assert len(notes) == 1
 

@@ -17,11 +17,8 @@ def test_a_point_becomes_a_gaussian_spot_of_the_same_light() -> None:
     assert (spot[1] * (y - 20) ** 2).sum() == pytest.approx(1.5**2, rel=0.01)
 
 
-def test_an_even_image_stays_even_to_its_border() -> None:
+def test_an_even_image_stays_even_to_its_border_and_a_sharp_lens_changes_nothing() -> None:
     light = np.full((1, 9, 7), 0.4, np.float32)
     np.testing.assert_allclose(blur(light, deviation_px=2.0), light, rtol=1e-6)
-
-
-def test_a_sharp_lens_changes_nothing() -> None:
     light = np.random.default_rng(0).random((3, 8, 9), np.float32)
     np.testing.assert_array_equal(blur(light), light)

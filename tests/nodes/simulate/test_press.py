@@ -63,13 +63,8 @@ def test_pressing_deeper_raises_the_film_everywhere():
 def test_tighter_film_touches_less():
     shape = shape_cat(width_px=160, height_px=120, pixel_size_mm=1 / 7)
     obstacle = in_front(shape.height, 2.0)
-    loose, tight = (
-        np.count_nonzero((obstacle > 0) & (press(*shape, **how) <= obstacle))
-        for how in (
-            {"stand_off_mm": 2.0, "reach_mm": 0.3, "skin_mm": 0.0},
-            {"stand_off_mm": 2.0, "reach_mm": 3.0, "skin_mm": 0.0},
-        )
-    )
+    films = (press(*shape, stand_off_mm=2.0, reach_mm=r, skin_mm=0.0) for r in (0.3, 3.0))
+    loose, tight = (np.count_nonzero((obstacle > 0) & (film <= obstacle)) for film in films)
     assert 0 < tight < loose
 
 

@@ -28,31 +28,22 @@ def test_floats_are_millimetres(tmp_path):
         np.testing.assert_allclose(height, np.maximum(RAMP - 0.5, 0), atol=1e-6)
 
 
-def test_integers_without_a_scale_are_refused(tmp_path):
-    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((2, 2), np.uint8))
-    with pytest.raises(InputError, match="what white is"):
-        shape_image(file=tmp_path / "a.png")
-
-
-def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no such file"):
-        shape_image(file=tmp_path / "a.png")
-
-
-@pytest.mark.parametrize("name", ["a.png", "a.npy"])
-def test_damaged_file_is_refused(tmp_path, name):
-    (tmp_path / name).write_bytes(b"what is this")
-    with pytest.raises(InputError, match=name):
-        shape_image(file=tmp_path / name)
-
-
-def test_colour_is_refused(tmp_path):
-    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((2, 2, 3), np.uint8))
-    with pytest.raises(InputError, match="not grey"):
-        shape_image(file=tmp_path / "a.png", rise_mm=1.0)
-
-
-def test_what_is_not_finite_is_refused(tmp_path):
-    np.save(tmp_path / "a.npy", np.full((2, 2), np.nan))
-    with pytest.raises(InputError, match="not finite"):
-        shape_image(file=tmp_path / "a.npy")
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.png", b"what is this", "a.png"),
+        ("a.npy", b"what is this", "a.npy"),
+        ("a.png", None, "there is no such file"),
+        ("a.png", np.zeros((2, 2), np.uint8), "what white is"),
+        ("a.png", np.zeros((2, 2, 3), np.uint8), "not grey"),
+        ("a.npy", np.full((2, 2), np.nan), "not finite"),
+    ],
+)
+def test_what_is_no_height_is_refused(tmp_path, name, content, message):
+    file = tmp_path / name
+    if isinstance(content, bytes):
+        file.write_bytes(content)
+    elif content is not None:
+        np.save(file, content) if name == "a.npy" else cv2.imwrite(str(file), content)
+    with pytest.raises(InputError, match=message):
+        shape_image(file=file, rise_mm=1.0 if message == "not grey" else None)

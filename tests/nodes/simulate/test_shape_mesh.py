@@ -76,19 +76,15 @@ def test_part_outside_the_image_is_cut_off(saved):
     assert not height[:, :120].any()
 
 
-def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(InputError, match="there is no file"):
-        shape_mesh(file=tmp_path / "no.stl")
-
-
-@pytest.mark.parametrize("name", ["a.stl", "a.xyzzy"])
-def test_what_is_no_mesh_is_refused(tmp_path, name):
-    (tmp_path / name).write_bytes(b"what is this")
-    with pytest.raises(InputError, match=name):
-        shape_mesh(file=tmp_path / name)
-
-
-def test_point_cloud_is_refused(saved):
-    file = saved(trimesh.PointCloud(np.eye(3)), "points.ply")
-    with pytest.raises(InputError, match="holds no triangles"):
-        shape_mesh(file=file)
+def test_what_is_no_mesh_is_refused(saved, tmp_path):
+    points = saved(trimesh.PointCloud(np.eye(3)), "points.ply")
+    for name in ("a.stl", "a.xyzzy"):
+        (tmp_path / name).write_bytes(b"what is this")
+    for file, message in (
+        (tmp_path / "no.stl", "there is no file"),
+        (tmp_path / "a.stl", "a.stl"),
+        (tmp_path / "a.xyzzy", "a.xyzzy"),
+        (points, "holds no triangles"),
+    ):
+        with pytest.raises(InputError, match=message):
+            shape_mesh(file=file)

@@ -18,14 +18,11 @@ def deviation(steep: float, blur: float = 1.0) -> F4:
     return np.asarray(np.sqrt(edge_variance(none, slope, blur))[0, 6])
 
 
-def test_only_pixels_beside_an_edge_are_doubted() -> None:
+def test_only_pixels_beside_an_edge_are_doubted_and_more_than_its_slope_says() -> None:
     found = deviation(2.0)
     assert (found[EDGE - 2 : EDGE + 2] > 0.1).all()
     assert not found[: EDGE - 2].any()
     assert not found[EDGE + 2 :].any()
-
-
-def test_a_rim_is_doubted_more_than_its_slope_says() -> None:
     assert deviation(4.0)[EDGE] > 4
 
 

@@ -15,11 +15,8 @@ def test_a_ball_falls_off_away_from_its_centre() -> None:
     assert known.slope[0, 50, 80] < 0 < known.slope[0, 50, 40]
     assert known.slope[1, 70, 60] < 0 < known.slope[1, 30, 60]
     assert known.slope[:, 50, 60] == pytest.approx(0)
-
-
-def test_at_sin_45_of_the_radius_the_slope_is_one() -> None:
     known = ball_slopes(LIGHT, np.array([10, 50], np.float32), 100.0, 0.1, radius_mm=5 * np.sqrt(2))
-    assert known.slope[0, 50, 60] == pytest.approx(-1, abs=1e-5)
+    assert known.slope[0, 50, 60] == pytest.approx(-1, abs=1e-5), "at sin 45 of the radius"
 
 
 def test_the_mask_ends_a_margin_inside_the_contact() -> None:
@@ -36,12 +33,9 @@ def test_differences_of_a_surface_are_its_slopes() -> None:
     known = height_slopes(z, 1.0)
     assert np.abs(known.slope - slope)[:, 1:-1, 1:-1].max() < 1e-3
     assert np.abs(known.slope - slope).max() < 0.02
-
-
-def test_the_pixel_size_divides() -> None:
     z, slope = ball(60, 80, 100)
     found = height_slopes(z * 0.05, 0.05).slope
-    assert np.abs(found - slope)[:, 1:-1, 1:-1].max() < 1e-3
+    assert np.abs(found - slope)[:, 1:-1, 1:-1].max() < 1e-3, "the pixel size divides"
 
 
 def test_a_step_is_masked_out() -> None:

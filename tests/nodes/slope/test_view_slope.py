@@ -15,35 +15,26 @@ PIXEL = 20 / SIZE[1]
 V, U = (np.mgrid[:150, :200] - np.array([74.5, 99.5])[:, None, None]) * PIXEL
 
 
-def test_a_plane_is_seen_as_a_plane() -> None:
+def test_a_plane_is_seen_as_a_plane_and_put_back_where_it_is() -> None:
     p, q, c = 0.2, -0.15, 0.8
     seen = (p * U + q * V + c) / (1 - CAMERA * c)
     slope = np.broadcast_to(np.float32([p, q])[:, None, None], (2, *SIZE))
     found = view_slope(slope, seen.astype(np.float32), CAMERA, PIXEL)
     rows, columns = np.gradient(seen, PIXEL)
     assert found == pytest.approx(np.stack([columns, rows]), abs=1e-5)
-
-
-def test_a_seen_plane_is_put_back_where_it_is() -> None:
-    p, q, c = 0.2, -0.15, 0.8
-    z = undo_perspective(((p * U + q * V + c) / (1 - CAMERA * c)).astype(np.float32), CAMERA)
+    z = undo_perspective(seen.astype(np.float32), CAMERA)
     x, y = U * (1 - CAMERA * z), V * (1 - CAMERA * z)
     assert z == pytest.approx(p * x + q * y + c, abs=1e-5)
 
 
-def test_the_slopes_of_a_pressed_ball_integrate_to_its_height() -> None:
+def test_the_slopes_of_a_pressed_ball_integrate_to_its_height_and_come_back() -> None:
     seen, slope, _ = ball_seen(6.0, 4.0, (2.0, -1.0), CAMERA, SIZE)
-    raw = integrate_dct(view_slope(slope, seen, CAMERA, PIXEL), PIXEL)
-    found = undo_perspective(rest_at_border(raw), CAMERA)
+    there = view_slope(slope, seen, CAMERA, PIXEL)
+    found = undo_perspective(rest_at_border(integrate_dct(there, PIXEL)), CAMERA)
     true = seen / (1 + CAMERA * seen)
     assert np.sqrt(np.square(found - true).mean()) < 0.003
     as_from_afar = rest_at_border(integrate_dct(slope, PIXEL))
     assert np.sqrt(np.square(as_from_afar - true).mean()) > 0.008
-
-
-def test_the_inverse_is_the_inverse() -> None:
-    seen, slope, _ = ball_seen(6.0, 4.0, (2.0, -1.0), CAMERA, SIZE)
-    there = view_slope(slope, seen, CAMERA, PIXEL)
     back = view_slope(there, seen, CAMERA, PIXEL, inverse=True)
     assert np.abs(there - slope).max() > 0.02
     assert back == pytest.approx(slope, abs=1e-5)

@@ -21,6 +21,14 @@ def assembler(**settings) -> Assembler:
     return Assembler(FILM, DARK, settings.pop("cycle", LEDS), RATE, **settings)
 
 
+def after_a_cycle(level: int = 100, dtype: type = np.uint8, **settings) -> Assembler:
+    """An assembler that has one frame of each LED."""
+    assembling = assembler(**settings)
+    for n, led in enumerate(LEDS):
+        assembling.add(frame(n, led, level, dtype))
+    return assembling
+
+
 def test_a_rolling_touch_comes_with_every_frame_once_all_leds_were_seen() -> None:
     assembling, due = assembler(), []
     for n in range(10):
@@ -45,17 +53,13 @@ def test_a_touch_per_cycle_comes_when_all_leds_are_new() -> None:
 
 
 def test_nothing_is_due_twice() -> None:
-    assembling = assembler()
-    for n in range(4):
-        assembling.add(frame(n, n + 1))
+    assembling = after_a_cycle()
     assembling.take()
     assert not assembling.due
 
 
 def test_frames_from_before_a_gap_are_not_mixed_with_those_after_it() -> None:
-    assembling = assembler()
-    for n in range(4):
-        assembling.add(frame(n, n + 1))
+    assembling = after_a_cycle()
     for n in (30, 31, 32):
         assembling.add(frame(n, n % 4 + 1))
         assert not assembling.due
@@ -71,28 +75,14 @@ def test_ambient_light_is_what_exceeds_the_calibrations_dark() -> None:
     assert assembling.take() == pytest.approx(0.6 - (0.2 - 0.02), abs=1e-6)
 
 
-def test_frames_stay_integers_where_they_may() -> None:
-    assembling = assembler(whole=True)
-    for n, led in enumerate(LEDS):
-        assembling.add(frame(n, led, 10 * led))
-    touch = assembling.take()
-    assert touch.dtype == np.uint8
-    assert touch[:, 0, 0].tolist() == [10, 20, 30, 40]
-
-
 @pytest.mark.parametrize("settings", [{"full": 200}, {"cycle": (1, 2, 3, 4, 0)}])
-def test_frames_that_are_to_be_scaled_or_darkened_are_fractions(settings) -> None:
-    assembling = assembler(whole=True, **settings)
-    for n, led in enumerate(LEDS):
-        assembling.add(frame(n, led))
-    assert assembling.take().dtype == np.float32
-
-
-def test_sixteen_bit_frames_are_fractions_of_full_scale() -> None:
-    assembling = assembler(full=4095)
-    for n, led in enumerate(LEDS):
-        assembling.add(frame(n, led, 1024, np.uint16))
-    assert assembling.take() == pytest.approx(1024 / 4095)
+def test_frames_stay_integers_where_they_need_not_be_scaled_or_darkened(settings) -> None:
+    touch = after_a_cycle(10, whole=True).take()
+    assert touch.dtype == np.uint8
+    assert touch[:, 0, 0].tolist() == [10] * 4
+    assert after_a_cycle(whole=True, **settings).take().dtype == np.float32
+    deep = after_a_cycle(1024, np.uint16, full=4095).take()
+    assert deep == pytest.approx(1024 / 4095), "fractions of full scale"
 
 
 def test_motion_is_how_much_the_light_of_an_led_changes_within_a_cycle() -> None:

@@ -42,6 +42,12 @@ def test_a_touch_that_nothing_speaks_against_is_trusted() -> None:
     assert found.pop("trust") > 0.9
     assert max(found.values()) <= 0.5
     assert not told(0.0, light=0.0)
+    assert "check_light" not in judged(0.0), "what is not checked has no figure"
+    untested = judged(-1.0)
+    assert untested["check_curl"] == 0, "what no cell tests is not held against it"
+    assert not any(np.isnan(figure) for figure in untested.values())
+    # As of a one-shot sensor, whose graph has no unevenness to connect.
+    assert judged(0.0, light=9.0) == judged(0.0, light=9.0, film=FilmErrors(uneven=0.0))
 
 
 def test_trust_is_a_half_at_a_limit_and_falls_beyond() -> None:
@@ -57,15 +63,6 @@ def test_doubts_add_up_and_the_worst_decides() -> None:
     assert told(0.92 * LIMIT, rest=0.962), "two checks near their limits"
     assert not told(0.92 * LIMIT)
     assert not told(0.0, rest=0.962)
-
-
-def test_what_is_not_checked_has_no_figure() -> None:
-    assert "check_light" not in judged(0.0)
-
-
-def test_a_brightness_of_which_nothing_is_said_is_known() -> None:
-    """As of a one-shot sensor, whose graph has no unevenness to connect."""
-    assert judged(0.0, light=9.0) == judged(0.0, light=9.0, film=FilmErrors(uneven=0.0))
 
 
 def test_a_warning_says_the_cause_and_the_cure() -> None:
@@ -100,14 +97,11 @@ def test_what_fails_all_checks_is_refused_unless_forced() -> None:
     assert judged(**wrong, force=True)["trust"] < 0.02
 
 
-def test_two_of_three_are_no_refusal_but_both_of_two_are() -> None:
+def test_two_of_three_are_no_refusal_but_both_of_two_are_if_they_fail_by_much() -> None:
     assert len(told(4 * LIMIT, rest=0.7, light=1.0)) == 1
     with pytest.raises(InputError, match="no height follows"):
         judged(4 * LIMIT, rest=0.7)
-
-
-def test_checks_that_fail_by_little_are_no_refusal() -> None:
-    """As `paper` on a right touch of a real sensor, an LED of which has drifted."""
+    # As `paper` on a right touch of a real sensor, an LED of which has drifted.
     assert len(told(1.1 * LIMIT, rest=0.93)) == 1
 
 
@@ -129,12 +123,6 @@ def test_an_image_of_a_few_cells_has_a_verdict(shape: tuple[int, int]) -> None:
     untested, level = np.full(shape, -1, np.float32), np.zeros(shape, np.float32)
     found = touch_evidence(untested, np.ones((4, *shape), np.float32), level)
     assert judge_touch(found)["trust"] > 0.9
-
-
-def test_what_no_cell_tests_is_not_held_against_a_touch() -> None:
-    found = judged(-1.0)
-    assert found["check_curl"] == 0
-    assert not any(np.isnan(figure) for figure in found.values())
 
 
 def dome(wall: float, gap: int = 0) -> dict[str, F4]:

@@ -75,11 +75,10 @@ def test_walls_a_few_cells_wide_are_not_compared(width: int, told_wrong: bool) -
     assert (told(walls(width)).figure > 1) == told_wrong
 
 
-def test_light_of_a_surface_passes() -> None:
+def test_light_of_no_surface_is_told_and_that_of_one_passes() -> None:
     assert told(touch()).figure < 0.9
-
-
-def test_light_of_no_surface_is_told() -> None:
+    known = ("departure", "slope", "misfit")
+    assert told({name: touch()[name] for name in known}).figure < 0.9, "labels may be missing"
     check = told(touch(departs=16.0))
     assert check.figure == pytest.approx(4 / MAX_MEDIAN)
     assert "no surface" in str(check)
@@ -110,8 +109,9 @@ def test_rims_in_shadow_are_allowed_an_error_and_are_told_of_precise() -> None:
     assert told(without_rims, rim_error=1.5).figure > 1
 
 
-def test_shadows_with_other_light_are_told_and_dark_ones_pass() -> None:
+def test_shadows_with_other_light_are_told_and_dark_or_few_ones_pass() -> None:
     assert told(touch(lit=0.002, dark=200)).figure < 0.9
+    assert told(touch(lit=0.5, dark=40)).figure < 0.9
     check = told(touch(lit=0.03, dark=200))
     assert check.figure == pytest.approx(2)
     assert "shadows are not dark" in str(check)
@@ -128,10 +128,7 @@ def test_touched_film_is_as_bright_as_its_slopes_say(share: float, sense: str) -
 def test_brightness_may_vary_as_the_calibration_found_it_to() -> None:
     assert told(darker(0.02), brightness_error=0.03).figure < 0.9
     assert told(darker(0.02, used=0b0111), rim_error=20.0).figure < 0.9
-
-
-def test_two_leds_tell_no_brightness() -> None:
-    assert "darker" not in str(told(darker(0.5, used=0b0101)))
+    assert "darker" not in str(told(darker(0.5, used=0b0101))), "two LEDs tell no brightness"
 
 
 @pytest.mark.parametrize(("cells", "is_dirt"), [(3, False), (8, True)])
@@ -147,10 +144,6 @@ def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
     alike = touch() | {"matt": np.stack([plane(1, 0.7)] * 4), "brighter": plane(0, -0.3)}
     alike["slope"] = 0 * alike["slope"]
     assert told(alike, brightness_error=0.05).figure > 1
-
-
-def test_a_few_pixels_of_shadow_tell_nothing() -> None:
-    assert told(touch(lit=0.5, dark=40)).figure < 0.9
 
 
 def test_a_touch_under_two_leds_is_told() -> None:
@@ -170,11 +163,6 @@ def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
     level = touch(departs=25.0)
     level["slope"] = 0 * level["slope"]
     assert told(level).figure == pytest.approx(1 / MAX_REST)
-
-
-def test_labels_may_be_missing() -> None:
-    known = ("departure", "slope", "misfit")
-    assert told({name: touch()[name] for name in known}).figure < 0.9
 
 
 @pytest.mark.parametrize(("dimmed", "is_dirt"), [(0.1, False), (0.25, True)])

@@ -15,19 +15,13 @@ def error(light: F4, drift: F4 | None = None) -> float:
     return zero_error(touch_evidence(HEIGHT, light, HEIGHT, drift))
 
 
-def test_film_at_rest_at_the_borders_makes_zero_known() -> None:
+def test_a_touch_over_the_whole_frame_is_as_uncertain_as_it_is_high() -> None:
+    """Film at rest at the borders makes zero known, also under LEDs that all faded."""
+    waves = 1 + 0.3 * np.sin(np.arange(40, dtype=np.float32))
+    assert error(np.broadcast_to(waves, (4, *SHAPE)).astype(np.float32)) == pytest.approx(0.8)
     light = np.ones((4, *SHAPE), np.float32)
     light[0, 8:22, 10:30] = 1.4
     assert error(light) == 0
-
-
-def test_a_touch_over_the_whole_frame_is_as_uncertain_as_it_is_high() -> None:
-    waves = 1 + 0.3 * np.sin(np.arange(40, dtype=np.float32))
-    light = np.broadcast_to(waves, (4, *SHAPE)).astype(np.float32)
-    assert error(light) == pytest.approx(0.8)
-
-
-def test_leds_that_all_faded_leave_the_film_at_rest() -> None:
     faded = np.zeros((4, 6), np.float32)
     faded[:, 0] = 0.8
     assert error(np.full((4, *SHAPE), 0.8, np.float32), faded) == 0

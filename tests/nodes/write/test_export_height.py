@@ -124,10 +124,12 @@ def test_a_png_shows_unknown_film_as_transparent(tmp_path: Path) -> None:
     np.testing.assert_allclose(read_height(file=tmp_path / "height.png"), whole, atol=5.1e-5)
 
 
-def test_a_png_has_no_height_at_the_level_of_unknown_film(tmp_path: Path) -> None:
-    lowest = partly_known() - np.nanmin(partly_known()) - 1
-    with pytest.raises(InputError, match="do not fit"):
-        export_height(lowest, PIXEL, folder=tmp_path, formats=("png",))
+def test_heights_that_a_png_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    lowest = partly_known() - np.nanmin(partly_known()) - 1  # the level of unknown film
+    for height in (lowest, slope() + 10):
+        with pytest.raises(InputError, match="do not fit"):
+            export_height(height, PIXEL, folder=tmp_path, formats=("npy", "png"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_tmd_cannot_hold_unknown_film_and_says_which_format_can(tmp_path: Path) -> None:
@@ -177,42 +179,25 @@ def test_gelsights_own_file_is_read_in_mm(groove: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
-def test_a_mesh_is_in_mm_and_faces_the_camera(exported: Path, suffix: str) -> None:
-    mesh = trimesh.load_mesh(exported / f"height.{suffix}")
-    width, length, top = mesh.extents
-    assert (width, length) == pytest.approx((31 * PIXEL, 23 * PIXEL), rel=1e-5)
-    assert top == pytest.approx(float(np.ptp(slope())), rel=1e-5)
-    assert (mesh.face_normals[:, 2] > 0).all()
-
-
-@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
-def test_a_mesh_counts_from_the_middle_as_contacts_and_pictures_do_and_says_so(
+def test_a_mesh_is_in_mm_from_the_middle_faces_the_camera_and_is_not_mirrored(
     exported: Path, suffix: str
 ) -> None:
-    mesh = trimesh.load_mesh(exported / f"height.{suffix}")
-    corner = np.array([31, 23]) * PIXEL / 2
+    """It counts as contacts and pictures do, and says so."""
+    file = exported / f"height.{suffix}"
+    mesh, corner = trimesh.load_mesh(file), np.array([31, 23]) * PIXEL / 2
     assert mesh.bounds[:, :2] == pytest.approx(np.array([-corner, corner]), abs=1e-6)
-    assert MESH_AXES.encode() in (exported / f"height.{suffix}").read_bytes()[:200]
-
-
-@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
-def test_a_mesh_is_not_mirrored(exported: Path, suffix: str) -> None:
-    height = shape_mesh(file=exported / f"height.{suffix}", up="z", pixel_size_mm=PIXEL).height
+    assert mesh.extents[2] == pytest.approx(float(np.ptp(slope())), rel=1e-5)
+    assert (mesh.face_normals[:, 2] > 0).all()
+    assert MESH_AXES.encode() in file.read_bytes()[:200]
+    height = shape_mesh(file=file, up="z", pixel_size_mm=PIXEL).height
     y, x = np.nonzero(height > 0.55 + 0.3)
-    middle = height.shape[1] / 2, height.shape[0] / 2
-    assert x.mean() > middle[0]
-    assert y.mean() < middle[1]
+    assert x.mean() > height.shape[1] / 2
+    assert y.mean() < height.shape[0] / 2
 
 
 def test_touches_of_a_stream_go_into_folders_of_their_names(tmp_path: Path) -> None:
     export_height(slope(), PIXEL, "touch_1", folder=tmp_path, formats=("tmd",))
     assert (tmp_path / "touch_1" / "height.tmd").is_file()
-
-
-def test_heights_that_a_png_cannot_hold_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="do not fit"):
-        export_height(slope() + 10, PIXEL, folder=tmp_path, formats=("npy", "png"))
-    assert not list(tmp_path.iterdir())
 
 
 @settings(max_examples=30, deadline=None)
@@ -281,15 +266,12 @@ def test_a_pixel_size_that_is_no_number_of_mm_is_not_stated(tmp_path: Path, numb
     assert read_height_file(file).pixel is None
 
 
-def test_a_png_without_a_scale_is_no_height_map(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_or_a_png_without_a_scale_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        read_height(file=tmp_path / "none.tmd")
     cv2.imwrite(str(tmp_path / "grey.png"), np.zeros((4, 5), np.uint16))
     with pytest.raises(InputError, match="states no scale"):
         read_height(file=tmp_path / "grey.png")
-
-
-def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        read_height(file=tmp_path / "none.tmd")
 
 
 @pytest.mark.parametrize(

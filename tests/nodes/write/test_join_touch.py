@@ -44,14 +44,11 @@ def test_every_part_is_where_its_name_says() -> None:
     assert joined == {name: name for name in joined}
 
 
-def test_a_capture_has_a_name_and_no_time(tmp_path: Path) -> None:
+def test_a_capture_has_a_name_and_no_time_but_a_camera_has_one(tmp_path: Path) -> None:
     reads = bound(GRAPH, tmp_path).tasks["touch"].reads
     assert reads["frames.name"] == Value("frames", "name")
     assert "frames.time" not in reads
     assert reads["view.camera"] == Value("cal", "camera")
-
-
-def test_a_camera_has_a_time_too(tmp_path: Path) -> None:
     live = GRAPH.replace("read_capture, with: {folder", "read_camera, with: {calibration")
     assert bound(live, tmp_path).tasks["touch"].reads["frames.time"] == Value("frames", "time")
 

@@ -73,28 +73,17 @@ def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> No
     assert (bits == 0b100).all()
 
 
-def test_the_labels_confidence_is_written_beside_them(tmp_path: Path) -> None:
-    sure = np.full(SHAPE, 0.75, np.float32)
-    write_result(flat(confidence=sure), folder=tmp_path, mesh=False, provenance=MADE)
+def test_confidence_contacts_and_what_is_unresolved_are_written_beside(tmp_path: Path) -> None:
+    """Contacts as their numbers, and what is unresolved white."""
+    sure, numbers = np.full(SHAPE, 0.75, np.float32), np.zeros(SHAPE, np.uint8)
+    numbers[2:4, 3:5], unresolved = 2, np.eye(*SHAPE, dtype=np.uint8)
+    touch = flat(confidence=sure, contact=numbers)
+    write_result(touch, unresolved=unresolved, folder=tmp_path, mesh=False, provenance=MADE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
-
-
-def test_what_is_unresolved_is_white(tmp_path: Path) -> None:
-    open_there = np.eye(*SHAPE, dtype=np.uint8)
-    write_result(flat(), unresolved=open_there, folder=tmp_path, mesh=False, provenance=MADE)
-    kept = cv2.imread(str(tmp_path / "unresolved.png"), cv2.IMREAD_UNCHANGED)
-    assert np.array_equal(kept, 255 * open_there)
-
-
-def test_contacts_are_written_as_their_numbers(tmp_path: Path) -> None:
-    numbers = np.zeros(SHAPE, np.uint8)
-    numbers[2:4, 3:5] = 2
-    write_result(
-        flat(contact=numbers), folder=tmp_path, mesh=False, pictures=False, provenance=MADE
-    )
-    kept = cv2.imread(str(tmp_path / "contact.png"), cv2.IMREAD_UNCHANGED)
-    assert np.array_equal(kept, numbers)
+    for name, plane in (("unresolved", 255 * unresolved), ("contact", numbers)):
+        kept = cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(kept, plane)
 
 
 def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> None:
@@ -126,11 +115,14 @@ def full() -> dict[str, object]:
     return maps | {"mesh": True, "pictures": True}
 
 
-def test_a_result_states_its_pixel_size_and_names_its_files(tmp_path: Path) -> None:
+def test_a_result_states_its_pixel_size_and_names_its_files_with_checksums(tmp_path: Path) -> None:
     there = result(tmp_path, **full())
     told = json.loads((tmp_path / "result.json").read_text())
     assert told["pixel_size_mm"] == 0.1
     assert set(told["files"]) == there
+    assert {*told["checksums"]} == there - {"result.json"}
+    height = (tmp_path / "height.npy").read_bytes()
+    assert told["checksums"]["height.npy"] == f"{zlib.crc32(height):08x}"
 
 
 def test_what_an_earlier_result_had_and_this_one_lacks_does_not_stay(tmp_path: Path) -> None:
@@ -163,13 +155,6 @@ def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="camera"):
         result(tmp_path, camera=2.0, mesh=True)
     assert {file.name for file in tmp_path.iterdir()} == there
-
-
-def test_a_result_states_a_checksum_of_every_file_but_itself(tmp_path: Path) -> None:
-    there = result(tmp_path, **full())
-    told = json.loads((tmp_path / "result.json").read_text())["checksums"]
-    assert {*told} == there - {"result.json"}
-    assert told["height.npy"] == f"{zlib.crc32((tmp_path / 'height.npy').read_bytes()):08x}"
 
 
 @pytest.mark.parametrize("suffix", ["npy", "tiff"])

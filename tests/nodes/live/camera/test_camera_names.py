@@ -46,29 +46,20 @@ def test_cameras_have_names_and_serial_numbers(sysfs: Path) -> None:
 def test_a_serial_number_is_the_device_that_has_it_now(sysfs: Path) -> None:
     assert device_of("serial:D20001") == "/dev/video4"
     assert device_of("0") == "0"
-
-
-def test_a_serial_number_that_is_not_there_is_told_with_those_there_are(sysfs: Path) -> None:
     with pytest.raises(InputError, match=r"there are 28F5K4RR \(GelSight Mini\), D20001"):
         check_camera("serial:D2")
     assert not open_capture("serial:D2").isOpened()
-
-
-def test_a_camera_without_a_number_is_not_meant_by_none(sysfs: Path) -> None:
     with pytest.raises(InputError, match="no camera has this serial number"):
         device_of("serial:")
 
 
-def test_the_command_lists_them(sysfs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_lists_them_or_says_that_there_is_none(
+    sysfs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     run_command(["cameras"])
     told = capsys.readouterr().out
     assert "28F5K4RR" in told
     assert "/dev/video10" in told
-
-
-def test_without_a_camera_the_command_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(_camera_names, "CAMERA_FOLDER", tmp_path / "none")
+    monkeypatch.setattr(_camera_names, "CAMERA_FOLDER", sysfs / "none")
     run_command(["cameras"])
     assert "no camera is plugged in" in capsys.readouterr().out

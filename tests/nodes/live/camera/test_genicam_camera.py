@@ -35,6 +35,7 @@ from tactograph.nodes.live.camera.open_camera import (
 genicam = pytest.importorskip("genicam", reason="harvesters is not installed")
 SIMULATED = Path(genicam.__file__).with_name("viky.cti")
 RED, GREEN = "genicam:0", "genicam:1"
+pytestmark = pytest.mark.usefixtures("producer")
 
 
 @pytest.fixture
@@ -47,7 +48,6 @@ def producer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         harvester.reset()
 
 
-@pytest.mark.usefixtures("producer")
 def test_cameras_are_listed_with_serial_number_and_formats(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -58,7 +58,6 @@ def test_cameras_are_listed_with_serial_number_and_formats(
     assert "RGBa8 Mono8: 400x400" in told
 
 
-@pytest.mark.usefixtures("producer")
 def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
     capture = open_capture(RED)
     refused = settle(capture, CameraSettings(320, 240, 50.0))
@@ -77,7 +76,6 @@ def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
     assert not capture.isOpened()
 
 
-@pytest.mark.usefixtures("producer")
 def test_a_colour_picture_is_blue_green_red() -> None:
     capture = GenicamCapture(RED, colour=True)
     assert capture.grab()
@@ -90,7 +88,6 @@ def test_a_colour_picture_is_blue_green_red() -> None:
     assert coloured.mean(axis=0).argmax() == 2
 
 
-@pytest.mark.usefixtures("producer")
 def test_a_format_that_cannot_be_read_gives_way_to_the_best_that_can() -> None:
     capture = GenicamCapture(GREEN, colour=False)
     assert capture._feature("PixelFormat").value == "RGBa8"
@@ -99,7 +96,6 @@ def test_a_format_that_cannot_be_read_gives_way_to_the_best_that_can() -> None:
     capture.release()
 
 
-@pytest.mark.usefixtures("producer")
 def test_two_cameras_run_side_by_side_and_one_is_opened_again() -> None:
     first, second = (GenicamCapture(each, colour=False) for each in (RED, GREEN))
     assert first.grab()
@@ -113,7 +109,6 @@ def test_two_cameras_run_side_by_side_and_one_is_opened_again() -> None:
     second.release()
 
 
-@pytest.mark.usefixtures("producer")
 def test_its_frames_come_through_the_cameras_thread() -> None:
     wanted = CameraSettings(200, 100, 100.0)
     camera = Camera(lambda: open_capture(RED), wanted)
@@ -129,28 +124,24 @@ def test_its_frames_come_through_the_cameras_thread() -> None:
     assert np.diff([shot.time for shot in shots]).min() > 0
 
 
-@pytest.mark.usefixtures("producer")
 def test_ctrl_c_stays_the_pipelines() -> None:
     before = signal.getsignal(signal.SIGINT)
     GenicamCapture(RED, colour=False).release()
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.usefixtures("producer")
 def test_a_serial_number_that_no_camera_has_is_told_with_those_there_are() -> None:
     with pytest.raises(InputError, match=r"genicam:7: no camera has .* 0 \(Machine Vision"):
         check_camera("genicam:7")
     assert not open_capture("genicam:7").isOpened()
 
 
-@pytest.mark.usefixtures("producer")
 def test_pixels_that_cannot_be_read_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(GenicamCapture, "formats", ["Mono12p", "YUV422_8"])
     with pytest.raises(InputError, match="its pixels are Mono12p, YUV422_8"):
         check_genicam(RED)
 
 
-@pytest.mark.usefixtures("producer")
 def test_a_camera_that_another_program_has_is_told_with_the_reason() -> None:
     mine = GenicamCapture(RED, colour=False)
     with pytest.raises(InputError, match="genicam:0: cannot be opened: ") as error:
@@ -159,17 +150,12 @@ def test_a_camera_that_another_program_has_is_told_with_the_reason() -> None:
     assert "\n" not in str(error.value)
 
 
-def test_without_a_producer_one_line_says_where_it_is_looked_for(
+def test_without_a_producer_or_the_library_one_line_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(_genicam_camera, "_shared", [])
     monkeypatch.setenv(PRODUCER_VARIABLE, str(tmp_path))
     with pytest.raises(InputError, match="GENICAM_GENTL64_PATH names no folder"):
         check_camera(RED)
-
-
-def test_without_the_library_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_genicam_camera, "_shared", [])
     monkeypatch.setitem(sys.modules, "harvesters", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[genicam\]'"):
         check_camera(RED)
@@ -214,11 +200,8 @@ def test_elements_beyond_a_rows_pixels_are_no_picture() -> None:
 
 
 @pytest.mark.parametrize("name", ["Mono12p", "Mono12Packed", "YUV422_8", "Coord3D_C16"])
-def test_other_pixels_are_no_picture(name: str) -> None:
+def test_other_pixels_and_half_a_frame_are_no_picture(name: str) -> None:
     assert decode(np.zeros(64, np.uint8), name, 4, 4) is None
-
-
-def test_half_a_frame_is_none() -> None:
     assert decode(np.zeros(5, np.uint8), "Mono8", 3, 2) is None
 
 
@@ -240,7 +223,6 @@ def test_a_stamp_is_in_seconds_whatever_the_cameras_clock_counts() -> None:
     assert _Clock().host(None, 12.5) == 12.5
 
 
-@pytest.mark.usefixtures("producer")
 def test_what_the_camera_has_not_is_reported_where_it_was_asked_for() -> None:
     capture = open_capture(RED)
     refused = settle(capture, CameraSettings(400, 400, 30.0, exposure=5000.0))

@@ -46,15 +46,13 @@ def test_frames_have_the_kernels_time_and_number(driver: Driver) -> None:
     assert not driver.streaming
 
 
-def test_of_the_formats_that_there_are_the_best_is_taken(driver: Driver) -> None:
+def test_of_the_formats_that_there_are_the_best_is_taken_or_the_one_asked_for(
+    driver: Driver,
+) -> None:
     LinuxCapture(driver.node, colour=True).grab()
     assert driver.format == "MJPG"
-
-
-def test_the_format_that_is_asked_for_is_taken(driver: Driver) -> None:
     driver.frames.clear()
-    grey_rows = np.full((12, 32), 128, np.uint8)
-    driver.frames.append(grey_rows.tobytes())
+    driver.frames.append(np.full((12, 32), 128, np.uint8).tobytes())
     capture = LinuxCapture(driver.node, colour=True)
     capture.set(cv2.CAP_PROP_FOURCC, float(cv2.VideoWriter.fourcc(*"YUYV")))
     assert capture.grab()
@@ -125,14 +123,11 @@ def test_grey_of_10_to_16_bits_keeps_all_of_them(bits: int) -> None:
     np.testing.assert_array_equal(found >> (16 - bits), values)
 
 
-def test_bytes_beyond_a_rows_pixels_are_no_picture() -> None:
+def test_bytes_beyond_a_rows_pixels_are_no_picture_nor_is_half_a_frame() -> None:
     padded = np.full((2, 8), 99, np.uint8)
     padded[:, :3] = [[1, 2, 3], [4, 5, 6]]
     found = decode(padded.tobytes(), "GREY", 3, 2, 8)
     np.testing.assert_array_equal(found, [[1, 2, 3], [4, 5, 6]])
-
-
-def test_half_a_frame_is_none() -> None:
     assert decode(bytes(5), "GREY", 3, 2, 3) is None
     assert decode(b"", "MJPG", 3, 2, 0) is None
 

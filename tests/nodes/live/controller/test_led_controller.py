@@ -3,6 +3,7 @@
 import grp
 import itertools
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -185,26 +186,22 @@ def test_without_permission_the_group_is_named(board: SimulatedController) -> No
     assert f"sudo usermod -aG {group} " in said
 
 
-def test_another_protocol_version_is_refused() -> None:
-    with SimulatedController(protocol=2) as board:
-        said = refusal(board.port)
-    assert "speaks protocol 2, but 1 is needed" in said
-    assert "docs/hardware.md" in said
-
-
-def test_too_few_leds_are_refused() -> None:
-    with SimulatedController(leds=3) as board:
-        assert "has 3 LEDs, 4 are needed" in refusal(board.port)
-
-
-def test_silence_is_told_as_silence(board: SimulatedController) -> None:
-    board.garble = lambda line: b""
-    assert "no answer within 0.2 s" in refusal(board.port)
-
-
-def test_a_board_without_the_firmware_is_told_from_silence(board: SimulatedController) -> None:
-    board.garble = lambda line: b">>> $1 id*0000\r\nTraceback (most recent call last):\r\n"
-    assert "has no firmware yet" in refusal(board.port)
+@pytest.mark.parametrize(
+    ("board", "answer", "told"),
+    [
+        ({"protocol": 2}, None, r"speaks protocol 2, but 1 is needed.*docs/hardware\.md"),
+        ({"leds": 3}, None, "has 3 LEDs, 4 are needed"),
+        ({}, b"", "no answer within 0.2 s"),
+        ({}, b">>> $1 id*0000\r\nTraceback (most recent call last):\r\n", "has no firmware yet"),
+    ],
+    ids=["another protocol", "too few LEDs", "silence", "no firmware"],
+)
+def test_a_board_that_does_not_suit_is_refused(
+    board: dict[str, Any], answer: bytes | None, told: str
+) -> None:
+    with SimulatedController(**board) as made:
+        made.garble = None if answer is None else lambda line: answer
+        assert re.search(told, refusal(made.port))
 
 
 # What goes wrong later
@@ -294,18 +291,11 @@ def test_it_is_found_again_on_another_port_by_its_unique_id(
             assert flashing.port == board.port
 
 
+@pytest.mark.parametrize("is_told", [True, False])
 def test_a_reset_in_the_middle_of_a_cycle(
-    board: SimulatedController, flashing: LedController, record_property: Any
+    board: SimulatedController, flashing: LedController, record_property: Any, is_told: bool
 ) -> None:
-    board.reset()
-    assert recovered(board, flashing, time.monotonic(), record_property) < 5
-    assert flashing.faults["controller reset"] == 1
-
-
-def test_a_reset_that_nobody_told_of(
-    board: SimulatedController, flashing: LedController, record_property: Any
-) -> None:
-    board.garble = lambda line: b"" if b"ready" in line else line
+    board.garble = lambda line: line if is_told or b"ready" not in line else b""
     board.reset()
     assert recovered(board, flashing, time.monotonic(), record_property) < 5
     assert flashing.faults["controller reset"] == 1

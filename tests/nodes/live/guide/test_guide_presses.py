@@ -145,24 +145,18 @@ def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob(".writing-*"))
 
 
-def test_the_session_ends_when_the_calibration_is_good() -> None:
-    with pytest.raises(EndOfStream):
-        end_when_good(GOOD, "press more", ["01", "02", "03"])
-
-
 @pytest.mark.parametrize(
     "poor",
     [{"heldout_normal_deg": 2.0}, {"film_covered_percent": 30.0}, {"presses": 2.0}],
     ids=lambda poor: next(iter(poor)),
 )
-def test_it_goes_on_while_something_lacks(
+def test_the_session_ends_when_the_calibration_is_good_or_after_so_many_presses(
     poor: Metrics, capsys: pytest.CaptureFixture[str]
 ) -> None:
     end_when_good(GOOD | poor, "press at the top", ["01", "02", "03"])
     assert "next: press at the top" in capsys.readouterr().out
-
-
-def test_it_ends_after_so_many_presses_however_good(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(EndOfStream):
-        end_when_good(GOOD | {"heldout_normal_deg": 2.0}, "", ["01", "02"], presses_at_most=2)
+        end_when_good(GOOD, "press more", ["01", "02", "03"])
+    with pytest.raises(EndOfStream):
+        end_when_good(GOOD | poor, "", ["01", "02"], presses_at_most=2)
     assert "not as good as wanted" in capsys.readouterr().out

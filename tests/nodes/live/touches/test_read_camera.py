@@ -122,85 +122,36 @@ def calm(request: pytest.FixtureRequest) -> None:
         running.touches.clear()
 
 
-def _unplug_camera(running: Running) -> Callable[[], None]:
-    running.table.plugged = False
-    return lambda: setattr(running.table, "plugged", True)
-
-
-def _hang_driver(running: Running) -> Callable[[], None]:
-    running.table.frozen = True
-    return lambda: setattr(running.table, "frozen", False)
-
-
-def _other_size(running: Running) -> Callable[[], None]:
-    running.table.size = (WIDTH // 2, HEIGHT // 2)
-    return lambda: setattr(running.table, "size", None)
-
-
-def _cover(running: Running) -> Callable[[], None]:
-    running.table.covered = True
-    return lambda: setattr(running.table, "covered", False)
-
-
-def _flood(running: Running) -> Callable[[], None]:
-    running.table.flooded = True
-    return lambda: setattr(running.table, "flooded", False)
-
-
-def _unplug_controller(running: Running) -> Callable[[], None]:
-    running.board.unplug()
-    return running.board.replug
-
-
-LASTING = {
-    "camera lost": _unplug_camera,
-    "camera hangs": _hang_driver,
-    "wrong size": _other_size,
-    "covered": _cover,
-    "saturated": _flood,
-    "controller lost": _unplug_controller,
+LASTING: dict[str, tuple[str, object, object]] = {
+    "camera lost": ("plugged", False, True),
+    "camera hangs": ("frozen", True, False),
+    "wrong size": ("size", (WIDTH // 2, HEIGHT // 2), None),
+    "covered": ("covered", True, False),
+    "saturated": ("flooded", True, False),
 }
+"""What of the simulated film changes for a while, and how it is mended."""
 
 
-@pytest.mark.parametrize("fault", LASTING)
+@pytest.mark.parametrize("fault", [*LASTING, "controller lost"])
 def test_what_fails_for_a_while_is_back_soon_after(
     running: Running, fault: str, record_property: Callable[[str, object], None]
 ) -> None:
     name = "camera lost" if fault == "camera hangs" else fault
     before = running.count(name)
-    mend = LASTING[fault](running)
+    if fault in LASTING:
+        what, wrong, right = LASTING[fault]
+        setattr(running.table, what, wrong)
+    else:
+        running.board.unplug()
     time.sleep(0.8)
     mended = time.monotonic()
-    mend()
-    took = running.back_after(mended)
-    record_property("recovery_s", round(took, 3))
+    if fault in LASTING:
+        setattr(running.table, what, right)
+    else:
+        running.board.replug()
+    record_property("recovery_s", round(running.back_after(mended), 3))
     assert running.count(name) > before
     running.check_clean()
-
-
-FRAMES = {"double": "doubled", "lose": "lost", "swap": "swapped", "late": "late"}
-
-
-@pytest.mark.parametrize("fault", FRAMES)
-def test_a_frame_that_went_wrong_costs_frames_and_no_height(
-    running: Running, fault: str, record_property: Callable[[str, object], None]
-) -> None:
-    before = running.count(FRAMES[fault])
-    moment = time.monotonic()
-    running.table.faults.append(fault)
-    time.sleep(0.2)
-    took = running.back_after(moment + 0.1)
-    record_property("recovery_s", round(took, 3))
-    assert running.count(FRAMES[fault]) > before, running.stream.state.faults
-    running.check_clean()
-
-
-def _reset(running: Running) -> None:
-    running.board.reset()
-
-
-def _garbage(running: Running) -> None:
-    running.board.noise(b"\xff\x00$! cycle 5 99*0000\n$12 ok t=")
 
 
 def _overlap(running: Running) -> None:
@@ -213,22 +164,27 @@ def _overlap(running: Running) -> None:
             return
 
 
-@pytest.mark.parametrize(
-    ("what", "fault"), [(_reset, "controller reset"), (_garbage, "bad line"), (_overlap, "mixed")]
-)
-def test_the_controllers_troubles(
-    running: Running,
-    what: Callable[[Running], None],
-    fault: str,
-    record_property: Callable[[str, object], None],
+TROUBLES: dict[str, Callable[[Running], None]] = {
+    "doubled": lambda running: running.table.faults.append("double"),
+    "lost": lambda running: running.table.faults.append("lose"),
+    "swapped": lambda running: running.table.faults.append("swap"),
+    "late": lambda running: running.table.faults.append("late"),
+    "controller reset": lambda running: running.board.reset(),
+    "bad line": lambda running: running.board.noise(b"\xff\x00$! cycle 5 99*0000\n$12 ok t="),
+    "mixed": _overlap,
+}
+
+
+@pytest.mark.parametrize("fault", TROUBLES)
+def test_what_goes_wrong_once_costs_frames_and_no_height(
+    running: Running, fault: str, record_property: Callable[[str, object], None]
 ) -> None:
     before = running.count(fault)
     moment = time.monotonic()
-    what(running)
+    TROUBLES[fault](running)
     time.sleep(0.6)
-    took = running.back_after(moment + 0.1)
-    record_property("recovery_s", round(took, 3))
-    assert running.count(fault) > before
+    record_property("recovery_s", round(running.back_after(moment + 0.1), 3))
+    assert running.count(fault) > before, running.stream.state.faults
     running.check_clean()
 
 

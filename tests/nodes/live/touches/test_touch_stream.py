@@ -68,10 +68,6 @@ def test_what_is_to_be_expected_until_the_phase_is_found_is_one_line(
     assert said(MIXED) == [FAULT_LINES["mixed"].format(led=2)], "this is no search any more"
 
 
-def test_a_sensor_that_is_in_phase_at_once_says_nothing(said: Said) -> None:
-    assert said(*in_turn(CLEAN_CYCLES)) == []
-
-
 def test_what_remains_is_warned_of(said: Said) -> None:
     assert said(*[MIXED] * len(CYCLE) * MAX_SEARCH_CYCLES) == [SEARCH_MESSAGE]
     assert said(MIXED, DIM) == [

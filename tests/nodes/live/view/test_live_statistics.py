@@ -60,20 +60,16 @@ def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
 
 
 def test_doubtful_heights_are_counted_and_told(capsys: pytest.CaptureFixture[str]) -> None:
-    statistics = Statistics(every_s=1e-9)
+    statistics, unjudged = Statistics(every_s=1e-9), Statistics()
     for trust in (0.94, 0.13, 0.5, 0.07, 0.9):  # the first begins the time between two lines
         judged = {"contacts": 0.0, "trust": trust}
         statistics.take(STILL, time.monotonic(), LiveState(), None, contact=judged)
     assert statistics.figures()["doubtful_percent"] == 40
     doubted = ["doubtful" in line for line in capsys.readouterr().out.splitlines()]
     assert doubted == [True, False, True, False]
-
-
-def test_heights_that_nothing_judges_are_not_doubted() -> None:
-    statistics = Statistics()
-    statistics.take(STILL, time.monotonic(), LiveState(), None, contact={"contacts": 0.0})
-    statistics.take(STILL, time.monotonic(), LiveState(), None)
-    assert statistics.figures().get("doubtful_percent", 0.0) == 0
+    for contact in ({"contacts": 0.0}, None):
+        unjudged.take(STILL, time.monotonic(), LiveState(), None, contact=contact)
+    assert unjudged.figures().get("doubtful_percent", 0.0) == 0
 
 
 def test_contacts_are_counted_and_the_newest_is_told(capsys: pytest.CaptureFixture[str]) -> None:
