@@ -7,16 +7,20 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.abc import InspectLoader
 from importlib.machinery import ModuleSpec
+from importlib.util import resolve_name
+from modulefinder import ModuleFinder
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import tactograph.graph
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
-from tactograph.graph.cache.module_imports import keep_imports, module_imports
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
@@ -26,6 +30,7 @@ from tactograph.graph.plan.draft import Draft
 
 ENGINE_PACKAGE = "tactograph.graph"
 PACKAGE_FOLDERS = ("site-packages", "dist-packages")
+_SCANNER = ModuleFinder()
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -92,7 +97,6 @@ def code_of(node: Node) -> str:
     packages' data files, and the kernels with their headers, also of the nodes that it calls.
     """
     seen = {file: _hash(file) for file in _closure(node)}
-    keep_imports()
     kernels = [kernel_text(n) for n in (node, *node.calls.values()) if n.has_kernel]
     if not seen:  # source that cannot be read is never the same
         return os.urandom(8).hex()
@@ -115,7 +119,7 @@ def _closure(node: Node) -> set[Path]:
         if spec.submodule_search_locations is not None:
             files |= set(_data_files(file.parent))
         parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
-        for name in (*parents, *module_imports(file, spec.name)):
+        for name in (*parents, *_imports(spec.name, file.stat().st_mtime_ns)):
             if _belongs(name, module):
                 waiting.append(_spec(name))
     return files
@@ -155,6 +159,26 @@ def _spec(name: str) -> ModuleSpec | None:
         return importlib.util.find_spec(name)
     except (ImportError, ValueError, AttributeError):
         return None
+
+
+@cache
+def _imports(module: str, changed: int) -> list[str]:
+    """The full names of what a module's bytecode imports: modules, or objects in them."""
+    spec, names = _spec(module), dict[str, None]()
+    if spec is None or not isinstance(spec.loader, InspectLoader):
+        return []
+    package = module if spec.submodule_search_locations is not None else module.rpartition(".")[0]
+    with suppress(SyntaxError, ValueError, ImportError):  # the node itself tells
+        codes = [spec.loader.get_code(module)]
+        for code in filter(None, codes):  # a list that grows by the functions and classes in each
+            codes += [each for each in code.co_consts if isinstance(each, CodeType)]
+            for kind, found in _SCANNER.scan_opcodes(code):
+                if kind == "store":
+                    continue
+                attributes, name = found[-2:]
+                base = resolve_name("." * found[0] + name, package) if len(found) == 3 else name
+                names |= dict.fromkeys([base, *(f"{base}.{each}" for each in attributes or ())])
+    return list(names)
 
 
 def _data_files(folder: Path) -> Iterator[Path]:
