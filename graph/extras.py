@@ -6,18 +6,9 @@ from tactograph.graph.errors import InputError
 
 
 def need(extra: str, feature: str, *packages: str) -> None:
-    """Refuse, in one line, a feature whose packages are not installed.
+    """Refuse a feature, in a line that begins with it, whose packages are not installed.
 
-    Raises InputError if one is missing.
-
-    Parameters
-    ----------
-    extra
-        The extra that brings the packages: ``pip install 'tactograph[EXTRA]'``.
-    feature
-        What needs them, as the message begins.
-    packages
-        Names under which they are imported.
+    The packages, by the names under which they are imported, come with ``tactograph[EXTRA]``.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:

@@ -39,16 +39,10 @@ class Found(NamedTuple):
 def find_captures(patterns: Sequence[str]) -> Found:
     """Find every place that a pattern matches, once, in order of name.
 
-    A folder that holds folders and no file stands for those folders.  Files beside matching
-    folders are passed over: a batch never mixes both kinds.
-
-    Raises InputError if a pattern matches nothing, its file system is not known, or a name is not
-    UTF-8.
-
-    Parameters
-    ----------
-    patterns
-        Paths or URLs with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.
+    A pattern is a path or URL with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.  A
+    folder that holds folders and no file stands for those folders.  Files beside matching folders
+    are passed over: a batch never mixes both kinds.  Raises InputError if a pattern matches
+    nothing, its file system is not known, or a name is not UTF-8.
     """
     captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}

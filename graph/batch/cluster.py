@@ -30,19 +30,10 @@ CHUNKS_PER_THREAD = 3
 
 
 class Cluster:
-    """A Dask scheduler at an address, or in a scheduler file.
+    """A Dask scheduler at an address, ``tcp://host:port``, or in a scheduler file.
 
-    Raises InputError if dask.distributed is not installed, the file is none of a scheduler, or no
-    scheduler answers.
-
-    Parameters
-    ----------
-    address
-        ``tcp://host:port``.
-    file
-        The scheduler file, if there is no address.
-    tell
-        Called with a line whenever the scheduler has gone.
+    `tell` is called with a line whenever the scheduler has gone.  Raises InputError if
+    dask.distributed is not installed, the file is none of a scheduler, or no scheduler answers.
     """
 
     def __init__(

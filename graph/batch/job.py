@@ -69,21 +69,12 @@ def make_job(
     strict: bool = False,
     below: str = "",
 ) -> Job:
-    """Make the job for every capture.
+    """Make the job for every capture; see `Job`.
 
-    Raises InputError if the graph lacks the parameter or a map, or `out` cannot be.
-
-    Parameters
-    ----------
-    out
-        The store.  If its name does not end in ``.zarr``, it is a folder for the files of the
-        graph's own sinks, by capture, and the store in it holds the rest.
-    param
-        The graph's parameter that takes a capture.
-    maps
-        The outputs to keep; None for all that are an H x W map.
-    below
-        The folder that the captures lie below: result folders have its layout.
+    If the name of `out` does not end in ``.zarr``, it is a folder for the files of the graph's own
+    sinks, by capture, and the store in it holds the rest.  Without `maps`, all outputs that are an
+    H x W map are kept.  Raises InputError if the graph lacks the parameter or a map, or `out`
+    cannot be.
     """
     _check_param(graph, given, param)
     folders = _folders(graph, out)

@@ -51,18 +51,9 @@ _DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, Index
 
 
 class Store:
-    """A batch's store, open for reading and for writing whole chunks.
+    """A batch's store, open for reading and for writing `chunk` captures together.
 
-    Attributes
-    ----------
-    job
-        The work on every capture.
-    origin
-        Code, versions and device of the batch.
-    chunk
-        Number of captures that are written together.
-    stamp
-        Identifier that no other store has.
+    `job` is the work on every capture, and no other store has the same `stamp`.
     """
 
     def __init__(self, group: zarr.Group) -> None:
@@ -321,20 +312,10 @@ class Store:
 def create_store(
     place: str, job: Job, origin: Origin, chunk: int, *, overwrite: bool = False
 ) -> Store:
-    """Make an empty store.
+    """Make an empty store, of which `chunk` captures are written together.
 
-    Raises InputError if something else is there, or it cannot be written.
-
-    Parameters
-    ----------
-    job
-        The work on every capture.
-    origin
-        Code, versions and device of the batch.
-    chunk
-        Captures that are written together.
-    overwrite
-        Whether to replace a store.
+    Raises InputError if something else is there, a store without `overwrite`, or it cannot be
+    written.
     """
     try:
         group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)

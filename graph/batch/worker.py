@@ -55,17 +55,11 @@ def do_chunk(chunk: Chunk) -> Tally:
 
 
 def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
-    """Reconstruct the captures of chunks and write them into their store, chunk by chunk.
+    """Reconstruct the captures of chunks and write them into their store; yield each chunk's tally.
 
     While a capture is computed, the next one is read and the chunk before is written.  Captures
     that another worker has finished meanwhile are passed over.  A capture that fails is recorded
-    with its reason.
-
-    Raises InputError if the store has gone, or its graph cannot be opened here.
-
-    Yields
-    ------
-    The tally of each chunk, once it is written.
+    with its reason.  Raises InputError if the store has gone, or its graph cannot be opened here.
     """
     with ThreadPoolExecutor(1, "read") as reader, ThreadPoolExecutor(1, "write") as writer:
         written: Future[Tally] | None = None

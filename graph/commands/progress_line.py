@@ -30,13 +30,7 @@ END_STAGE = ""
 
 
 class ProgressLine:
-    """Shows the text of `stage_of` on standard error, if that is a terminal; "" shows nothing.
-
-    Parameters
-    ----------
-    wanted
-        False: it shows nothing.
-    """
+    """Shows the text of `stage_of` on standard error, if `wanted` and that is a terminal."""
 
     def __init__(self, *, wanted: bool = True) -> None:
         self.stage_of: Callable[[], str] = lambda: "reading and compiling"

@@ -109,10 +109,14 @@ def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
 
 
 def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
-    """Run the graph over all its items."""
+    """Run the graph over all its items; if quiet, without output of nodes, such as live figures."""
     from tactograph.graph.commands.progress_line import ProgressLine
 
-    with ProgressLine(wanted=not wanted.quiet) as line, _without_output(wanted.quiet):
+    with ExitStack() as closing:
+        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
+        if wanted.quiet:
+            nowhere = closing.enter_context(Path(os.devnull).open("w"))
+            closing.enter_context(redirect_stdout(nowhere))
         _run_all(wanted, line, cache)
 
 
@@ -182,11 +186,8 @@ def _out_folder(pipeline: Pipeline) -> Path:
 class _Report:
     """The lines that a run prints.
 
-    Attributes
-    ----------
-    told
-        Warnings that were printed, and when each was last due; of an endless stream without their
-        figures, which differ from item to item.
+    `told` holds when each warning was last due; those of an endless stream without their figures,
+    which differ from item to item.
     """
 
     def __init__(self, line: ProgressLine, pipeline: Pipeline, *, quiet: bool) -> None:
@@ -233,16 +234,6 @@ class _Report:
             if now - self.told.get(kind, -math.inf) > FORGOTTEN_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now
-
-
-@contextmanager
-def _without_output(quiet: bool) -> Iterator[None]:
-    """Suppress the output of nodes, such as the figures of a live stream, if `quiet`."""
-    with ExitStack() as closing:
-        if quiet:
-            nowhere = closing.enter_context(Path(os.devnull).open("w"))
-            closing.enter_context(redirect_stdout(nowhere))
-        yield
 
 
 def _ports_of(graph: Graph, node: str) -> dict[str, str]:

@@ -67,17 +67,7 @@ class Section:
 
 
 def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -> Path:
-    """Write ``report.html`` and return its path.
-
-    Parameters
-    ----------
-    study, rows
-        The comparison and its results.
-    record
-        Its record, for the page's last part.
-    out
-        The folder of the runs, whose views are drawn.
-    """
+    """Write ``report.html`` into the folder of the runs, whose views are drawn; return its path."""
     lines = make_lines(rows)
     page = _template().render(
         title=", ".join(graph.name for graph in study.graphs),

@@ -24,13 +24,9 @@ class DeviceTraits(Protocol):
 class Obstacle(NamedTuple):
     """Why a node's kernels do not run on a device.
 
-    Attributes
-    ----------
-    missing
-        A requirement that is not met, with the remedy; None if they could run.
-    slower
-        The reason why the NumPy function is faster than this device; None if it is not.  The
-        node then runs on NumPy if the graph prefers numpy at all.
+    `missing` is a requirement that is not met, with the remedy.  `slower` says why the NumPy
+    function is faster than this device; the node then runs on NumPy if the graph prefers numpy at
+    all.
     """
 
     missing: str | None = None

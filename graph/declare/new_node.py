@@ -47,11 +47,8 @@ def write_into_project(place: str, root: Path) -> list[Path]:
 def write_into_package(name: str, folder: Path) -> tuple[list[Path], str]:
     """Write the node and its tests into the package in `folder`, which is made if needed.
 
+    Returns the files, and the line that its ``pyproject.toml`` must have, or "" if it has it.
     Raises InputError if the name cannot be used, or a file is there.
-
-    Returns
-    -------
-    The files, and the line that its ``pyproject.toml`` must have, or "" if it has it.
     """
     distribution = folder.resolve().name
     module = distribution.replace("-", "_")

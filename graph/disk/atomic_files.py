@@ -34,21 +34,11 @@ def atomic_files(
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
-    A kill leaves the temporary folder, and possibly a mixture of new and old files.  The next
-    write into `folder` removes a killed writer's temporary folder.
-
-    Raises WriteError if `folder` cannot be made or written; InputError if its name is not UTF-8, or
-    the block could not read another file.
-
-    Parameters
-    ----------
-    folder
-        Created if needed.
-    last
-        The name of a file that vouches for the others, and so is moved after them.
-    instead_of
-        Names of files in `folder` that are removed before the last is moved, unless the block
-        wrote them.
+    The file `last`, which vouches for the others, is moved after them, and before that those of
+    `instead_of` are removed that the block did not write.  A kill leaves the temporary folder, and
+    possibly a mixture of new and old files.  The next write into `folder` removes a killed writer's
+    temporary folder.  Raises WriteError if `folder` cannot be made or written; InputError if its
+    name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(folder)
     try:

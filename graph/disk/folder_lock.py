@@ -7,12 +7,8 @@ from pathlib import Path
 def lock_folder(folder: Path) -> int | None:
     """Lock a folder for as long as the file descriptor that is returned stays open.
 
-    Raises BlockingIOError if another process holds the lock; OSError if the folder cannot be
-    opened.
-
-    Returns
-    -------
-    None where folders cannot be locked: on Windows, and on some file systems.
+    Returns None where folders cannot be locked: on Windows, and on some file systems.  Raises
+    BlockingIOError if another process holds the lock; OSError if the folder cannot be opened.
     """
     try:
         import fcntl

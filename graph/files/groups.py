@@ -29,14 +29,10 @@ MAX_GROUP_DEPTH = 50
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
     """Add nodes to a graph; each use of a group becomes the group's nodes.
 
-    Raises GraphError if a use names no group, gives what the group does not take or leaves out what
-    it needs, a group uses itself, a reference in a group names nothing there, or there are too many
-    nodes, or groups in one another.
-
-    Parameters
-    ----------
-    scope
-        The use in whose group the nodes stand; "" for the graph itself.
+    They stand in the group that the use `scope` uses, or in the graph itself.  Raises GraphError if
+    a use names no group, gives what the group does not take or leaves out what it needs, a group
+    uses itself, a reference in a group names nothing there, or there are too many nodes, or groups
+    in one another.
     """
     _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, scope, ())
@@ -49,11 +45,8 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") 
 def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
     """Translate a reference in a scope to its name in the flat graph.
 
-    Raises GraphError with `where`, if it names nothing that can be read.
-
-    Returns
-    -------
-    None for an input of the group that this use leaves out.
+    None for an input of the group that this use leaves out.  Raises GraphError with `where`, if it
+    names nothing that can be read.
     """
     bare, previous = split_previous(reference)
     name, _, rest = bare.partition(".")

@@ -24,10 +24,7 @@ def changes_between(
 ) -> list[Change]:
     """Return the patch that turns `base` into `graph`, which has the same nodes.
 
-    Parameters
-    ----------
-    defaults
-        By node, the parameters that a node has without a word in the file.
+    `defaults` are, by node, the parameters that it has without a word in the file.
     """
     changes: list[Change] = []
     for name, entry in graph.nodes.items():

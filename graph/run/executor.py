@@ -30,12 +30,7 @@ def part_of(plan: Plan, *, stream: bool) -> Part:
 class Executor:
     """Computes the parts of a plan: first, once, that outside the stream; then item by item.
 
-    This one runs every step of every item.
-
-    Attributes
-    ----------
-    kept
-        The steps of the last item that did not run, since their results are kept.
+    This one runs every step of every item.  `kept` are the steps that did not run.
     """
 
     def __init__(self, runner: StepRunner) -> None:
@@ -49,20 +44,11 @@ class Executor:
     def compute(
         self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Known, float]:
-        """Compute the outputs, and the values that the part's sinks read.
+        """Compute the wanted outputs, and the values that the part's sinks read.
 
-        Parameters
-        ----------
-        given
-            Values that the stream's source yielded, by node.
-        outputs
-            The graph's outputs that are wanted.
-        repeats
-            Number of runs of the steps; times are then medians of all but the first.
-
-        Returns
-        -------
-        The sizes that are known behind the part, and the milliseconds of a run.
+        `given` are values that the stream's source yielded, by node.  With several `repeats`, times
+        are medians of all but the first.  Returns the sizes that are known behind the part, and the
+        milliseconds of a run.
         """
         runner, before = self._runner, self._behind_once if part.stream else {}
         known = before

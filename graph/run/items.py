@@ -20,12 +20,8 @@ from tactograph.graph.run.step_runner import StepRunner
 class Items:
     """Runs items: an executor computes each, its sinks write it, a `Result` hands it on.
 
-    Attributes
-    ----------
-    runner
-        The values, times and warnings of the present item.
-    ended
-        Whether a sink wanted no further item.
+    `runner` has the values, times and warnings of the present item; `ended` says whether a sink
+    wanted no further one.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:

@@ -32,13 +32,8 @@ class SourceStream:
     """The stream of a source node, begun with settings of its own.
 
     Where the node reads `ahead`, a thread reads the next item while the last one is in use.
-
-    Attributes
-    ----------
-    start, end
-        Times of `time.perf_counter` at which the last item's reading began and ended.
-    thread
-        Name of the thread that read it.
+    `start` and `end` are the times of `time.perf_counter` at which the last item's reading began
+    and ended; `thread` is the name of the thread that read it.
     """
 
     def __init__(self, source: Task, keywords: Mapping[str, Any], *, ahead: bool = True) -> None:
@@ -50,11 +45,9 @@ class SourceStream:
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
     def read_ahead(self, count: int = 1) -> int:
-        """Read the first items now; `next` gives them, their warnings and an error, if any.
+        """Read the first items, `count` at most, and return how many there are.
 
-        Returns
-        -------
-        The number of items, `count` at most.
+        `next` gives them, their warnings and an error, if any.
         """
         for _ in range(count):
             self._ahead.append(self._read())

@@ -18,22 +18,10 @@ from tactograph.graph.run.trace import Trace
 
 
 class StepRunner:
-    """Runs steps over the values of the present item.
+    """Runs steps over the present item's values, on `host` and, where the plan has one, `device`.
 
-    Attributes
-    ----------
-    plan
-        The plan whose steps it runs.
-    host, device
-        The values there; `device` is None where the plan uses none.
-    times
-        Milliseconds by step, of the last item and of the steps that ran once.
-    notes
-        Warnings, those of the steps that ran once first.
-    stage
-        The step that runs now, for another thread to show; "" between items.
-    trace
-        Record of when each step ran, if one is wanted.
+    `times` has milliseconds by step, also of steps that ran once; `notes` the warnings, theirs
+    first.  `stage` is the step that runs now, for another thread to show; "" between items.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
@@ -64,18 +52,10 @@ class StepRunner:
     def walk(
         self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
     ) -> Known:
-        """Call `run` for each step, then wait for the device.
+        """Call `run` for each step, then wait for the device; return the sizes behind the last.
 
-        Parameters
-        ----------
-        known
-            The sizes that are known before the first step.
-        run
-            Runs a step, or passes over it; returns the sizes that are known behind it.
-
-        Returns
-        -------
-        The sizes that are known behind the last step.
+        `known` are the sizes before the first step.  `run` runs a step, or passes over it, and
+        returns the sizes that are known behind it.
         """
         doing = ""
         if self.device is not None:

@@ -76,9 +76,7 @@ def draw_maps(panels: Panels, unit: str) -> str:
 def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
     """Draw differences from the truth on one common scale, white where there is none.
 
-    Returns
-    -------
-    The picture, and the end of the scale.
+    Returns the picture, and the end of the scale.
     """
     everything = np.abs(_finite(panels))
     end = (

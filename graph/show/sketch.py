@@ -29,12 +29,7 @@ class Box:
 class Sketch:
     """Boxes, the edges between them, and the edges to the next item.
 
-    Attributes
-    ----------
-    groups
-        The group of each use.
-    folded
-        Whether uses are boxes; the boxes are then in an order in which edges lead onwards.
+    `groups` has the group of each use.  In a `folded` one, uses are boxes, and edges lead onwards.
     """
 
     title: str

@@ -11,15 +11,10 @@ COLUMN_GAP = "  "
 def fitting_table(
     headings: Sequence[str], rows: Sequence[Sequence[str]], labels: int, width: int
 ) -> str:
-    """Draw a table in the first shape that is no wider than `width`.
+    """Draw a table in the first shape that is no wider than `width`; `labels` columns go left.
 
     The shapes are: headings of one line; headings of several lines; a column for each row, in as
     many blocks as needed.  A single column that is wider is drawn all the same.
-
-    Parameters
-    ----------
-    labels
-        Number of columns that are aligned left; figures are aligned right.
     """
     for fold in (False, True):
         text = _upright(headings, rows, labels, fold)

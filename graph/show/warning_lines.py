@@ -13,12 +13,7 @@ def warning_lines(
 ) -> list[str]:
     """Write each warning once, with its first place and the number of others.
 
-    Parameters
-    ----------
-    warned
-        Places, each with its warnings.
-    most
-        Number of warnings that are written, None for all; the last line counts the others.
+    After the `most` first, if that is not None, a line counts the others.
     """
     places: dict[str, list[str]] = {}
     for place, warnings in warned:

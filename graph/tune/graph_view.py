@@ -14,13 +14,7 @@ EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(
 
 
 class GraphView:
-    """The card with the drawing.
-
-    Attributes
-    ----------
-    drawn
-        The number of the result whose times are drawn; -1 for none.
-    """
+    """The card with the drawing, which has the times of the result number `drawn`; -1 for none."""
 
     def __init__(self, tuning: Tuning, choose: Callable[[str], None]) -> None:
         self._tuning = tuning

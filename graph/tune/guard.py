@@ -1,14 +1,13 @@
 """Access to the page: from this machine, with the token, and from no other site's page."""
 
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
-from http.cookies import CookieError, SimpleCookie
-from typing import Any
-from urllib.parse import parse_qs
 
-Scope = MutableMapping[str, Any]
-Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
-Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
+
+REFUSAL = "tactograph tune: open the address that the terminal shows, with its token\n"
 
 
 class Guard:
@@ -19,7 +18,7 @@ class Guard:
     machine; so is Origin, where the browser states it.
     """
 
-    def __init__(self, app: Any, *, token: str, port: int) -> None:
+    def __init__(self, app: ASGIApp, *, token: str, port: int) -> None:
         self._app, self._token = app, token
         self._cookie = f"tactograph_{port}"
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
@@ -28,42 +27,25 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = {
-            name.decode().lower(): value.decode("latin-1") for name, value in scope["headers"]
-        }
-        said = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
-        if not self._is_here(headers) or not self._is_known(headers, said):
-            await _refuse(scope, receive, send)
-            return
+        request = HTTPConnection(scope)
+        said = request.query_params.get("token", "")
+        token = said or request.cookies.get(self._cookie, "")
+        is_known = hmac.compare_digest(token.encode(), self._token.encode())
 
-        async def send_with_cookie(message: MutableMapping[str, Any]) -> None:
+        async def send_with_cookie(message: Message) -> None:
             if message["type"] == "http.response.start" and said:
                 cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
                 message["headers"] = [*message.get("headers", ()), (b"set-cookie", cookie.encode())]
             await send(message)
 
-        await self._app(scope, receive, send_with_cookie)
+        if is_known and self._is_here(request):
+            await self._app(scope, receive, send_with_cookie)
+        elif scope["type"] == "http":
+            await PlainTextResponse(REFUSAL, 403)(scope, receive, send)
+        else:
+            await WebSocketClose(1008)(scope, receive, send)
 
-    def _is_here(self, headers: dict[str, str]) -> bool:
-        origin = headers.get("origin")
+    def _is_here(self, request: HTTPConnection) -> bool:
+        origin = request.headers.get("origin")
         from_here = origin is None or origin.removeprefix("http://") in self._hosts
-        return headers.get("host", "") in self._hosts and from_here
-
-    def _is_known(self, headers: dict[str, str], said: str) -> bool:
-        try:
-            cookie = SimpleCookie(headers.get("cookie", "")).get(self._cookie)
-        except CookieError:
-            cookie = None
-        token = said or (cookie.value if cookie is not None else "")
-        return hmac.compare_digest(token.encode(), self._token.encode())
-
-
-async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
-    if scope["type"] == "websocket":
-        await receive()
-        await send({"type": "websocket.close", "code": 1008})
-        return
-    headers = [(b"content-type", b"text/plain; charset=utf-8")]
-    await send({"type": "http.response.start", "status": 403, "headers": headers})
-    text = b"tactograph tune: open the address that the terminal shows, with its token\n"
-    await send({"type": "http.response.body", "body": text})
+        return request.headers.get("host", "") in self._hosts and from_here

@@ -35,12 +35,7 @@ class PictureView(ui.element, component="picture_view.js"):
 class ScaledPicture:
     """A picture, a colour bar and its scale; `add_value` adds the value under the cursor.
 
-    Parameters
-    ----------
-    name
-        The name by which tests know the picture.
-    pressed
-        Called where the mouse is pressed in the picture.
+    Tests know it by `name`; `pressed` is called where the mouse is pressed in it.
     """
 
     def __init__(

@@ -59,24 +59,10 @@ class Shown:
 
 
 class Tuning:
-    """A graph that a user changes.
+    """A graph, by its name or path, that a user changes, and another `beside` it to compare with.
 
-    Parameters
-    ----------
-    source
-        The graph that is changed: a name or a path.
-    given
-        Values of its params.
-    beside
-        Another graph to compare with.
-
-    Attributes
-    ----------
-    output
-        The output that is looked at: it is made and shown first; figures and all else follow
-        if no newer change waits.
-    every
-        Whether a change to a node of a group changes that node in every use.
+    The `output` that is looked at is made and shown first; figures and all else follow if no newer
+    change waits.  With `every`, a change to a node of a group changes that node in every use.
     """
 
     def __init__(
@@ -164,29 +150,21 @@ class Tuning:
 
     def look_at(self, node: str | None) -> None:
         """Choose the node whose outputs are shown."""
-        with self._changed:
-            self._asked = replace(self._asked, node=node)
-            self._changed.notify()
+        self._ask(node=node)
 
     def put_beside(self, source: str | None) -> None:
         """Choose the graph to compare with; None for none.
 
         Raises InputError if it cannot be read.
         """
-        graph = read_graph(source) if source else None
-        with self._changed:
-            self._asked = replace(self._asked, beside=graph)
-            self._changed.notify()
+        self._ask(beside=read_graph(source) if source else None)
 
     def go(self, steps: int) -> None:
         """Go to the next capture or item, or, among captures, to one before."""
-        with self._changed:
-            asked = self._asked
-            if self.captures:
-                self._asked = replace(asked, capture=(asked.capture + steps) % len(self.captures))
-            elif steps > 0:
-                self._asked = replace(asked, item=asked.item + 1)
-            self._changed.notify()
+        if self.captures:
+            self._ask(capture=(self._asked.capture + steps) % len(self.captures))
+        elif steps > 0:
+            self._ask(item=self._asked.item + 1)
 
     def play(self, on: bool) -> None:
         """Run a stream, or pause it."""
@@ -245,9 +223,7 @@ class Tuning:
             self._files = files_of(base, {}) | {graph_file(self.source)}
             self._stamp = stamp(self._files)
             node = self._asked.node if self._asked.node in base.nodes else None
-            revision = self._asked.revision + 1
-            self._asked = replace(self._asked, graph=base, node=node, revision=revision)
-            self._changed.notify()
+            self._ask(graph=base, node=node, revision=self._asked.revision + 1)
         return True
 
     def close(self) -> None:
@@ -282,8 +258,12 @@ class Tuning:
         else:  # quick enough for a slider
             for entry in map(graph.nodes.__getitem__, names):
                 settings_of(entry, graph, find_node(entry.op), self._known)
+        self._ask(graph=graph)
+
+    def _ask(self, **changed: Any) -> None:
+        """Request something else, which the thread then makes."""
         with self._changed:
-            self._asked = replace(self._asked, graph=graph)
+            self._asked = replace(self._asked, **changed)
             self._changed.notify()
 
     def _check(self, graph: Graph) -> None:
@@ -318,13 +298,10 @@ class Tuning:
             if asked.beside is not None:
                 beside = other.run(asked.beside, capture, asked.item)
             inspected = self._inspect(asked.node)
-        except TactographError as error:
-            self.playing = False
-            self._publish(replace(self.shown, asked=asked, error=" ".join(str(error).split())))
-            return
         except Exception as error:  # a bad edit must not take the page down
             self.playing = False
-            said = f"{type(error).__name__}: {error}"
+            kind = "" if isinstance(error, TactographError) else f"{type(error).__name__}: "
+            said = kind + " ".join(str(error).split())
             self._publish(replace(self.shown, asked=asked, error=said))
             return
         if not is_quick:
