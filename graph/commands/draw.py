@@ -32,7 +32,6 @@ def command(
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
     from tactograph.graph.plan.sketch import sketch_of
-    from tactograph.graph.show.draw_folded import to_folded_svg
     from tactograph.graph.show.draw_svg import to_svg
     from tactograph.graph.show.draw_text import to_dot, to_mermaid
     from tactograph.graph.show.sketch import fold
@@ -43,11 +42,7 @@ def command(
     if out is None:
         say(to_dot(sketch), nl=False)
         return
-    draw: dict[str, Callable[[Sketch], str]] = {
-        ".dot": to_dot,
-        ".mmd": to_mermaid,
-        ".svg": to_svg if every else to_folded_svg,
-    }
+    draw: dict[str, Callable[[Sketch], str]] = {".dot": to_dot, ".mmd": to_mermaid, ".svg": to_svg}
     if out.suffix not in draw:
         raise InputError(f"--out {out}: the name has to end in .dot, .mmd or .svg")
     with atomic_file(out) as target:

@@ -13,8 +13,8 @@ from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
-from tactograph.graph.show.draw_folded import to_folded_svg
-from tactograph.graph.show.sketch import Box, Edge, Sketch, use_of
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.sketch import Box, Edge, Sketch, fold, use_of
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
@@ -144,7 +144,7 @@ class Graph:
         }
 
     def _repr_svg_(self) -> str:
-        return to_folded_svg(self._sketch())
+        return to_svg(fold(self._sketch()))
 
     def _sketch(self) -> Sketch:
         """Nodes and the references between them, without back ends."""

@@ -26,7 +26,8 @@ from tactograph.graph.run.result import Result, joined
 from tactograph.graph.run.source_stream import SourceStream, in_thread
 from tactograph.graph.run.stand_ins import Given, HandedIn, StandIns
 from tactograph.graph.run.trace import Trace
-from tactograph.graph.show.draw_folded import to_folded_svg
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.sketch import fold
 
 
 class Pipeline:
@@ -327,7 +328,7 @@ class Pipeline:
             return self._runner.trace
 
     def _repr_svg_(self) -> str:
-        return to_folded_svg(sketch_of(self.plan), self._runner.times)
+        return to_svg(fold(sketch_of(self.plan)), self._runner.times)
 
     @property
     def buffers(self) -> int:

@@ -1,154 +1,224 @@
-"""Draw a sketch as SVG: columns from sources to sinks, a box a step, a curve an edge.
+"""Draw a sketch as SVG for a page, in layers from top to bottom.
 
-Steps of a group's use stand together in a frame.
+This is the layered drawing of Sugiyama.  A box stands one layer below the last box that it reads.
+An edge that passes layers goes through a spot in each, shared by all edges from one box.  Sweeps
+order each layer so that few edges cross, and then move boxes towards their neighbours.
 """
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from html import escape
-from typing import NamedTuple
 
-from tactograph.graph.show.sketch import Edge, Sketch
-from tactograph.graph.show.svg import (
-    ARROW_TIP,
-    DASHED_LINE,
-    HEIGHT_PX,
-    MARGIN_PX,
-    WIDTH_PX,
-    drawing,
-    drawn_box,
-    drawn_edge,
-)
+from tactograph.graph.show.draw_text import BACKEND_COLOURS
+from tactograph.graph.show.sketch import Box, Edge, Sketch
 
-COLUMN_PX, ROW_PX = 210, 52
-"""Distance from one box to the next."""
-HEAD_PX, PAD_PX = 18, 6
-"""Height of a frame's name, and the space around the steps in it."""
+WIDTH_PX, HEIGHT_PX = 150, 34
+"""Size of a box."""
+MARGIN_PX = 20
+"""Space around the drawing."""
+ARROW_TIP = ' marker-end="url(#tip)"'
+DASHED_LINE = ' stroke-dasharray="4 3"'
+LAYER_GAP_PX = 30
+"""Space between two layers."""
+BOX_GAP_PX, LANE_PX = 16, 14
+"""Space between boxes of a layer, and the width that a passing edge takes."""
+RECALL_PX = 60
+"""Space at the right for edges to the next item."""
+ORDER_SWEEPS = 12
+"""Passes over all layers, down and up, that order and move boxes."""
+
+Spot = tuple[str, int]
+"""A box, or the trunk of edges from it, in a layer."""
+Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
+"""The spots that each spot is joined to, above and below."""
 
 
 def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     """The sketch as an SVG image, boxes coloured by back end, with `times` in ms where known.
 
-    The ``data-node`` of a box names its step.
+    Its boxes are in an order in which edges lead onwards; ``data-node`` names them.
     """
-    column = _columns(sketch)
-    whole = _lay_out("", column, {box.name: box.use for box in sketch.boxes}, sketch.edges)
-    at = {n: (MARGIN_PX + COLUMN_PX * column[n], MARGIN_PX + y) for n, y in whole.steps.items()}
-    right = max((x for x, _ in at.values()), default=0) + WIDTH_PX + MARGIN_PX
-    bottom = whole.height + 0.08 * right + 2 * MARGIN_PX
-    lines = [_drawn_frame(use, frame) for use, frame in whole.frames.items()]
-    lines += [_edge(at[a], at[b], port, ARROW_TIP) for a, b, port in sketch.edges]
-    lines += [
-        _edge(at[a], at[b], f"previous {port}", DASHED_LINE + ARROW_TIP)
-        for a, b, port in sketch.recalls
-    ]
+    layer = _layers(sketch.boxes, sketch.edges)
+    segments = _segments(layer, sketch.edges)
+    layers = _ordered(layer, segments)
+    centre = _centres(layers, layer, segments)
+    left = min((x for x in centre.values()), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
+    centre = {spot: x - left for spot, x in centre.items()}
+    right = max(centre.values(), default=0.0) + WIDTH_PX / 2 + MARGIN_PX
+    right += RECALL_PX if sketch.recalls else 0
+    bottom = 2 * MARGIN_PX + len(layers) * (HEIGHT_PX + LAYER_GAP_PX) - LAYER_GAP_PX
+    lines: list[str] = []
+    for (upper, lower), ports in segments.items():
+        arrives = upper[0] != lower[0]
+        start = centre[upper], _top(upper[1]) + HEIGHT_PX
+        end = centre[lower], _top(lower[1]) + (0 if arrives else HEIGHT_PX)
+        lines.append(_drawn_segment(start, end, ports, arrives=arrives))
+    for a, b, port in sketch.recalls:
+        lines.append(_drawn_recall((a, layer[a]), (b, layer[b]), port, centre))
     for box in sketch.boxes:
-        title, words = box.name, box.label
-        if box.is_transfer:
-            title, _, words = box.name.partition(" ")
-        if times and times.get(box.name):
-            words = f"{words}, {times[box.name]:.2g} ms"
-        lines += drawn_box(box, *at[box.name], title, words)
-    return drawing(sketch.title, right, bottom, lines)
+        lines += _drawn_box(box, centre[box.name, layer[box.name]], layer[box.name], times or {})
+    return _drawing(sketch.title, right, bottom, lines)
 
 
-class _Frame(NamedTuple):
-    """The frame around a use: its columns, top and height, and the frames nested in it."""
-
-    first: int
-    last: int
-    top: int
-    height: int
-    deep: int
+def _top(layer: int) -> int:
+    return MARGIN_PX + layer * (HEIGHT_PX + LAYER_GAP_PX)
 
 
-@dataclass
-class _Area:
-    """The content of a use: the tops of its steps and frames, from its own top."""
-
-    steps: dict[str, int] = field(default_factory=dict)
-    frames: dict[str, _Frame] = field(default_factory=dict)
-    height: int = 0
-
-
-def _columns(sketch: Sketch) -> dict[str, int]:
-    """The column of each step: one behind the last step that it reads."""
-    before = _before(sketch.edges)
-    column: dict[str, int] = {}
-    for box in sketch.boxes:  # in order: what a step reads comes before it
-        column[box.name] = 1 + max((column[a] for a in before.get(box.name, ())), default=-1)
-    return column
-
-
-def _before(joined: Iterable[Edge]) -> dict[str, list[str]]:
-    """The steps that each step reads."""
+def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
+    """The layer of each box; a box that reads none stands just above its first reader."""
     before: dict[str, list[str]] = {}
-    for a, b, _ in joined:
+    after: dict[str, list[str]] = {}
+    for a, b, _ in edges:
         before.setdefault(b, []).append(a)
-    return before
+        after.setdefault(a, []).append(b)
+    layer: dict[str, int] = {}
+    for box in boxes:
+        layer[box.name] = 1 + max((layer[a] for a in before.get(box.name, ())), default=-1)
+    for box in boxes:
+        if box.name not in before and box.name in after:
+            layer[box.name] = min(layer[b] for b in after[box.name]) - 1
+    return layer
 
 
-def _lay_out(
-    around: str,
-    column: Mapping[str, int],
-    uses: Mapping[str, str],
-    joined: Sequence[Edge],
-) -> _Area:
-    """Stack the steps of a use, and below them the uses inside it.
-
-    Steps of a column are ordered by the mean place of the steps that they read, so that few edges
-    cross.
-    """
-    before, area = _before(joined), _Area()
-    filled: dict[int, int] = {}  # the lower end of the content, by column
-
-    def place_read(name: str) -> float:
-        places = [area.steps[a] for a in before.get(name, ()) if a in area.steps]
-        return sum(places) / max(len(places), 1)
-
-    own = [name for name, use in uses.items() if use == around]
-    for number in sorted({column[name] for name in own}):
-        for name in sorted([n for n in own if column[n] == number], key=place_read):
-            area.steps[name] = filled.get(number, 0)
-            filled[number] = area.steps[name] + ROW_PX
-    for use in _inside(around, uses.values()):
-        inner = _lay_out(use, column, uses, joined)
-        columns = [column[name] for name in inner.steps]
-        spanned = range(min(columns), max(columns) + 1)
-        top = max(filled.get(number, 0) for number in spanned)
-        height = HEAD_PX + inner.height + PAD_PX
-        deep = 1 + max((frame.deep for frame in inner.frames.values()), default=0)
-        area.frames[use] = _Frame(min(columns), max(columns), top, height, deep)
-        for name, frame in inner.frames.items():
-            area.frames[name] = frame._replace(top=frame.top + top + HEAD_PX)
-        area.steps |= {name: y + top + HEAD_PX for name, y in inner.steps.items()}
-        filled |= dict.fromkeys(spanned, top + height + ROW_PX - HEIGHT_PX)
-    area.height = max(filled.values(), default=0) - (ROW_PX - HEIGHT_PX)
-    return area
+def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spot, Spot], str]:
+    """The edges cut at each layer, with their ports; edges of one box share segments."""
+    segments: dict[tuple[Spot, Spot], dict[str, None]] = {}
+    for a, b, port in edges:
+        way = [(a, at) for at in range(layer[a], layer[b])] + [(b, layer[b])]
+        for spots in itertools.pairwise(way):
+            segments.setdefault(spots, {})[port] = None
+    return {spots: ", ".join(ports) for spots, ports in segments.items()}
 
 
-def _inside(around: str, uses: Iterable[str]) -> list[str]:
-    """The uses that stand directly in another, or in none."""
-    prefix = f"{around}." if around else ""
-    deeper = [use[len(prefix) :] for use in uses if use.startswith(prefix)]
-    names = dict.fromkeys(use.partition(".")[0] for use in deeper if use)
-    return [prefix + name for name in names]
+def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
+    joined: Joined = {}
+    for a, b in segments:
+        joined.setdefault(a, ([], []))[1].append(b)
+        joined.setdefault(b, ([], []))[0].append(a)
+    return joined
 
 
-def _drawn_frame(use: str, frame: _Frame) -> str:
-    x, y = MARGIN_PX + COLUMN_PX * frame.first - PAD_PX * frame.deep, MARGIN_PX + frame.top
-    width = COLUMN_PX * (frame.last - frame.first) + WIDTH_PX + 2 * PAD_PX * frame.deep
-    return (
-        f'<rect x="{x}" y="{y}" width="{width}" height="{frame.height}" rx="5" fill="#f6f6f6" '
-        f'stroke="#999"/><text x="{x + PAD_PX}" y="{y + 13}" fill="#555">{escape(use)}</text>'
+def _ordered(
+    layer: Mapping[str, int], segments: Mapping[tuple[Spot, Spot], str]
+) -> list[list[Spot]]:
+    """The spots of each layer, ordered by the mean place of their neighbours."""
+    spots = dict.fromkeys([(name, at) for name, at in layer.items()])
+    spots |= dict.fromkeys(spot for pair in segments for spot in pair)
+    layers: list[list[Spot]] = [[] for _ in range(1 + max(layer.values(), default=-1))]
+    for spot in spots:
+        layers[spot[1]].append(spot)
+    joined = _neighbours(segments)
+    for sweep in range(ORDER_SWEEPS):
+        up = sweep % 2
+        for number in range(len(layers))[:: -1 if up else 1]:
+            near = layers[number : number + 2] if up else layers[max(number - 1, 0) : number + 1]
+            place = {s: (i + 0.5) / len(row) for row in near for i, s in enumerate(row)}
+            towards = {s: joined.get(s, ([], []))[up] or [s] for s in layers[number]}
+            mean = {s: sum(place[o] for o in others) / len(others) for s, others in towards.items()}
+            layers[number].sort(key=mean.__getitem__)
+    return layers
+
+
+def _centres(
+    layers: Sequence[Sequence[Spot]],
+    layer: Mapping[str, int],
+    segments: Mapping[tuple[Spot, Spot], str],
+) -> dict[Spot, float]:
+    """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
+    joined = _neighbours(segments)
+
+    def apart(a: Spot, b: Spot) -> float:
+        sizes = [WIDTH_PX + BOX_GAP_PX if layer[spot[0]] == spot[1] else LANE_PX for spot in (a, b)]
+        return sum(sizes) / 2
+
+    centre: dict[Spot, float] = {}
+    for row in layers:
+        at = 0.0
+        for before, spot in zip([None, *row], row, strict=False):
+            at += 0 if before is None else apart(before, spot)
+            centre[spot] = at
+        for spot in row:
+            centre[spot] -= at / 2
+    for sweep in range(ORDER_SWEEPS):
+        for row in layers[:: -1 if sweep % 2 else 1]:
+            wanted = []
+            for spot in row:
+                above, below = joined.get(spot, ([], []))
+                others = [*above, *below] or [spot]
+                wanted.append(sum(centre[o] for o in others) / len(others))
+            offsets = [0.0]
+            for a, b in itertools.pairwise(row):
+                offsets.append(offsets[-1] + apart(a, b))
+            free = _increasing([w - o for w, o in zip(wanted, offsets, strict=True)])
+            centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
+    return centre
+
+
+def _increasing(wanted: Sequence[float]) -> list[float]:
+    """The non-decreasing numbers nearest to those wanted, by least squares."""
+    blocks: list[tuple[float, int]] = []
+    for value in wanted:
+        mean, size = value, 1
+        while blocks and blocks[-1][0] > mean:
+            before, count = blocks.pop()
+            mean, size = (before * count + mean * size) / (count + size), count + size
+        blocks.append((mean, size))
+    return [mean for mean, size in blocks for _ in range(size)]
+
+
+def _drawn_segment(
+    start: tuple[float, float], end: tuple[float, float], ports: str, *, arrives: bool
+) -> str:
+    (x1, y1), (x2, y2) = start, end
+    bend = y1 + LAYER_GAP_PX
+    # Straight down past the boxes of a layer, and across between two layers.
+    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
+    return _drawn_edge(way, ports, ARROW_TIP if arrives else "")
+
+
+def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float]) -> str:
+    x1, y1 = centre[start] + WIDTH_PX / 2, _top(start[1]) + HEIGHT_PX - 8
+    x2, y2 = centre[end] + WIDTH_PX / 2, _top(end[1]) + 8
+    out = max(x1, x2) + RECALL_PX
+    way = f"M{x1:.1f} {y1}C{out:.1f} {y1} {out:.1f} {y2} {x2:.1f} {y2}"
+    return _drawn_edge(way, f"previous {port}", DASHED_LINE + ARROW_TIP)
+
+
+def _drawn_box(box: Box, centre: float, layer: int, times: Mapping[str, float]) -> list[str]:
+    """A box, coloured by back end, with its time.  A folded use has a broad rim."""
+    inside = [ms for node, ms in times.items() if f"{node}.".startswith(f"{box.name}.")]
+    title, words = box.name, box.label
+    if box.is_transfer:
+        title, _, words = box.name.partition(" ")
+    words = f"{words}, {sum(inside):.2g} ms" if any(inside) else words
+    rim = ' stroke-width="2.5"' if box.kind == "use" else ""
+    x, top = round(centre - WIDTH_PX / 2, 1), _top(layer)
+    middle = f'x="{centre:.1f}" text-anchor="middle"'
+    return [
+        f'<g data-node="{escape(box.name)}">',
+        f'<rect x="{x}" y="{top}" width="{WIDTH_PX}" height="{HEIGHT_PX}" rx="5" '
+        f'fill="{BACKEND_COLOURS[box.backend]}" stroke="#555"{rim}/>',
+        f'<text {middle} y="{top + 14}" font-weight="bold">{escape(title)}</text>',
+        f'<text {middle} y="{top + 27}">{escape(words)}</text>',
+        "</g>",
+    ]
+
+
+def _drawing(title: str, width: float, height: float, lines: Iterable[str]) -> str:
+    """An SVG image of these lines, with an arrow tip that they may use."""
+    size = f'width="{width:.0f}" height="{height:.0f}"'
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'{size} font-family="sans-serif" font-size="11">',
+        f"<title>{escape(title)}</title>",
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="6" '
+        'markerHeight="6" orient="auto"><path d="M0 0 8 4 0 8z" fill="#777"/></marker></defs>',
+        f'<rect {size} fill="white"/>',
     )
+    return "\n".join([*head, *lines, "</svg>", ""])
 
 
-def _edge(start: tuple[int, int], end: tuple[int, int], port: str, more: str) -> str:
-    x1, y1 = start[0] + WIDTH_PX, start[1] + HEIGHT_PX / 2
-    x2, y2 = end[0], end[1] + HEIGHT_PX / 2
-    bend = max(30.0, abs(x2 - x1) / 2)
-    # An edge that passes other columns hangs below their boxes, which would hide it.
-    sag = 0.1 * max(0, x2 - x1 - COLUMN_PX)
-    way = f"M{x1} {y1}C{x1 + bend} {y1 + sag} {x2 - bend} {y2 + sag} {x2} {y2}"
-    return drawn_edge(way, port, more)
+def _drawn_edge(way: str, ports: str, more: str = "") -> str:
+    """A path that shows the names of its ports."""
+    path = f'<path d="{way}" fill="none" stroke="#777"{more}>'
+    return f"{path}<title>{escape(ports)}</title></path>"

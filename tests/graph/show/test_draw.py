@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from typing import NamedTuple, Self
 from xml.etree import ElementTree
 
@@ -14,7 +15,6 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.show.draw_folded import to_folded_svg
 from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import Edge, Sketch, fold
@@ -123,17 +123,6 @@ def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
     assert "<svg" in done.stdout
 
 
-@pytest.mark.parametrize("name", ["precise", "reconstruct_follow_drift"])
-def test_boxes_of_the_svg_stand_apart_and_every_edge_goes_right(name: str, device: OpenCL) -> None:
-    plan = planned(name, device)
-    svg = to_svg(every_step(plan))
-    corners = re.findall(r'<g[^>]*>\s*<rect x="(\d+)" y="(\d+)"', svg)
-    assert len(set(corners)) == len(corners) == len(plan.steps)
-    solid = re.findall(r'<path d="M(\d+) \S+C.* (\d+) \S+" fill="none" stroke="#777" m', svg)
-    assert len(solid) == len(edges(plan))
-    assert all(int(start) < int(end) for start, end in solid)
-
-
 class Box(NamedTuple):
     """A rectangle of an SVG."""
 
@@ -150,43 +139,9 @@ class Box(NamedTuple):
     def bottom(self) -> float:
         return self.y + self.height
 
-    def holds(self, other: Self) -> bool:
-        across = self.x <= other.x and other.right <= self.right
-        return across and self.y <= other.y and other.bottom <= self.bottom
-
     def meets(self, other: Self) -> bool:
         across = self.x < other.right and other.x < self.right
         return across and self.y < other.bottom and other.y < self.bottom
-
-
-def drawn(svg: str) -> tuple[dict[str, Box], dict[str, Box]]:
-    """The boxes of the steps, and the frames of the uses, by name."""
-    rect = r'<rect x="(-?\d+)" y="(\d+)" width="(\d+)" height="(\d+)"'
-    boxes = re.findall(r'<g data-node="([^"]+)">\s*' + rect, svg)
-    frames = re.findall(rect + r"[^>]*/><text[^>]*>([^<]+)</text>$", svg, re.MULTILINE)
-    return (
-        {name: Box(*map(float, rest)) for name, *rest in boxes},
-        {name: Box(*map(float, rest)) for *rest, name in frames},
-    )
-
-
-@pytest.mark.parametrize("name", ["precise", "reconstruct", ""])
-def test_a_frame_of_the_svg_holds_the_steps_of_a_use_and_no_other(
-    name: str, device: OpenCL
-) -> None:
-    plan = planned(name, device) if name else grouped()
-    boxes, frames = drawn(to_svg(every_step(plan)))
-    assert set(frames) == set(plan.graph.uses)
-    of = {box.name: box.use for box in every_step(plan).boxes}
-    for use, frame in frames.items():
-        for step, box in boxes.items():
-            inside = of[step] == use or of[step].startswith(f"{use}.")
-            assert frame.holds(box) if inside else not frame.meets(box), (use, step)
-        for other, second in frames.items():
-            if other.startswith(f"{use}."):
-                assert frame.holds(second)
-            elif other != use and not use.startswith(f"{other}."):
-                assert not frame.meets(second)
 
 
 def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
@@ -205,7 +160,7 @@ def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> N
     for drawn_as in (
         to_dot(folded(plan)),
         to_mermaid(folded(plan)),
-        to_folded_svg(sketch_of(plan)),
+        to_svg(folded(plan)),
     ):
         assert "pass: 6 nodes" in drawn_as
 
@@ -216,16 +171,17 @@ def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: Ope
     assert {"pass_1.label", "gloss", "pass_2"} <= {*names}
 
 
+@pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
 @pytest.mark.parametrize("name", ["reconstruct", "precise", "calibrate", "live"])
-def test_a_folded_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
-    name: str, device: OpenCL
+def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
+    name: str, sketched: Callable[[Plan], Sketch], widest: float, device: OpenCL
 ) -> None:
-    plan = planned(name, device)
-    svg = to_folded_svg(sketch_of(plan))
-    assert float(re.search(r'width="(\d+)"', svg)[1]) < 1500  # type: ignore[index]
+    sketch = sketched(planned(name, device))
+    svg = to_svg(sketch)
+    assert float(re.search(r'width="(\d+)"', svg)[1]) < widest  # type: ignore[index]
     rect = r'<rect x="([\d.]+)" y="([\d.]+)" width="(\d+)" height="(\d+)"'
     boxes = [Box(*map(float, found)) for found in re.findall(r"<g [^>]*>\n" + rect, svg)]
-    assert len(boxes) == len(folded(plan).boxes)
+    assert len(boxes) == len(sketch.boxes)
     for number, box in enumerate(boxes):
         assert not any(box.meets(other) for other in boxes[number + 1 :])
     ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?V([\d.]+)" fill="none" stroke="#777"', svg)
@@ -235,7 +191,7 @@ def test_a_folded_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
 
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
-    svg = to_folded_svg(sketch_of(plan), {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
+    svg = to_svg(folded(plan), {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
     assert "pass: 6 nodes, 3 ms" in svg
     assert "label_lights, 8 ms" in svg
 
@@ -244,7 +200,7 @@ def test_a_value_of_the_item_before_is_a_dashed_way_back(device: OpenCL) -> None
     plan = planned("reconstruct_follow_drift", device)
     back = folded(plan).recalls
     assert back
-    assert to_folded_svg(sketch_of(plan)).count("stroke-dasharray") == len(back)
+    assert to_svg(folded(plan)).count("stroke-dasharray") == len(back)
 
 
 def test_a_graph_is_drawn_as_its_plan_is(device: OpenCL) -> None:
