@@ -303,35 +303,39 @@ LANED __kernel void err_steps(
     __global const float *restrict want_right, __global const float *restrict want_down,
     __global const float *restrict slopes, __global float *restrict right,
     __global float *restrict down, const int H, const int W, const int number, const int to,
-    const float half_, const float aperture, const uint key_right, const uint key_down)
+    const float pixel, const float aperture, const uint key_right, const uint key_down)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x, out = to * H * W + i;
     __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
-    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS, most = MAX_BEND * pixel;
+    const floats to_right = turned_right(want_right, y, x, count, W);
+    const floats to_below = turned_down(want_down, y, x, count, H, W);
     const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
-    const floats east = (beside + load_floats(p + i, count)) * half_
-        + aperture * turned_right(want_right, y, x, count, W) * drawn_from(i, key_right);
+    const floats east = (beside + load_floats(p + i, count)) * (0.5f * pixel)
+        + aperture * LESS_OF(to_right, most) * drawn_from(i, key_right);
     store_floats(column < (float)(W - 1) ? east : none, right + out, count);
     const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
-    const floats south = (below + load_floats(q + i, count)) * half_
-        + aperture * turned_down(want_down, y, x, count, H, W) * drawn_from(i, key_down);
+    const floats south = (below + load_floats(q + i, count)) * (0.5f * pixel)
+        + aperture * LESS_OF(to_below, most) * drawn_from(i, key_down);
     store_floats(y + 1 < H ? south : none, down + out, count);
 }
 
 __kernel void err_rises(
-    __global float *restrict rise, const int ties, const int to, const float error, const float common,
-    const uint key)
+    __global float *restrict rise, __global const float *restrict want_rise,
+    __global const float *restrict z, __global const int *restrict tie_ends, const int ties,
+    const int to, const float error, const float common, const float share, const uint key)
 {
     GRID_1(t, ties)
-    rise[to * ties + t] = error > 0.0f ? common + error * drawn(t, key) : 0.0f;
+    const float apart = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
+    rise[to * ties + t] = error > 0.0f ? common + share * apart + error * drawn(t, key) : 0.0f;
 }
 
 // By how much steps are too small, all of them uphill.
 static floats lacking(
     const floats step_, const floats turn_, const float pixel, const float kink)
 {
-    const floats sharpest = MAX_BEND, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
+    const floats sharpest = RESOLVED_BEND, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
     const floats none = 0.0f, up = 1.0f, down = -1.0f;
     const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
     return kink * (bend * bend * bend) * sign_;
@@ -430,7 +434,7 @@ LANED __kernel void bends(
 }
 
 // The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may
-// equally lie in the next pixel.
+// lie anywhere in it.
 LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict bent,

@@ -3,6 +3,8 @@
 ``kernels/error/height_error.cl`` holds the same (err_steps, err_kinks, bends).
 """
 
+import math
+
 import cv2
 import numpy as np
 
@@ -10,11 +12,12 @@ from tactograph.nodes import F4, Height
 from tactograph.nodes.error._random_errors import Keys, drawn
 
 MAX_BEND = np.float32(2)
-"""A sharper kink counts as this sharp: its step has little weight."""
+"""A sharper turn counts as this sharp: its step has little weight."""
 RESOLVED_BEND = np.float32(0.5)
-"""Difference of slopes from pixel to pixel up to which an edge is resolved."""
-EDGE_SPREAD = 1.0
-"""How much further off an edge may be, per px^2 of the blur's variance."""
+"""Difference of slopes from pixel to pixel up to which an edge is resolved.  What a sharper kink
+lacks shows where shadows measure its rise (`APART_SHARE`), and differs in sign elsewhere."""
+PLACE_VARIANCE_PX2 = 1 / 12
+"""Of an edge that may lie anywhere in a pixel, in px^2."""
 SHARED_RISE_ERROR = 0.2
 """Error in px, per px of blur, that the rises of all shadows share."""
 
@@ -37,14 +40,14 @@ def _turn(step: F4, axis: int) -> F4:
 def random_steps(slopes: F4, turn: Steps, keys: Keys, pixel: float, aperture: float) -> Steps:
     """Return an error of steps: that of the slopes at their ends, and of their computation.
 
-    The latter is random, `aperture` times as large as steps differ.
+    The latter is random, `aperture` times as large as steps differ, which counts up to `MAX_BEND`.
     """
     p, q = slopes
     size, times = 0.5 * np.float32(pixel), np.float32(aperture)
-    of_right, of_down = drawn(keys.right, p.shape), drawn(keys.down, p.shape)
+    right, down = (times * np.minimum(each, MAX_BEND * np.float32(pixel)) for each in turn)
     return (
-        (p[:, 1:] + p[:, :-1]) * size + times * turn[0] * of_right[:, :-1],
-        (q[1:] + q[:-1]) * size + times * turn[1] * of_down[:-1],
+        (p[:, 1:] + p[:, :-1]) * size + right * drawn(keys.right, p.shape)[:, :-1],
+        (q[1:] + q[:-1]) * size + down * drawn(keys.down, p.shape)[:-1],
     )
 
 
@@ -55,7 +58,7 @@ def kinks(steps: Steps, turn: Steps, kink: float, pixel: float) -> Steps:
 
 
 def _lacking(step: F4, turn: F4, kink: float, pixel: float) -> F4:
-    bend = np.minimum(turn / np.float32(pixel), MAX_BEND)
+    bend = np.minimum(turn / np.float32(pixel), RESOLVED_BEND)
     return np.asarray(np.float32(kink * pixel) * (bend * bend * bend) * np.sign(step), np.float32)
 
 
@@ -65,12 +68,11 @@ def common_rise(blur: float | None, pixel: float) -> np.float32:
 
 
 def edge_share(blur: float) -> np.float32:
-    """Return the share of the height's second difference by which an edge may be off.
+    """Return the standard deviation in px of the place of an edge that a pixel does not resolve.
 
-    An edge that a pixel does not resolve may equally lie in the next one, and blur spreads it
-    further.
+    It may lie anywhere in the pixel, and as far away as the blur spreads it.
     """
-    return np.float32(0.5 + EDGE_SPREAD * blur * blur)
+    return np.float32(math.sqrt(PLACE_VARIANCE_PX2 + blur * blur))
 
 
 def unresolved(height: Height, pixel: float, blur: float = 0.0) -> F4:

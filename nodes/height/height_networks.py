@@ -158,7 +158,7 @@ class HeightNetworks:
         run = self._run
         levels = tie_levels(ties, self.levels)
         self._ties, self._all_ties = ties.top.size, len(levels.member_start) - 1
-        self._finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
+        self.finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(levels.member_start), run.put(levels.members)
@@ -192,7 +192,7 @@ class HeightNetworks:
         """The value of `HeightSystem.cost`."""
         run, parts = self._run, self.parts
         run.kernel(
-            "cost_parts", (SUM_PARTS,), height, *self.wants, *self._variances, self._finest_ends,
+            "cost_parts", (SUM_PARTS,), height, *self.wants, *self._variances, self.finest_ends,
             parts, *self.shape, self._ties, self._rise_variance, float(np.float32(scale * scale)),
         )  # fmt: skip
         return float(run.download(parts).sum(dtype=float))
@@ -202,7 +202,7 @@ class HeightNetworks:
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self._ties:
             run.kernel(
-                "stiffen_rises", (self._ties,), height, self.wants.rise, self._finest_ends,
+                "stiffen_rises", (self._ties,), height, self.wants.rise, self.finest_ends,
                 self._finest, self._ties, self._rise_variance, unit, square,
             )  # fmt: skip
             run.kernel(

@@ -98,7 +98,6 @@ def test_shadows_measure_rims_that_a_lens_blurs(blurred: Path) -> None:
     assert found["precise"]["rmse_px"] < 0.3
     assert found["precise"]["rmse_px"] < 0.6 * found["precise_no_blur"]["rmse_px"]
     assert 80 < found["precise"]["in_90_percent_band"] < 98
-    assert found["precise_no_blur"]["in_90_percent_band"] < 70
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
@@ -112,7 +111,8 @@ def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
     found = metrics("precise", rig, shape)
-    assert found["in_90_percent_band"] > 85
+    assert 85 < found["in_90_percent_band"] < 98
+    assert 0.8 < found["stated_over_actual"] < 2.5
 
 
 @pytest.mark.one_case
