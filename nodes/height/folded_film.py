@@ -25,9 +25,9 @@ def folded_film(
     """Return whether the film's light on itself asks for a finer height.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
-    light on itself.  Film is folded where the square of bend = s(-1) - 2 s(0) + s(+1), of the
-    slopes s along rows and along columns, is at least `least` times that of the slope (F5), both
-    summed over steep cells: 0.1 times on a ball, 0.6 on a soft cat, 1 on walls two cells wide.
+    light on itself.  So the slopes' squared second differences are compared with their squares, on
+    steep cells (equation B3): 0.1 times as large on a ball, 0.6 on a soft cat, 1 on walls that are
+    two cells wide.
 
     Parameters
     ----------
