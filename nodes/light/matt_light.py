@@ -51,6 +51,7 @@ def matt_light(
     film: Film,
     pixel: PixelSize,
     bounced: Light | None = None,
+    finer: Light | None = None,
     *,
     steps: Annotated[int, Interval(ge=0, le=8)] = 2,
     uncoated_steps: Annotated[int, Interval(ge=0, le=8)] = 2,
@@ -76,6 +77,8 @@ def matt_light(
     pixel : mm per px
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
+    finer
+        K x H x W, the same of a finer pass, in place of `bounced` where such a pass has run.
     steps
         Gauss-Newton steps of the normal on a coated film.
     uncoated_steps
@@ -86,7 +89,8 @@ def matt_light(
     MattLight
         Both K x H x W; the standard deviation includes the film's grain.
     """
-    direct = light if bounced is None else light - bounced
+    thrown = bounced if finer is None else finer
+    direct = light if thrown is None else light - thrown
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)
@@ -116,12 +120,14 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     inputs, out = run.inputs, run.outputs
     stretch = STRETCH_PX if run.lanes > 1 else 1
+    finer = inputs.get("finer")
+    thrown = inputs.get("bounced") if finer is None else finer
     film = [inputs[f"film.{name}"] for name in NOISY_LIGHT_FIELDS]
     film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
         inputs["light"], inputs["sigma"], inputs["slope"], inputs["height"],
-        *film, inputs["pixel"], inputs.get("bounced"),
+        *film, inputs["pixel"], thrown,
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
         local=(run.group,),
@@ -139,6 +145,7 @@ def _is_matt(
     film_grain: float,
     film_emission: float,
     bounced: Light | None = None,
+    finer: Light | None = None,
 ) -> bool:
     """Return whether the film is matt already."""
     more = film_wrap, film_camera, film_grain, film_emission

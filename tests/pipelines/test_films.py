@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
+from tactograph.graph import load
 from tactograph.nodes import F4
+from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
+from tactograph.nodes.simulate.shape_grating import shape_grating
 from tests.conftest import SHARED, MadeOnce, Raytraced
 from tests.pipelines.test_accuracy import run
 
@@ -76,6 +79,24 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
 def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
     """A rigid half ball on a coated film that lights itself: three passes left it too low."""
     assert microns("hand", "precise", "sphere") < 18
+
+
+@pytest.mark.slow
+def test_the_light_between_the_walls_of_a_groove(raytraced: Raytraced, made_once: MadeOnce) -> None:
+    """A rough height shows walls of two cells too flat: only a finer one throws all their light."""
+    rig = raytraced / "hand_bounce"
+    file = made_once("hand_bounce.npz", lambda file: calibrate(rig, file))
+    size = {"width_px": 320, "height_px": 240, "pixel_size_mm": 1 / 14}
+    wall = {"period_mm": 9.0, "duty": 2 / 3, "middle": "groove", "rise_mm": 0.5, "wall_deg": 40.0}
+    images = load("see_touch", calibration=file)(height=shape_grating(**size, **wall).height)
+
+    def depth_um(least: float) -> float:
+        pipeline = load("reconstruct", calibration=file, changes={"folded.least": least})
+        height = pipeline(frames=images["image"])["height"]
+        return measure_step(height[70:170, 85:235], 1 / 14)["step_depth_um"]
+
+    assert depth_um(least=0.65) == pytest.approx(500, abs=4)
+    assert depth_um(least=100) < 490
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475

@@ -1,0 +1,49 @@
+"""Whether film is folded more narrowly than the cells of a rough height show."""
+
+import math
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Interval
+
+from tactograph.graph import node
+from tactograph.nodes import Slope
+
+MIN_SLOPE = np.float32(0.1)
+"""Film less steep than this is taken to be at rest."""
+MIN_STEEP_CELLS = 20
+"""Fewer steeper cells are no touch."""
+
+
+@node
+def folded_film(
+    slope: Slope,
+    *,
+    cells: Annotated[int, Interval(ge=1, le=100000)] = 4800,
+    least: Annotated[float, Ge(0)] = 0.65,
+) -> bool:
+    """Return whether the film's light on itself asks for a finer height.
+
+    Between the means of cells the edges of a fold are too flat, and flat film throws too little
+    light on itself.  So the slopes' squared second differences are compared with their squares, on
+    steep cells (equation B3): 0.1 times as large on a ball, 0.6 on a soft cat, 1 on walls that are
+    two cells wide.
+
+    Parameters
+    ----------
+    slope
+        2 x H x W, mm per mm, on the cells of the last rough pass.
+    cells
+        Number of cells that `film_bounce` looks at; of more of them, every n-th counts.
+    least
+        Squared bend over squared slope from which on film is folded.
+    """
+    step = max(round(math.sqrt(slope[0].size / cells)), 1)
+    slope = slope[:, ::step, ::step]
+    squared = np.square(slope).sum(axis=0)
+    steep = squared > MIN_SLOPE * MIN_SLOPE
+    if np.count_nonzero(steep) < MIN_STEEP_CELLS:
+        return False
+    across, down = (np.square(np.diff(slope, 2, axis)).sum(axis=0) for axis in (2, 1))
+    bend = across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()
+    return bool(bend >= least * squared[steep].sum())
