@@ -19,10 +19,8 @@ def draw_arrows(
 
     Parameters
     ----------
-    picture
-        H x W x 3 of 8 bit, red first; it is drawn into and returned.
-    place, shift, seen
-        M x 2 and M x 2 in px of the image, and M.
+    picture : H x W x 3 of 8 bit, red first; it is drawn into and returned
+    place, shift, seen : M x 2 and M x 2 in px of the image, and M
     scale
         Pixels of the picture per pixel of the image.
     """

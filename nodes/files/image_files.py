@@ -300,8 +300,7 @@ def check_exposed(
 
     Parameters
     ----------
-    stack
-        K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale.
+    stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
     names
         Of the K images, for messages.
     bits

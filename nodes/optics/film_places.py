@@ -26,10 +26,8 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
 
     Parameters
     ----------
-    height
-        H x W in mm, as seen.
-    lens
-        Length 8; None: no distortion.
+    height : H x W in mm, as seen
+    lens : Length 8; None: no distortion
     camera
         1 / D in 1/mm; 0: orthographic.
 
@@ -61,8 +59,7 @@ def on_even_grid(
     ----------
     height, lens, camera
         As for `film_places`.
-    others
-        H x W each, interpolated linearly.
+    others : H x W each, interpolated linearly
 
     Raises
     ------

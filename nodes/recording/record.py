@@ -54,8 +54,7 @@ def record(
     ----------
     new
         The frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit.
-    image
-        K x H x W; gives the number of LEDs.
+    image : K x H x W; gives the number of LEDs
     name
         The touch's name.
     state

@@ -20,10 +20,8 @@ def diffuse_gel(
 
     Parameters
     ----------
-    light
-        K x H x W, directly from the LEDs.
-    rest
-        K x H x W, the same for the film at rest.
+    light : K x H x W, directly from the LEDs
+    rest : K x H x W, the same for the film at rest
     share
         Share of the film's light at rest that the gel diffuses.
     """

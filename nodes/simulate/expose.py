@@ -37,8 +37,7 @@ def expose(
 
     Parameters
     ----------
-    light
-        K x H x W, 1 is full scale.
+    light : K x H x W, 1 is full scale
     vignetting
         Share of the light that the lens loses in the image's corners; it grows with the square
         of the distance from the centre.
@@ -54,10 +53,6 @@ def expose(
         Bit depth; 0 to 2^bits - 1 become 0 to 1.
     seed
         The same seed gives the same noise.
-
-    Returns
-    -------
-    The images K x H x W, and the dark image H x W taken with all LEDs off.
     """
     lens = lens_share(light.shape[1:], vignetting)
     frames = np.concatenate([light, np.zeros_like(light[:1])]) + np.float32(ambient)

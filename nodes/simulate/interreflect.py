@@ -39,10 +39,8 @@ def interreflect(
 
     Parameters
     ----------
-    light
-        K x H x W, from the LEDs alone.
-    rest
-        K x H x W, the same for the film at rest.
+    light : K x H x W, from the LEDs alone
+    rest : K x H x W, the same for the film at rest
     height : H x W in mm
     lights : K x 3 in mm
     pixel : mm per px

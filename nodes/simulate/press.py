@@ -54,8 +54,7 @@ def press(
 
     Parameters
     ----------
-    object
-        H x W, mm: its surface above its base, as a shape node returns it.
+    object : H x W, mm: its surface above its base, as a shape node returns it
     pixel
         mm per pixel.
     stand_off_mm
@@ -66,10 +65,6 @@ def press(
         where it is touched.
     skin_mm
         Standard deviation of the Gaussian smoothing by the skin.
-
-    Returns
-    -------
-    Height of the film, H x W, mm.
 
     Raises
     ------

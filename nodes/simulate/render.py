@@ -154,12 +154,10 @@ def render(
 
     Parameters
     ----------
-    height
-        H x W, mm above the film at rest.
+    height : H x W, mm above the film at rest
     pixel
         mm per pixel.
-    lights
-        K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest.
+    lights : K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest
     distant
         Whether the LEDs are infinitely far away: parallel light, no fall-off.
     level

@@ -26,10 +26,6 @@ def shape_ball(
         Height of the ball's top above the plane: the radius (the default) for a hemisphere,
         less for a spherical cap, twice the radius for a ball lying on the plane.
 
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
-
     Raises
     ------
     InputError

@@ -31,10 +31,6 @@ def shape_cat(
         the cat keeps its proportions.
     angle_deg
         Turns the cat from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
     """
     x, y = image.places()
     x, y = turned(x, y, angle_deg)

@@ -28,10 +28,6 @@ def shape_cone(
     top_radius_mm
         Radius of the flat top; 0 for a point.
 
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
-
     Raises
     ------
     InputError

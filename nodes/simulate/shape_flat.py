@@ -23,10 +23,6 @@ def shape_flat(
     ----------
     width_px, height_px, pixel_size_mm
         The image.
-
-    Returns
-    -------
-    Height H x W, zero, and the pixel size.
     """
     ShapeImage(width_px=width_px, height_px=height_px).check_pixels()
     return shape(np.zeros((height_px, width_px)), pixel_size_mm)

@@ -55,10 +55,6 @@ def shape_grating(
     angle_deg
         Azimuth across the ridges, from x (right) towards y (down).
 
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
-
     Raises
     ------
     InputError

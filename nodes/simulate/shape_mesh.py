@@ -43,10 +43,6 @@ def shape_mesh(
     angle_deg
         Turns the mesh from x (right) towards y (down).
 
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
-
     Raises
     ------
     InputError

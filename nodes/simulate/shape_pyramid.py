@@ -30,10 +30,6 @@ def shape_pyramid(
         Height of the tip above the plane.
     angle_deg
         Azimuth of the first face, from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
     """
     x, y = image.places()
     azimuth = np.deg2rad(angle_deg + 360.0 / faces * np.arange(faces))

@@ -36,10 +36,6 @@ def shape_steps(
         Angle of the walls between the steps and of those around the staircase; 90 is vertical.
     angle_deg
         Azimuth in which the stairs climb, from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
     """
     x, y = image.places()
     along, across = turned(x, y, angle_deg)

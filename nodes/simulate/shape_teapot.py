@@ -32,10 +32,6 @@ def shape_teapot(
         the pot keeps its proportions.
     angle_deg
         Turns the pot from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
     """
     x, y = image.places()
     x, y = turned(x, y, angle_deg)

@@ -39,10 +39,6 @@ def shape_text(
     angle_deg
         Turns the text from x (right) towards y (down).
 
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
-
     Raises
     ------
     InputError

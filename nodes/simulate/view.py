@@ -55,8 +55,7 @@ def view(
 
     Parameters
     ----------
-    light
-        K x H x W, from straight above.
+    light : K x H x W, from straight above
     height : H x W in mm
     slope : 2 x H x W
     labels : H x W

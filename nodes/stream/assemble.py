@@ -25,8 +25,7 @@ class Assembler:
     ----------
     film
         The film at rest, for measuring motion.
-    dark
-        H x W: the dark image that the calibration subtracts; ambient light is the excess over it.
+    dark : H x W: the dark image that the calibration subtracts; ambient light is the excess over it
     cycle
         The LEDs in the order of the cycle, 0 for the ambient step.
     rate

@@ -55,8 +55,7 @@ class RestFilm:
 
     Parameters
     ----------
-    patterns
-        K x h x w: each LED's flat frame, averaged over cells.
+    patterns : K x h x w: each LED's flat frame, averaged over cells
     scale
         The same, but at least `MIN_REST_LIGHT`, as a divisor of light.
     confusion
@@ -111,8 +110,7 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
 
     Parameters
     ----------
-    frame
-        H x W, the raw frame.
+    frame : H x W, the raw frame
     film
         The film at rest.
     full

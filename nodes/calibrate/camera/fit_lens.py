@@ -59,8 +59,7 @@ def fit_lens(
 
     Parameters
     ----------
-    image
-        H x W; only its size is used.
+    image : H x W; only its size is used
     marks
         As `find_grid` found them.
     pitch_mm

@@ -30,8 +30,7 @@ def pixel_size(
 
     Parameters
     ----------
-    stated
-        mm per px, as a scan states it; used if nothing else is given.
+    stated : mm per px, as a scan states it; used if nothing else is given
     mm
         mm per px, from a nanometre to a metre, which files of 32-bit floats can hold; x, y of
         pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal

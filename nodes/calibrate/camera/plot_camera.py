@@ -31,8 +31,7 @@ def plot_camera(
     image : H x W
     marks
         As `find_grid` found them.
-    departure
-        N x 2 in px, as `fit_lens` returns it; NaN for marks that are left out.
+    departure : N x 2 in px, as `fit_lens` returns it; NaN for marks that are left out
     quality
         The figures, for the title.
     file

@@ -45,8 +45,7 @@ def find_presses(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
     names
         The presses' names, for messages.  No names mean that there is no press, and no ball.
     pixel : mm per px

@@ -63,10 +63,8 @@ def rate_presses(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
-    found, circle
-        B x 3 in px, before and after refining.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    found, circle : B x 3 in px, before and after refining
     kept, rim, residual
         As `fit_reflectance_map` returns them.
     pixel : mm per px

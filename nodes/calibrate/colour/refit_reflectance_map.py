@@ -76,14 +76,11 @@ def refit_reflectance_map(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W check presses and the K x H x W new film at rest.
+    image, flat : P x K x H x W check presses and the K x H x W new film at rest
     names
         The presses' names.  No names mean that there is no check press, and the map stays.
-    circle
-        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
-    reflectance
-        K x 9 x 15, of the old film.
+    circle : P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out
+    reflectance : K x 9 x 15, of the old film
     pixel : mm per px
     radius_mm
         The ball's radius.

@@ -26,10 +26,8 @@ def write_camera(
 
     Parameters
     ----------
-    image
-        H x W, the image of the grid; only its size is kept.
-    lens, pixel, residual
-        Length 8, mm per px, and px: as `fit_lens` returns them.
+    image : H x W, the image of the grid; only its size is kept
+    lens, pixel, residual : Length 8, mm per px, and px: as `fit_lens` returns them
     quality
         The figures of `fit_lens`, for people and for ``result.json``.
     file

@@ -46,8 +46,7 @@ def advise_press(
 
     Parameters
     ----------
-    flat
-        K x H x W; only its size is used.
+    flat : K x H x W; only its size is used
     slope, mask, lit
         The used presses on a sheet: 2 x S x W, S x W, S x W.
     doubts

@@ -23,10 +23,8 @@ def judge_contact(
 
     Parameters
     ----------
-    slope, height
-        2 x H x W, and H x W in mm.
-    circle
-        x, y, contact radius in px.
+    slope, height : 2 x H x W, and H x W in mm
+    circle : x, y, contact radius in px
     radius, pixel
         The ball's radius in px, mm per px.
     known

@@ -87,8 +87,7 @@ def plot_calibration(
         The figures of the calibration, for the title.
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
-    area
-        H x W of the frames, 1 where they show film; its edge is dotted.
+    area : H x W of the frames, 1 where they show film; its edge is dotted
     file
         The picture goes beside it: ``cal.npz`` gives ``cal.png``.
     """

@@ -92,10 +92,8 @@ def rate_calibration(
         Root mean square of the reflectance fit per LED; the film at rest is 1.
     spread
         Standard deviation of a.I on lit pixels.
-    lut_slope
-        N x 2, the slopes in the tables.
-    mask, lit
-        S x W, the pixels of known slope, and the LEDs that reach them.
+    lut_slope : N x 2, the slopes in the tables
+    mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
         their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth

@@ -63,12 +63,9 @@ def rate_exposure(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest.
-    taken
-        K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest
+    taken : K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken
     circle, of
         The balls: x, y and contact radius in px of their press, B x 3, and the number of that
         press, B.

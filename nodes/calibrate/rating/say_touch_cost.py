@@ -27,8 +27,7 @@ def say_touch_cost(image: Light, film: Film, *, file: Path, lights: str | None =
 
     Parameters
     ----------
-    image
-        K x H x W, a press as captured.
+    image : K x H x W, a press as captured
     film
         What was found.
     file

@@ -15,8 +15,7 @@ def draw_films(
 
     Parameters
     ----------
-    films
-        K x H x W, by title.
+    films : K x H x W, by title
     albedo, dent
         As `film_change` returns them.
     words

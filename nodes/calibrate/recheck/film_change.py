@@ -69,10 +69,8 @@ def film_change(
 
     Parameters
     ----------
-    then, now
-        K x H x W, the untouched film, dark level subtracted, equally smooth.
-    tilt
-        K x 2 x H x W, t in the equation above.
+    then, now : K x H x W, the untouched film, dark level subtracted, equally smooth
+    tilt : K x 2 x H x W, t in the equation above
     pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and

@@ -27,10 +27,8 @@ def plot_check(
 
     Parameters
     ----------
-    then, now
-        K x H x W, the untouched film.
-    strength, albedo, dent
-        K, H x W, and H x W in mm: as `film_change` returns them.
+    then, now : K x H x W, the untouched film
+    strength, albedo, dent : K, H x W, and H x W in mm: as `film_change` returns them
     leds, film, lens, ambient, camera
         As `judge_film` returns them.
     file

@@ -44,8 +44,7 @@ def find_film(
 
     Parameters
     ----------
-    flat
-        K x H x W, dark level subtracted.
+    flat : K x H x W, dark level subtracted
     dark
         Light that counts as none, as a share of the film's.
     told

@@ -45,10 +45,8 @@ def noise_correlation(
 
     Parameters
     ----------
-    image
-        K x S x W, as captured: one capture, or presses on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest.
+    image : K x S x W, as captured: one capture, or presses on a sheet (`sheet`)
+    flat : K x H x W, the film at rest
     noise : (shot, read), a captured light I has the variance shot * I + read
     grain
         Of the film; together with the noise it is the expected standard deviation of a pixel.

@@ -25,8 +25,7 @@ def label_lit(
 
     Parameters
     ----------
-    light
-        K x H x W, 1 on the film at rest.
+    light : K x H x W, 1 on the film at rest
     black
         Light up to which a pixel counts as not reached.
     which

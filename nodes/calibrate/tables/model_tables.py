@@ -24,8 +24,7 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
     ----------
     film
         The model (`optics/film`, equation F1), in the middle of the image.
-    flat, noise
-        K x h x w, and as `estimate_noise` gives it: how noisy light is.
+    flat, noise : K x h x w, and as `estimate_noise` gives it: how noisy light is
 
     Returns
     -------

@@ -92,9 +92,13 @@ class Link:
             sent = time.monotonic()
             for _ in range(MAX_ATTEMPTS):
                 self._write(line)
-                answer = self._wait(self._timeout / MAX_ATTEMPTS)
-                if answer is not None:
-                    return _granted(*answer, sent, body)
+                heard = self._wait(self._timeout / MAX_ATTEMPTS)
+                if heard is not None:
+                    answer, received = heard
+                    if answer.refusal is not None:
+                        reason = f"the LED controller refuses '{body}': {answer.refusal}"
+                        raise ControllerRefusedError(reason)
+                    return Heard(answer.values, sent, received)
             raise ControllerLostError(
                 f"the LED controller gave no answer within {self._timeout:g} s"
             )
@@ -159,9 +163,3 @@ class Link:
             self._changed.notify_all()
         if not before:
             self._on_loss()
-
-
-def _granted(answer: Answer, received: float, sent: float, body: str) -> Heard:
-    if answer.refusal is not None:
-        raise ControllerRefusedError(f"the LED controller refuses '{body}': {answer.refusal}")
-    return Heard(answer.values, sent, received)

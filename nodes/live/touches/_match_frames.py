@@ -110,8 +110,7 @@ class Matcher:
 
         Parameters
         ----------
-        data
-            H x W, the frame.
+        data : H x W, the frame
         time
             The end of its exposure as reported by the camera, in s of time.monotonic().
         light

@@ -51,8 +51,7 @@ def live_statistics(
         The end of its newest exposure, in s of ``time.monotonic()``.
     state
         The stream's counters.
-    truth
-        H x W in mm, if known: the true height at the newest exposure.
+    truth : H x W in mm, if known: the true height at the newest exposure
     contact
         Figures of the touch, as `measure_contact` and `judge_touch` return them.
     folder
