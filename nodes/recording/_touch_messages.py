@@ -9,7 +9,7 @@ import time as clock
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes import F8, Labels, Light
+from tactograph.nodes import F8
 from tactograph.nodes.files.ros_messages import (
     METRES_PER_MM,
     Message,
@@ -58,19 +58,16 @@ def touch_messages(
     """Return all messages of a touch, with the same stamp; its name comes last."""
     figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
     figures |= touch.metrics or {}
+    bytes_ = np.clip(np.rint(touch.image * np.float32(MAX_BYTE)), 0, MAX_BYTE).astype(np.uint8)
     leds = (
-        image_message(f"/led{k}/image", stamp, _eight_bit(plane), f"led{k}")
-        for k, plane in enumerate(touch.image, start=1)
+        image_message(f"/led{k}/image", stamp, plane, f"led{k}")
+        for k, plane in enumerate(bytes_, start=1)
     )
-    labels = {"/shadow": touch.shadow, "/contact": touch.contact}
+    height = touch.height * np.float32(METRES_PER_MM)
+    maps = {"/height": height, "/shadow": touch.shadow, "/contact": touch.contact}
     return [
         *leds,
-        image_message("/height", stamp, touch.height * np.float32(METRES_PER_MM), FILM_FRAME),
-        *(
-            image_message(at, stamp, each, FILM_FRAME)
-            for at, each in labels.items()
-            if each is not None
-        ),
+        *(image_message(at, stamp, m, FILM_FRAME) for at, m in maps.items() if m is not None),
         *_surface(stamp, touch, points_step),
         *_contacts(stamp, touch),
         *_markers(stamp, touch),
@@ -145,8 +142,3 @@ def _pose(stamp: int, touch: Touch) -> list[Message]:
     place = METRES_PER_MM * touch.object_frame(touch.pose)[:3, 3]
     spread = touch.pose.covariance * np.outer(units, units)
     return [pose_message("/pose", stamp, place, quaternion, spread, FILM_FRAME)]
-
-
-def _eight_bit(plane: Light) -> Labels:
-    scaled = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
-    return np.asarray(scaled, np.uint8)

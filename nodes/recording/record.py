@@ -82,23 +82,16 @@ def record(
         If the folder cannot be written when the recording begins, or the ``mcap`` libraries
         are not installed.
     """
-    recording = session.keep(
-        lambda: _Recording(
-            folder,
-            Limits(
-                file_bytes=1e6 * file_mb,
-                file_s=60 * file_minutes,
-                total_bytes=1e9 * total_gb,
-                when_full=when_full,
-                queue_bytes=1e6 * queue_mb,
-                sync_s=1e-3 * sync_ms,
-                wait=wait,
-            ),
-            leds=image.shape[0],
-            state=state,
-            provenance=provenance,
-        )
+    limits = Limits(
+        file_bytes=1e6 * file_mb,
+        file_s=60 * file_minutes,
+        total_bytes=1e9 * total_gb,
+        when_full=when_full,
+        queue_bytes=1e6 * queue_mb,
+        sync_s=1e-3 * sync_ms,
+        wait=wait,
     )
+    recording = session.keep(lambda: _Recording(folder, limits, len(image), state, provenance))
     recording.put(new, name, state)
     recording.log.tell()
 
@@ -110,7 +103,6 @@ class _Recording:
         self,
         folder: Path,
         limits: Limits,
-        *,
         leds: int,
         state: LiveState | None,
         provenance: Provenance,

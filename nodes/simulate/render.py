@@ -193,11 +193,14 @@ def render(
         If a near LED is not above the surface's highest point, or a distant one not above the
         film (NumPy only; the kernel cannot refuse and renders such an LED anyway).
     """
-    surface = _surface(height, np.float32(pixel))
+    p, q = (difference(height, axis) / np.float32(pixel) for axis in (1, 0))
+    surface = _Surface(height, p, q, np.float32(pixel), height.max())
     _check_above(lights, surface.top, distant)
     film = _Film(distant, gloss, shininess, step_px, cosine_leds, coat)
     gain = _gain(lights, height.shape, surface.pixel, distant, level)
-    spots = _spots(surface, samples)
+    offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
+    offsets -= np.float32(0.5)
+    spots = [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
     light = np.empty((len(lights), *height.shape), np.float32)
     labels = np.zeros(height.shape, np.uint8)
     for k, led in enumerate(lights):
@@ -238,7 +241,8 @@ def _lit_from(
     reached = np.zeros(surface.size, np.int32)
     for spot, point in itertools.product(spots, points):
         ray = _towards(spot, point, film.distant)
-        cosine = _cosine(spot, ray)
+        # n.L, negative in an attached shadow (section 3.3).
+        cosine = (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
         lit = cosine > 0
         lit[lit] = _unobstructed(surface, spot, ray, lit, film)
         coated = film.coat.coat_alpha > 0
@@ -251,18 +255,6 @@ def _lit_from(
         total += np.where(lit, radiance * falloff, np.float32(0))
         reached += lit
     return total, reached
-
-
-def _surface(height: F4, pixel: np.float32) -> _Surface:
-    p, q = (difference(height, axis) / pixel for axis in (1, 0))
-    return _Surface(height, p, q, pixel, height.max())
-
-
-def _spots(surface: _Surface, samples: int) -> list[_Spots]:
-    """Points spread evenly over the pixels, row by row; a single one is the centre."""
-    offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
-    offsets -= np.float32(0.5)
-    return [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
 
 
 def _spot(surface: _Surface, dx: np.float32, dy: np.float32) -> _Spots:
@@ -351,11 +343,6 @@ def _towards(spot: _Spots, point: F4, distant: bool) -> _Rays:
     else:
         x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
     return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
-
-
-def _cosine(spot: _Spots, ray: _Rays) -> F4:
-    """n.L, negative in an attached shadow (section 3.3)."""
-    return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
 
 
 def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:

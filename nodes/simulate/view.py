@@ -133,7 +133,9 @@ def _met(
         nearer = np.float32(1) - z / camera
         return _places(u * nearer, v * nearer, (rows, columns))
 
-    steps = _steps(rows, columns, top - bottom, camera)
+    # So many that none moves more than half a pixel over the film.
+    diagonal = 0.5 * math.hypot(rows - 1, columns - 1)
+    steps = 1 + math.ceil(2 * diagonal * float(top - bottom) / float(camera))
     above, below = np.full_like(height, top), np.full_like(height, bottom)
     open_ = np.ones(height.shape, bool)
     for i in range(1, steps):
@@ -147,12 +149,6 @@ def _met(
         met = bilinear(height, *places(z)) >= z
         below, above = np.where(met, z, below), np.where(met, above, z)
     return places(below)
-
-
-def _steps(rows: int, columns: int, rise: np.float32, camera: np.float32) -> int:
-    """Number of steps such that none moves more than half a pixel over the film."""
-    diagonal = 0.5 * math.hypot(rows - 1, columns - 1)
-    return 1 + math.ceil(2 * diagonal * float(rise) / float(camera))
 
 
 def _rounded(place: F4, count: int) -> NDArray[np.intp]:

@@ -8,7 +8,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
+from tactograph.nodes.optics.normals import dot
 
 
 @node(
@@ -72,7 +73,7 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(normal, coefficients)
-        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
         rest = plane - value
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
         u, v = u + j_p * rest, v + j_q * rest

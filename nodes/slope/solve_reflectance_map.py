@@ -8,7 +8,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
-from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
+from tactograph.nodes.optics.normals import dot
 from tactograph.nodes.optics.reflectance_map import (
     PLACE_DEGREE,
     PLACE_TERMS,
@@ -90,7 +91,7 @@ def _step(
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = shading(normal, coefficients)
-        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
         left = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q

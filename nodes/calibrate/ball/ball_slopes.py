@@ -34,10 +34,8 @@ def ball_slopes(
 
     Parameters
     ----------
-    light
-        K x H x W; only its size is used.
-    center
-        x, y of the ball's centre in px; pixel centres lie at integers.
+    light : K x H x W; only its size is used
+    center : x, y of the ball's centre in px; pixel centres lie at integers
     contact
         Radius of the contact circle in px.
     pixel : mm per px

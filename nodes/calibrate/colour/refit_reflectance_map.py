@@ -112,7 +112,10 @@ def refit_reflectance_map(
 
 def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple[F8, float, float]:
     """The map fitted to all slices, and the held-out errors in degrees and um."""
-    number = _folds(bench, circles)
+    y, x = np.indices(bench.shape)
+    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
+    # The fold that holds out each pixel of each press, P x H x W.
+    number = np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT
     whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
     for fold in range(FOLD_COUNT):
@@ -126,19 +129,8 @@ def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple
     return whole, float(np.mean(degrees)), float(np.mean(microns))
 
 
-def _folds(bench: Bench, circles: F8) -> NDArray[np.intp]:
-    """The fold that holds out each pixel of each press: P x H x W."""
-    y, x = np.indices(bench.shape)
-    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
-    return np.asarray(np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT)
-
-
 def _fit(
-    bench: Bench,
-    old: F8,
-    circles: F8,
-    parts: tuple[str, ...],
-    used: NDArray[np.bool_],
+    bench: Bench, old: F8, circles: F8, parts: tuple[str, ...], used: NDArray[np.bool_]
 ) -> tuple[F8, F8]:
     """Update centres, the rim's height and map in turn; return map and circles."""
     placed, reflectance, every = circles.copy(), old, np.ones(len(circles), bool)

@@ -33,8 +33,7 @@ def contact_edge(
     u, v
         N positions in mm on the film at rest, up to `MAX_EDGE_RATIO` times `rim` from the ball's
         centre.
-    light, thrown
-        K x N, the light as seen, and the part reflected from film to film.
+    light, thrown : K x N, the light as seen, and the part reflected from film to film
     centre, radius
         Of the ball, in mm.
     rim

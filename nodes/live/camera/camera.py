@@ -75,7 +75,7 @@ class Camera:
         self._alive = time.monotonic()
         self._closed = threading.Event()
         self._stop = threading.Event()
-        self._start()
+        self.reopen()
 
     def shots(self, wait: float) -> list[Shot]:
         """All waiting frames, oldest first; waits at most `wait` seconds for the first one.
@@ -89,7 +89,7 @@ class Camera:
         # A driver may block for much longer than a frame, and for even longer while opening.
         if not shots and time.monotonic() - self._alive > self._timeout + REOPEN_PAUSE_S:
             self._lost()
-            self._start()
+            self.reopen()
         return shots
 
     def check(self, wait: float, name: object) -> None:
@@ -131,17 +131,14 @@ class Camera:
                 f"{wanted[0]} x {wanted[1]}; calibrate with this camera"
             )
 
-    def reopen(self) -> None:
-        """Open the camera again, as after a failure."""
-        self._start()
-
     def close(self) -> None:
         """Release the camera; waits no longer than the timeout."""
         self._closed.set()
         self._stop.set()
         self._thread.join(self._timeout)
 
-    def _start(self) -> None:
+    def reopen(self) -> None:
+        """Open the camera in a new thread, as after a failure."""
         self._stop.set()
         self._alive = time.monotonic() + 2 * self._timeout
         self._stop = threading.Event()
@@ -183,10 +180,12 @@ class Camera:
         return None
 
     def _fetch(self, capture: Capture, stop: threading.Event) -> None:
-        pace = _FilePace(capture) if self._once else None
+        rate = capture.get(cv2.CAP_PROP_FPS) if self._once else 0.0
+        due = time.monotonic()
         while not stop.is_set():
-            if pace is not None:
-                pace.wait(stop)
+            if rate > 0:  # a file, at its own rate
+                stop.wait(max(due - time.monotonic(), 0))
+                due += 1 / rate
             try:
                 if not capture.grab():
                     return
@@ -227,19 +226,6 @@ class Camera:
         with self._changed:
             self.ended = True
             self._changed.notify()
-
-
-class _FilePace:
-    """Paces a file's frames at the file's own rate."""
-
-    def __init__(self, capture: Capture) -> None:
-        rate = capture.get(cv2.CAP_PROP_FPS)
-        self._step = 1 / rate if rate > 0 else 0.0
-        self._next = time.monotonic()
-
-    def wait(self, stop: threading.Event) -> None:
-        stop.wait(max(self._next - time.monotonic(), 0))
-        self._next += self._step
 
 
 def _moment(capture: Capture, arrival_s: float) -> float:

@@ -23,6 +23,8 @@ class Clock:
 
     def __init__(self) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=256)
+        self._difference: float | None
+        self._doubted: bool
         self.error: float
         """Half the interval: the largest possible error."""
         self.forget()
@@ -65,7 +67,7 @@ class Clock:
     def forget(self) -> None:
         """Start again, after the controller was switched off or replaced."""
         self._bounds.clear()
-        self._difference: float | None = None
+        self._difference = None
         self._doubted = False
         self.error = math.inf
 

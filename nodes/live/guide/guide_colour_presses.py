@@ -140,8 +140,10 @@ def _finer_and_finer(
         images.append(press.image)
         circles.append(circle)
         _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
-        advice = _advice(np.array(circles), flat.shape[1:], guide.ball_radius_mm / pixel)
-        tell(f"Press {len(images)} is taken: let go. {advice}")
+        every, size = np.array(circles), (flat.shape[1], flat.shape[2])
+        steepest = rim_slope(every, guide.ball_radius_mm / pixel)
+        advice = advise(presses_per_cell(every, size), size, steepest)
+        tell(f"Press {len(images)} is taken: let go. Next: {advice}.")
         if _is_finer(len(images), fitted):
             fitted = len(images)
             yield _all(images, flat, circles)
@@ -173,12 +175,6 @@ def _is_finer(presses: int, before: int) -> bool:
     return (
         degree_for(presses) > degree_for(before) or presses >= before + REFIT_PRESSES or not before
     )
-
-
-def _advice(circles: F4, shape: tuple[int, ...], radius: float) -> str:
-    size = shape[0], shape[1]
-    sentence = advise(presses_per_cell(circles, size), size, rim_slope(circles, radius))
-    return f"Next: {sentence}."
 
 
 def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresses:
