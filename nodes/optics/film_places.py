@@ -28,8 +28,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     ----------
     height : H x W in mm, as seen
     lens : Length 8; None: no distortion
-    camera
-        1 / D in 1/mm; 0: orthographic.
+    camera : 1 / D in 1/mm; 0: orthographic
 
     Raises
     ------
@@ -57,8 +56,7 @@ def on_even_grid(
 
     Parameters
     ----------
-    height, lens, camera
-        As for `film_places`.
+    height, lens, camera : as for `film_places`
     others : H x W each, interpolated linearly
 
     Raises

@@ -18,8 +18,7 @@ class RosNode:
 
     Parameters
     ----------
-    name, namespace
-        Of the node; topics without a leading slash are below the namespace.
+    name, namespace : of the node; topics without a leading slash are below the namespace
 
     Raises
     ------

@@ -48,16 +48,11 @@ def read_lerobot(
 
     Parameters
     ----------
-    dataset
-        Its folder.
-    calibration
-        Touches of another sensor than the calibration's are refused.
-    another_sensor
-        Take them on purpose, with a warning.
-    sensor
-        The sensor's name in the dataset.
-    episode
-        The episode's number, from 0; None: all, one after the other.
+    dataset : its folder
+    calibration : touches of another sensor than the calibration's are refused
+    another_sensor : take them on purpose, with a warning
+    sensor : the sensor's name in the dataset
+    episode : the episode's number, from 0; None: all, one after the other
 
     Returns
     -------

@@ -52,26 +52,19 @@ def record(
 
     Parameters
     ----------
-    new
-        The frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit.
+    new : the frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit
     image : K x H x W; gives the number of LEDs
-    name
-        The touch's name.
-    state
-        The camera's counters, written with each touch.
+    name : the touch's name
+    state : the camera's counters, written with each touch
     folder
         Created if needed.  An existing recording is continued in new files.
-    file_mb, file_minutes
-        Size and duration after which a new file begins.
-    total_gb
-        Largest total size of all files in the folder.
-    when_full
-        At that limit, "stop" recording or delete the "oldest" file.
+    file_mb, file_minutes : size and duration after which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" recording or delete the "oldest" file
     sync_ms
         Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
         touch, or as often as the disk manages.
-    queue_mb
-        Memory for touches that wait for the disk.
+    queue_mb : memory for touches that wait for the disk
     wait
         Let the stream wait for a slow disk instead of leaving touches out; for streams that are
         not live.

@@ -57,16 +57,13 @@ def replay(
 
     Parameters
     ----------
-    recording
-        An ``.mcap`` file of `record`, or the folder of such files, which are read in order.
+    recording : an ``.mcap`` file of `record`, or the folder of such files, which are read in order
     calibration
         A recording of another sensor than the calibration's is refused.  Of recordings with
         frames with all LEDs off it gives the camera's own dark image, which the graph subtracts
         by itself.
-    another_sensor
-        Take a recording of another sensor on purpose, with a warning.
-    speed
-        1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
+    another_sensor : take a recording of another sensor on purpose, with a warning
+    speed : 1: at the recorded pace; 2: twice as fast; 0: as fast as possible
     refresh
         "rolling": a touch with every frame, each replacing the older one of its LED.
         "cycle": a touch whenever all LEDs are new.

@@ -22,8 +22,7 @@ def diffuse_gel(
     ----------
     light : K x H x W, directly from the LEDs
     rest : K x H x W, the same for the film at rest
-    share
-        Share of the film's light at rest that the gel diffuses.
+    share : share of the film's light at rest that the gel diffuses
     """
     return (np.float32(1) - np.float32(share)) * light + np.float32(share) * rest
 

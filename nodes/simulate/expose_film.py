@@ -68,10 +68,8 @@ def expose_film(
     lens : Length 8; the images are those of the camera's pixels
     before
         The number of images before, from `taken` of the item before: no two have the same noise.
-    bits
-        Bit depth; 0 to 2^bits - 1 become 0 to 1.
-    seed
-        Of the noise, the same for the same seed; None: no noise.
+    bits : bit depth; 0 to 2^bits - 1 become 0 to 1
+    seed : of the noise, the same for the same seed; None: no noise
     """
     number = np.zeros(1, np.float32) if before is None else before
     image = light * flat if dark is None else light * flat + dark

@@ -34,8 +34,7 @@ def film_light(
     ----------
     slope : 2 x H x W, of the film
     height : H x W in mm, as the camera sees it (`view_slope`)
-    film
-        The LEDs' and the film's properties.
+    film : the LEDs' and the film's properties
     pixel : mm per px
     shadow : H x W, the LEDs that something keeps off, as `cast_shadows` gives them
     """

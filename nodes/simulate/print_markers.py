@@ -35,18 +35,12 @@ def print_markers(
     ----------
     light : K x H x W
     pixel : mm per px
-    pitch_mm
-        Pitch of the grid, which has a marker in the middle of the image.
-    radius_mm, dash_mm
-        Radius of a dot, and the length by which a dash is stretched along x.
-    contrast
-        Share of the light that a marker absorbs.
-    drag_x_mm, drag_y_mm
-        Drag of the film at the centre.
-    center_x_mm, center_y_mm
-        Centre of the drag, from the middle of the image.
-    reach_mm
-        Standard deviation of the drag's fall-off.
+    pitch_mm : pitch of the grid, which has a marker in the middle of the image
+    radius_mm, dash_mm : radius of a dot, and the length by which a dash is stretched along x
+    contrast : share of the light that a marker absorbs
+    drag_x_mm, drag_y_mm : drag of the film at the centre
+    center_x_mm, center_y_mm : centre of the drag, from the middle of the image
+    reach_mm : standard deviation of the drag's fall-off
     """
     rows, columns = light.shape[1:]
     side, pitch = np.float32(pixel), np.float32(pitch_mm)

@@ -75,12 +75,9 @@ class Coat(NamedTuple):
 
     Parameters
     ----------
-    coat_alpha
-        Roughness of a coat, Beckmann's alpha; 0 is a film without a coat.
-    refractive_index
-        Of the coat.
-    albedo
-        Share of the light that the film under the coat reflects.
+    coat_alpha : roughness of a coat, Beckmann's alpha; 0 is a film without a coat
+    refractive_index : of the coat
+    albedo : share of the light that the film under the coat reflects
     camera_mm
         Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is
         infinitely far away.
@@ -155,29 +152,24 @@ def render(
     Parameters
     ----------
     height : H x W, mm above the film at rest
-    pixel
-        mm per pixel.
+    pixel : mm per pixel
     lights : K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest
-    distant
-        Whether the LEDs are infinitely far away: parallel light, no fall-off.
+    distant : whether the LEDs are infinitely far away: parallel light, no fall-off
     level
         Exposure: light of the film at rest at its brightest point in the image, under the LED
         that is brightest there.  Slopes that face an LED are brighter.
     gloss
         Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; ignored
         for a film with a coat.
-    shininess
-        Exponent of the highlight; a higher one is smaller and sharper.
+    shininess : exponent of the highlight; a higher one is smaller and sharper
     led_size_mm
         Diameter of the LEDs, which are disks parallel to the film; 0 is a point with hard
         shadows.
-    rays
-        Rays per pixel to an LED of finite size; they produce its soft shadows.
+    rays : rays per pixel to an LED of finite size; they produce its soft shadows
     samples
         Points per pixel along x and along y, which are averaged.  From 2 on, pixels on a
         shadow's edge mix light and shadow, as in a camera.  Time grows with the square.
-    step_px
-        Step of the ray over the height field, in pixels.
+    step_px : step of the ray over the height field, in pixels
     cosine_leds
         Whether the LEDs' disks face the middle of the film and emit by the cosine law, instead
         of lying parallel to the film and emitting uniformly.

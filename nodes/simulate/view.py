@@ -59,8 +59,7 @@ def view(
     height : H x W in mm
     slope : 2 x H x W
     labels : H x W
-    camera_mm
-        Distance of the pupil from the film at rest; 0 is infinitely far away.
+    camera_mm : distance of the pupil from the film at rest; 0 is infinitely far away
     lens_at_corner
         Twice the distortion in the corner, relative to the distance from the middle; it is 0 at
         r^2 = 1/2.  Below 0 a pincushion, above 0 a barrel.

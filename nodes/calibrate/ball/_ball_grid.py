@@ -55,11 +55,9 @@ def find_grid(
     Parameters
     ----------
     light : K x H x W, relative to the film at rest
-    radius_px, pitch_px
-        Radius of the balls, and pitch of the lattice.
+    radius_px, pitch_px : radius of the balls, and pitch of the lattice
     pixel : mm per px
-    rest
-        The flat frame in blocks, if there is one.
+    rest : the flat frame in blocks, if there is one
     """
     peaks, goodness = _peaks(light, radius_px)
     if len(peaks) < 4:

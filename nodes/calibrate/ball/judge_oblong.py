@@ -41,8 +41,7 @@ def judge_oblong(
         is used.
     circle, goodness, of, radius : B x 3 in px, B, B, and B in mm: as `find_balls` returns them
     pixel : mm per px
-    radius_mm
-        The radius of all balls, where `radius` is not given.
+    radius_mm : the radius of all balls, where `radius` is not given
     """
     if radius is None:
         radius = np.full(len(circle), radius_mm, np.float32)

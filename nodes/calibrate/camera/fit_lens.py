@@ -60,12 +60,9 @@ def fit_lens(
     Parameters
     ----------
     image : H x W; only its size is used
-    marks
-        As `find_grid` found them.
-    pitch_mm
-        Distance between neighbouring marks.
-    camera_mm
-        Distance of the camera's pupil from the film, which converts the tilt into degrees.
+    marks : as `find_grid` found them
+    pitch_mm : distance between neighbouring marks
+    camera_mm : distance of the camera's pupil from the film, which converts the tilt into degrees
 
     Returns
     -------

@@ -38,8 +38,7 @@ def pixel_size(
     camera
         A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
-    sensor
-        A kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given.
+    sensor : a kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given
 
     Raises
     ------

@@ -98,16 +98,13 @@ def fit_reflectance_map(
     Parameters
     ----------
     image, flat : P x K x H x W presses and the K x H x W film at rest
-    names
-        The balls' names, for messages.
+    names : the balls' names, for messages
     circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
     pixel : mm per px
     of
         Length B, the press that each ball is in.  None: every press has one ball.
-    radius_mm
-        The ball's radius.
-    rounds
-        How often map and centres are updated.
+    radius_mm : the ball's radius
+    rounds : how often map and centres are updated
 
     Returns
     -------

@@ -64,15 +64,12 @@ def rate_presses(
     ----------
     image, flat : P x K x H x W presses and the K x H x W film at rest
     found, circle : B x 3 in px, before and after refining
-    kept, rim, residual
-        As `fit_reflectance_map` returns them.
+    kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
-    of_radius, of_pixels
-        The doubts of `judge_press_radius` and of `judge_oblong`.
+    of_radius, of_pixels : the doubts of `judge_press_radius` and of `judge_oblong`
     of
         Length B, the press that each ball is in.  None: every press has one ball.
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
 
     Returns
     -------

@@ -82,8 +82,7 @@ def refit_reflectance_map(
     circle : P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out
     reflectance : K x 9 x 15, of the old film
     pixel : mm per px
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
 
     Returns
     -------

@@ -37,13 +37,10 @@ def write_press_calibration(
         What speaks against the calibration, a sentence each: every graph that uses the file
         repeats it.
     area : H x W, where the frame shows film; None: everywhere
-    serial
-        The camera's serial number.
+    serial : the camera's serial number
     lens : Length 8, by which the images were undistorted; None: an ideal lens
-    file
-        The file; it is replaced as a whole.
-    sensor
-        As for `write_calibration`.
+    file : the file; it is replaced as a whole
+    sensor : as for `write_calibration`
 
     Raises
     ------

@@ -109,18 +109,12 @@ def fit(
 
     Parameters
     ----------
-    balls
-        The samples.
-    rest
-        The flat frame in blocks, if there is one.
-    parts
-        Which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`.
-    start
-        Start values of the descent.
-    shift_mm
-        Standard deviation of a ball's position.
-    width_mm
-        Width of the film that the camera sees.
+    balls : the samples
+    rest : the flat frame in blocks, if there is one
+    parts : which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`
+    start : start values of the descent
+    shift_mm : standard deviation of a ball's position
+    width_mm : width of the film that the camera sees
 
     Raises
     ------

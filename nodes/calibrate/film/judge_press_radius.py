@@ -58,8 +58,7 @@ def judge_press_radius(
     pixel : mm per px
     of
         Length B, the press that each ball is in.  None: every press has one ball.
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
 
     Returns
     -------

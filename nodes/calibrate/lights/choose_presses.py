@@ -80,8 +80,7 @@ def choose_presses(
     slope, mask, height, lit
         2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
-    names
-        The presses' names, for messages.
+    names : the presses' names, for messages
 
     Returns
     -------

@@ -75,8 +75,7 @@ def find_ambient(
     slope, mask, height
         2 x S x W, S x W, S x W in mm: of the presses, as `known_balls` returns them.
     pixel : mm per px
-    taken
-        The image with all LEDs off, if one was taken; then nothing is estimated.
+    taken : the image with all LEDs off, if one was taken; then nothing is estimated
 
     Returns
     -------

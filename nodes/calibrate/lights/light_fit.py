@@ -128,10 +128,8 @@ def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
     Parameters
     ----------
     leds : K x 3: L_x / L_z, L_y / L_z, 1 / L_z
-    spread
-        3 K x 3 K, their covariance.
-    width_mm
-        Width of the film that the camera sees.
+    spread : 3 K x 3 K, their covariance
+    width_mm : width of the film that the camera sees
     """
     unit = np.tile([1, 1, 2 / width_mm], len(leds))
     variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))

@@ -84,12 +84,10 @@ def hold_out_presses(
     flat : K x H x W, the film at rest
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    balls
-        The node that found them: circles B x 3 in px, radii in mm, and the press of each.
+    balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
     noise : (shot, read), as `estimate_noise` returns it
     pixel : mm per px
-    uneven
-        Relative standard deviation of the film's brightness.
+    uneven : relative standard deviation of the film's brightness
 
     Returns
     -------

@@ -25,8 +25,7 @@ def judge_contact(
     ----------
     slope, height : 2 x H x W, and H x W in mm
     circle : x, y, contact radius in px
-    radius, pixel
-        The ball's radius in px, mm per px.
+    radius, pixel : the ball's radius in px, mm per px
     known
         H x W, the pixels that are judged.  None: all of the contact.
 

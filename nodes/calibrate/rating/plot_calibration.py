@@ -81,15 +81,12 @@ def plot_calibration(
     frames
         `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
         of these.
-    reflectance, null
-        The fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`.
-    quality
-        The figures of the calibration, for the title.
+    reflectance, null : the fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`
+    quality : the figures of the calibration, for the title
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
     area : H x W of the frames, 1 where they show film; its edge is dotted
-    file
-        The picture goes beside it: ``cal.npz`` gives ``cal.png``.
+    file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)

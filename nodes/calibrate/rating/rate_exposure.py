@@ -69,8 +69,7 @@ def rate_exposure(
     circle, of
         The balls: x, y and contact radius in px of their press, B x 3, and the number of that
         press, B.
-    names
-        The presses' names.
+    names : the presses' names
     start, folder
         The light model that gives the film at rest where there is no capture of it, and this.
 

@@ -37,10 +37,8 @@ def plot_recalibration(
     image, circle, of
         The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
         there is no ball.
-    quality, advice
-        For the title.
-    file
-        The picture goes beside it: ``new.npz`` gives ``new.png``.
+    quality, advice : for the title
+    file : the picture goes beside it: ``new.npz`` gives ``new.png``
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"

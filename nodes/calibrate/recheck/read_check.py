@@ -28,10 +28,8 @@ def read_check(
     Parameters
     ----------
     flat : K x H x W, the film at rest, whose size every press must have
-    folder
-        A capture, or a folder of captures; None: there is no check press.
-    radius_mm, center_px, contact_px
-        As for `read_balls`.
+    folder : a capture, or a folder of captures; None: there is no check press
+    radius_mm, center_px, contact_px : as for `read_balls`
 
     Raises
     ------

@@ -48,8 +48,7 @@ def noise_correlation(
     image : K x S x W, as captured: one capture, or presses on a sheet (`sheet`)
     flat : K x H x W, the film at rest
     noise : (shot, read), a captured light I has the variance shot * I + read
-    grain
-        Of the film; together with the noise it is the expected standard deviation of a pixel.
+    grain : of the film; together with the noise it is the expected standard deviation of a pixel
 
     Returns
     -------

@@ -112,10 +112,8 @@ class GenicamCapture:
 
     Parameters
     ----------
-    camera
-        ``genicam:`` and the serial number.
-    colour
-        Whether to deliver colour pictures.
+    camera : ``genicam:`` and the serial number
+    colour : whether to deliver colour pictures
 
     Attributes
     ----------
@@ -279,14 +277,10 @@ def decode(
 
     Parameters
     ----------
-    data
-        Elements from harvesters: 8 or 16 bit, row by row.
-    name
-        The pixel format's name.
-    width, height
-        Of the picture.
-    padding
-        Unused elements at the end of each row.
+    data : elements from harvesters: 8 or 16 bit, row by row
+    name : the pixel format's name
+    width, height : of the picture
+    padding : unused elements at the end of each row
 
     Returns
     -------

@@ -29,16 +29,11 @@ class Camera:
 
     Parameters
     ----------
-    connect
-        Opens the camera; called again after every failure.
-    wanted
-        The requested settings.
-    queue
-        Most frames that wait; older ones are dropped and counted.
-    timeout
-        Seconds without a frame after which the camera is reopened.
-    once
-        Whether the stream ends with the frames, as of a file.
+    connect : opens the camera; called again after every failure
+    wanted : the requested settings
+    queue : most frames that wait; older ones are dropped and counted
+    timeout : seconds without a frame after which the camera is reopened
+    once : whether the stream ends with the frames, as of a file
 
     Attributes
     ----------
@@ -97,10 +92,8 @@ class Camera:
 
         Parameters
         ----------
-        wait
-            Longest time to wait, in seconds.
-        name
-            The user's name for the camera.
+        wait : longest time to wait, in seconds
+        name : the user's name for the camera
 
         Raises
         ------

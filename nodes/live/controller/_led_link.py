@@ -37,14 +37,10 @@ class Link:
 
     Parameters
     ----------
-    port
-        An open port; the link closes it.
-    timeout_s
-        Longest time that a request may take, including all repetitions.
-    on_event
-        Called by the reading thread with each event and its time of arrival.
-    on_loss
-        Called by the reading thread when the port fails.
+    port : an open port; the link closes it
+    timeout_s : longest time that a request may take, including all repetitions
+    on_event : called by the reading thread with each event and its time of arrival
+    on_loss : called by the reading thread when the port fails
     """
 
     def __init__(

@@ -107,12 +107,9 @@ def open_controller(
     port
         A serial port (``/dev/ttyACM0``, ``COM3``, a pseudo-terminal); None: the first
         controller found by its USB id.
-    timeout_s
-        Longest time that an answer may take.
-    leds
-        Number of LEDs that are needed.
-    watchdog_s
-        Silence of the host after which the controller switches its LEDs off.
+    timeout_s : longest time that an answer may take
+    leds : number of LEDs that are needed
+    watchdog_s : silence of the host after which the controller switches its LEDs off
 
     Raises
     ------
@@ -256,14 +253,11 @@ class LedController:
 
         Parameters
         ----------
-        order
-            LEDs from 1, one per step; 0 is a step in the dark.
-        step_s
-            Duration of a step: the camera's frame time.
+        order : LEDs from 1, one per step; 0 is a step in the dark
+        step_s : duration of a step: the camera's frame time
         on_s
             How long an LED is lit from the start of its step.  None: until its end.
-        trigger_s
-            Length of the pulse on the trigger output at the start of each step; 0: none.
+        trigger_s : length of the pulse on the trigger output at the start of each step; 0: none
         """
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)

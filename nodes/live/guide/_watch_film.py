@@ -167,14 +167,10 @@ class Watch:
 
     Parameters
     ----------
-    film
-        The untouched film.
-    stream
-        Touches, one per cycle of the LEDs, or per colour frame.
-    still_s
-        Time for which nothing may change.
-    patience_s
-        Longest time to wait.
+    film : the untouched film
+    stream : touches, one per cycle of the LEDs, or per colour frame
+    still_s : time for which nothing may change
+    patience_s : longest time to wait
     """
 
     def __init__(

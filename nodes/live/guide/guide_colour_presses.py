@@ -75,17 +75,14 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    sensor
-        As for `read_colour_camera`.
+    sensor : as for `read_colour_camera`
     pixel_size_mm
         mm per px on the film.  None: the sensor's.
-    lights
-        The colours in the calibration's order.
+    lights : the colours in the calibration's order
     warm_up_s
         How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
         none for simulated LEDs.
-    presses_at_most
-        Number of presses after which no more are asked for.
+    presses_at_most : number of presses after which no more are asked for
 
     Returns
     -------

@@ -211,12 +211,9 @@ class SimulatedSensor:
 
         Parameters
         ----------
-        shares
-            For each LED, from 1: the share of its light that each row receives, length H.
-        moment
-            Time that determines the ball's position.
-        number
-            Selects the noise.
+        shares : for each LED, from 1: the share of its light that each row receives, length H
+        moment : time that determines the ball's position
+        number : selects the noise
         """
         if self.covered:
             return self._recorded(np.zeros_like(self._lens), number, ...)

@@ -47,13 +47,11 @@ class FaultLog:
 
     Parameters
     ----------
-    state
-        The counters.
+    state : the counters
     rate
         Frames per second that the camera must deliver, because the LEDs change as often.
         None: any rate.
-    says
-        One line of explanation for every fault.
+    says : one line of explanation for every fault
     """
 
     def __init__(

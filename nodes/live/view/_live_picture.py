@@ -50,12 +50,9 @@ def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -
     touch
         Shown are its height; LED 1, or the colours, with the markers' shifts as arrows; and the
         labels over the mean image.
-    top
-        Upper end of the colour scale in mm.
-    footer
-        One line of text.
-    lights
-        "bgr" or "rgb" if the lights are the colours of one picture.
+    top : upper end of the colour scale in mm
+    footer : one line of text
+    lights : "bgr" or "rgb" if the lights are the colours of one picture
     """
     height, image = touch.height, touch.image
     shadow = np.zeros(height.shape, np.uint8) if touch.shadow is None else touch.shadow

@@ -69,23 +69,17 @@ def view_rerun(
     touch
         As `join_touch` makes it.  Its figures are plotted over time; markers are arrows over the
         image of LED 1; the pose is a transform, with the object's axes as arrows.
-    lights
-        "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one.
+    lights : "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one
     viewer
         "spawn": open a viewer on this screen, or use the one that is open.  "connect": use the
         one at `url`, here or elsewhere.  "none": only the file.
-    url
-        Address of the viewer.
+    url : address of the viewer
     file
         An ``.rrd`` file to write.  None: no file.
-    file_gb
-        Approximate largest size of the file; beyond it, nothing more is sent.
-    rate_hz
-        Most touches per second that are sent.
-    image_step
-        Factor by which the LEDs' images and the labels are reduced.
-    surface_step
-        Spacing in px of the rows and columns whose pixels become vertices of the surface.
+    file_gb : approximate largest size of the file; beyond it, nothing more is sent
+    rate_hz : most touches per second that are sent
+    image_step : factor by which the LEDs' images and the labels are reduced
+    surface_step : spacing in px of the rows and columns whose pixels become vertices of the surface
 
     Raises
     ------
