@@ -95,8 +95,7 @@ class RosTouches:
 
     Attributes
     ----------
-    count
-        Touches so far.
+    count : touches so far
     """
 
     def __init__(self, film: CalibratedFilm, lights: Order, bits: int | None) -> None:

@@ -172,12 +172,9 @@ class _Recording:
 
     Attributes
     ----------
-    path
-        The file, or the folder.
-    leds
-        Number of LEDs; known from the first frame on.
-    settings
-        The camera's settings, as far as they have been read.
+    path : the file, or the folder
+    leds : number of LEDs; known from the first frame on
+    settings : the camera's settings, as far as they have been read
     """
 
     def __init__(self, path: Path, check: Callable[[Path, SensorIdentity], None]) -> None:

@@ -117,10 +117,8 @@ class GenicamCapture:
 
     Attributes
     ----------
-    sequence
-        The number of the last frame; a gap means lost frames.
-    reason
-        Why the camera could not be opened.
+    sequence : the number of the last frame; a gap means lost frames
+    reason : why the camera could not be opened
     """
 
     def __init__(self, camera: str, *, colour: bool) -> None:

@@ -55,8 +55,7 @@ class LinuxCapture:
 
     Attributes
     ----------
-    sequence
-        The kernel's number of the last frame; a gap means lost frames.
+    sequence : the kernel's number of the last frame; a gap means lost frames
     """
 
     def __init__(self, device: str, *, colour: bool) -> None:

@@ -37,12 +37,9 @@ class Camera:
 
     Attributes
     ----------
-    faults
-        Counts of "dropped", "camera lost", and "lost" if the kernel numbers frames.
-    refused
-        Settings that the driver refused at the last opening.
-    connections
-        How often the camera was opened.
+    faults : counts of "dropped", "camera lost", and "lost" if the kernel numbers frames
+    refused : settings that the driver refused at the last opening
+    connections : how often the camera was opened
     """
 
     def __init__(

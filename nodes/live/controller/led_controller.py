@@ -63,22 +63,15 @@ class Status:
 
     Attributes
     ----------
-    state
-        "off", "set" or "cycle".
-    led
-        The LED that is lit now, 0 if none.
-    step, cycle
-        Position in the order and number of the cycle, both from 0; -1 outside a cycle.
+    state : "off", "set" or "cycle"
+    led : the LED that is lit now, 0 if none
+    step, cycle : position in the order and number of the cycle, both from 0; -1 outside a cycle
     last_step_us, time_us
         Start of that step, and present time, on the controller's clock in microseconds.
-    bad_lines
-        Number of damaged lines that the controller received.
-    watchdog
-        How often it switched off because the host was silent.
-    burnt_out
-        LEDs through which no current flows; None if the board does not measure it.
-    round_trip_s
-        Time from request to answer.
+    bad_lines : number of damaged lines that the controller received
+    watchdog : how often it switched off because the host was silent
+    burnt_out : LEDs through which no current flows; None if the board does not measure it
+    round_trip_s : time from request to answer
     """
 
     state: str
@@ -141,12 +134,9 @@ class LedController:
 
     Attributes
     ----------
-    port
-        Where it was last found.
-    identity
-        Its identity.
-    recoveries
-        For each loss or reset, the seconds until its state was restored.
+    port : where it was last found
+    identity : its identity
+    recoveries : for each loss or reset, the seconds until its state was restored
     """
 
     port: str

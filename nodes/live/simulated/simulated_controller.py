@@ -38,10 +38,8 @@ class SimulatedController:
 
     Attributes
     ----------
-    port
-        The pseudo-terminal; another one after `replug`.
-    burnt_out
-        LEDs that give no light.
+    port : the pseudo-terminal; another one after `replug`
+    burnt_out : LEDs that give no light
     garble
         Changes each line on its way to the host.  None: lines arrive unchanged.
     """
