@@ -11,6 +11,7 @@ import numpy as np
 from tactograph.graph import Provenance
 from tactograph.nodes import F8
 from tactograph.nodes.files.ros_messages import (
+    FILM_FRAME,
     METRES_PER_MM,
     Message,
     cloud_message,
@@ -21,8 +22,6 @@ from tactograph.nodes.files.ros_messages import (
 )
 from tactograph.nodes.stream.touch import Touch
 
-FILM_FRAME = "film"
-"""ROS's name of the coordinate system."""
 MAX_BYTE = 255
 
 
@@ -72,7 +71,7 @@ def touch_messages(
         *_contacts(stamp, touch),
         *_markers(stamp, touch),
         *_pose(stamp, touch),
-        diagnostics_message("/diagnostics", stamp, "tactograph", provenance.warnings, figures),
+        diagnostics_message(stamp, provenance.warnings, figures),
         text_message("/touch", stamp, touch.name),
     ]
 
@@ -84,11 +83,8 @@ def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     rows, columns = height.shape
     side = step * touch.pixel * METRES_PER_MM
     places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
-    return [
-        cloud_message(
-            "/points", stamp, {**places, "z": height * np.float32(METRES_PER_MM)}, FILM_FRAME
-        )
-    ]
+    fields = {**places, "z": height * np.float32(METRES_PER_MM)}
+    return [cloud_message("/points", stamp, fields)]
 
 
 def _contacts(stamp: int, touch: Touch) -> list[Message]:
@@ -117,7 +113,7 @@ def _contacts(stamp: int, touch: Touch) -> list[Message]:
         "angle": each("angle_deg", np.pi / 180),
         "cut": each("cut", 1),
     }
-    return [cloud_message("/contacts", stamp, fields, FILM_FRAME)]
+    return [cloud_message("/contacts", stamp, fields)]
 
 
 def _markers(stamp: int, touch: Touch) -> list[Message]:
@@ -128,7 +124,7 @@ def _markers(stamp: int, touch: Touch) -> list[Message]:
     side = touch.pixel * METRES_PER_MM
     (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
     fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
-    return [cloud_message("/markers", stamp, fields, FILM_FRAME)]
+    return [cloud_message("/markers", stamp, fields)]
 
 
 def _pose(stamp: int, touch: Touch) -> list[Message]:
@@ -141,4 +137,4 @@ def _pose(stamp: int, touch: Touch) -> list[Message]:
     quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
     place = METRES_PER_MM * touch.object_frame(touch.pose)[:3, 3]
     spread = touch.pose.covariance * np.outer(units, units)
-    return [pose_message("/pose", stamp, place, quaternion, spread, FILM_FRAME)]
+    return [pose_message(stamp, place, quaternion, spread)]
