@@ -62,10 +62,8 @@ def light_model_slope(
 
     Parameters
     ----------
-    light
-        K x H x W, a fraction of full scale.
-    model
-        As `read_light_model` gives it.
+    light : K x H x W, a fraction of full scale
+    model : as `read_light_model` gives it
     steps
         Gauss-Newton steps at most; after four, slopes of a real scan are within 5e-5 of the end
         at 99.9 % of the pixels.

@@ -39,14 +39,10 @@ def refine_taylor(
     Parameters
     ----------
     light : K x H x W, 1 on the film at rest
-    slope
-        2 x H x W, the coarse G_0.
-    shadow
-        H x W; a pixel with any bit set keeps its slope.
-    reflectance
-        K x 9, as `fit_reflectance` gives it.
-    steps
-        How many times the step is taken; the paper takes one.
+    slope : 2 x H x W, the coarse G_0
+    shadow : H x W; a pixel with any bit set keeps its slope
+    reflectance : K x 9, as `fit_reflectance` gives it
+    steps : how many times the step is taken; the paper takes one
     limit
         Longest step, as the angle in radians by which it turns the normal.  The expansion is
         valid only near G_0.  Without the limit noise would be amplified on steep sides, where

@@ -51,20 +51,13 @@ def solve_reflectance_map(
 
     Parameters
     ----------
-    light, flat
-        K x H x W: the light relative to the film at rest, and the film at rest.
-    height
-        H x W in mm, from the pass before; zero in the first.
-    reflectance
-        K x 9 x 15, as `fit_reflectance_map` gives it.
-    steps
-        Gauss-Newton steps at most.
-    prior
-        Weight that favours small slopes; matters where light does not determine the slope.
-    limit
-        Longest step, as the angle in radians by which it turns the normal.
-    still
-        A pixel stops after a step no longer than this, or than half of `limit` if that is less.
+    light, flat : K x H x W: the light relative to the film at rest, and the film at rest
+    height : H x W in mm, from the pass before; zero in the first
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
+    steps : Gauss-Newton steps at most
+    prior : weight that favours small slopes; matters where light does not determine the slope
+    limit : longest step, as the angle in radians by which it turns the normal
+    still : a pixel stops after a step no longer than this, or than half of `limit` if that is less
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
