@@ -35,7 +35,8 @@ def describe(node: Node) -> Description:
     for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
             name = name.strip(" *")
-            said[name] = _one_line(each.description) or said.get(name, "")
+            told = said.get(name), each.type_name
+            said[name] = _one_line(each.description) or "; ".join(filter(None, told))
     known = [*node.input_names, *node.parameters]
     known += [node.repeated.name] if node.repeated else []
     returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))

@@ -39,12 +39,9 @@ def find_highlights(
 
     Parameters
     ----------
-    folder
-        A capture of a ball that mirrors, one image per lamp.
-    center_px, radius_px
-        Middle and radius of the ball's outline, in px of the (cropped) image.
-    crop, channel
-        As for `read_capture`.
+    folder : a capture of a ball that mirrors, one image per lamp
+    center_px, radius_px : middle and radius of the ball's outline, in px of the (cropped) image
+    crop, channel : as for `read_capture`
 
     Raises
     ------

@@ -62,12 +62,9 @@ def read_balls(
 
     Parameters
     ----------
-    folder
-        A capture, or a folder of captures, which are read in order of name.
-    flat
-        The capture of the untouched film, which must be another.
-    radius_mm
-        The ball's radius: one for all presses, or one per press in their order.
+    folder : a capture, or a folder of captures, which are read in order of name
+    flat : the capture of the untouched film, which must be another
+    radius_mm : the ball's radius: one for all presses, or one per press in their order
     center_px, contact_px
         x, y of the ball's centre and radius of its contact; only for a single press.
 

@@ -99,8 +99,7 @@ class Layout(NamedTuple):
     files
         The images' name without suffix; ``{}`` stands for the LED's number, as in
         ``image{:02}``.  Of the usual name, any one name with numbers may be in its place.
-    crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
+    crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
     channel
         Of colour images, one per LED, the channel to read.  None: the mean of all three.
     """
@@ -131,13 +130,11 @@ def read_capture(
         warning), or images of another name with numbers, or one colour image; or holds such
         folders, which are then read in order of name, or several colour images whose channels are
         the lights.  Hidden folders and files are ignored.
-    single
-        Refuse a folder of captures.
+    single : refuse a folder of captures
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
         or `serial` than the calibration is refused, or taken with a warning.
-    whole
-        Whether images may remain the camera's integers.
+    whole : whether images may remain the camera's integers
 
     Returns
     -------

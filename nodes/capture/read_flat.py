@@ -36,19 +36,15 @@ def read_flat(
 
     Parameters
     ----------
-    image
-        K x H x W, the capture whose size the flat frame must have.
-    estimate
-        K x H x W, used if there is no folder, as `estimate_flat` returns it.
+    image : K x H x W, the capture whose size the flat frame must have
+    estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
     black
         H x W, used if `dark` is not given.  None: black.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
-    dark
-        One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``.
-    smooth_px
-        Standard deviation of the Gaussian that smooths the flat image.
+    dark : one image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``
+    smooth_px : standard deviation of the Gaussian that smooths the flat image
 
     Raises
     ------

@@ -17,12 +17,9 @@ def read_grey(*, file: Path, crop: Crop | None = None, channel: Channel | None =
 
     Parameters
     ----------
-    file
-        8 or 16 bit; PNG, TIFF, PGM or BMP.
-    crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
-    channel
-        The channel of a colour image; None: the mean of all three.
+    file : 8 or 16 bit; PNG, TIFF, PGM or BMP
+    crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
+    channel : the channel of a colour image; None: the mean of all three
 
     Raises
     ------

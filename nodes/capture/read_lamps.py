@@ -29,8 +29,7 @@ def read_lamps(*, file: Path, folder: Path) -> LightPositions:
         a ``.csv``: places in mm, x right, y down, z towards the camera, from the middle of the
         image on the film at rest; or directions of length 1.  A line without a number is a
         heading.  Names that are those of the images say which lamp is whose; else the order does.
-    folder
-        The capture, one image per lamp.
+    folder : the capture, one image per lamp
 
     Returns
     -------

@@ -49,15 +49,12 @@ def read_presses(
         (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
         folder itself.  None: there is no press; the film at rest takes its place, without a
         name.
-    flat
-        The untouched film: one colour image, or a folder like that of a press.
+    flat : the untouched film: one colour image, or a folder like that of a press
     lights
         "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
         light.
-    crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
-    smooth_px
-        Standard deviation of the Gaussian that smooths the flat image.
+    crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
+    smooth_px : standard deviation of the Gaussian that smooths the flat image
 
     Returns
     -------

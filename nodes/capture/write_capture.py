@@ -29,17 +29,13 @@ def write_capture(
 
     Parameters
     ----------
-    image
-        K x H x W, fractions of full scale, already quantised to `bits`.
+    image : K x H x W, fractions of full scale, already quantised to `bits`
     height, slope, labels
         The ground truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png``
         (bit k-1 set where LED k does not reach the pixel), if it is known.
-    lights, pixel
-        The LED positions in mm, if they are known, and the pixel size: ``scene.json``.
-    folder
-        Created if needed.
-    bits
-        Bit depth of the images; up to 8 give 8-bit files, more give 16-bit ones.
+    lights, pixel : the LED positions in mm, if they are known, and the pixel size: ``scene.json``
+    folder : created if needed
+    bits : bit depth of the images; up to 8 give 8-bit files, more give 16-bit ones
 
     Raises
     ------

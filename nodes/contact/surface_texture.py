@@ -42,8 +42,7 @@ def surface_texture(
     form_degree
         Degree of the form, a polynomial in x and y: 0 is the mean, 1 a plane (levelling), 2 also
         a ball or a cylinder.
-    edge_px
-        Width in px of the border of a contact that is excluded, because the film bends there.
+    edge_px : width in px of the border of a contact that is excluded, because the film bends there
 
     Returns
     -------

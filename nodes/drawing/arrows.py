@@ -19,12 +19,9 @@ def draw_arrows(
 
     Parameters
     ----------
-    picture
-        H x W x 3 of 8 bit, red first; it is drawn into and returned.
-    place, shift, seen
-        M x 2 and M x 2 in px of the image, and M.
-    scale
-        Pixels of the picture per pixel of the image.
+    picture : H x W x 3 of 8 bit, red first; it is drawn into and returned
+    place, shift, seen : M x 2 and M x 2 in px of the image, and M
+    scale : pixels of the picture per pixel of the image
     """
     unit = scale * (1 << SUBPIXEL_BITS)
     for begin, by, visible in zip(place, shift, seen, strict=True):

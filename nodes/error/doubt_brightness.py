@@ -35,15 +35,11 @@ def doubt_brightness(
 
     Parameters
     ----------
-    error, height
-        H x W in mm; the height above the plane, scaled.
-    known, free
-        2 x H x W, slopes found with the brightness held, and left free.
+    error, height : H x W in mm; the height above the plane, scaled
+    known, free : 2 x H x W, slopes found with the brightness held, and left free
     pixel : mm per px
-    level
-        As for `level_plane`.
-    scale
-        As for `scale_height`.
+    level : as for `level_plane`
+    scale : as for `scale_height`
 
     Returns
     -------

@@ -37,21 +37,14 @@ def doubt_rest(
 
     Parameters
     ----------
-    error
-        H x W in mm, as `height_error` gives it: zero on the film at rest.
-    rest
-        H x W, 1 on the film at rest.
-    free
-        H x W in mm, a height for which no film was held at zero.
-    variance
-        2 x H x W, the variance of p and q.
+    error : H x W in mm, as `height_error` gives it: zero on the film at rest
+    rest : H x W, 1 on the film at rest
+    free : H x W in mm, a height for which no film was held at zero
+    variance : 2 x H x W, the variance of p and q
     pixel : mm per px
-    zero
-        In mm, as `zero_error` gives it; without it the zero is known.
-    level
-        Standard deviations of the light that `calm_film` counts as noise.
-    steepest
-        Largest standard deviation of a slope.
+    zero : In mm, as `zero_error` gives it; without it the zero is known
+    level : standard deviations of the light that `calm_film` counts as noise
+    steepest : largest standard deviation of a slope
 
     Returns
     -------

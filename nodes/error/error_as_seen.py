@@ -20,10 +20,8 @@ def error_as_seen(error: HeightError, lens: Lens) -> HeightError:
 
     Parameters
     ----------
-    error
-        H x W in mm on the ideal grid.
-    lens
-        Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`).
+    error : H x W in mm on the ideal grid
+    lens : Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
     """
     if is_straight(lens):
         return error

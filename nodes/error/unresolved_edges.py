@@ -26,8 +26,7 @@ def unresolved_edges(
     ----------
     height : H x W in mm
     pixel : mm per px
-    resolved_px
-        In pixels of height.
+    resolved_px : in pixels of height
     """
     largest = cv2.dilate(bends(height), np.ones((3, 3), np.uint8))
     return np.asarray(largest > np.float32(resolved_px) * np.float32(pixel), np.uint8)

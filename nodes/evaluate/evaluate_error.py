@@ -20,12 +20,9 @@ def evaluate_error(
 
     Parameters
     ----------
-    height, truth
-        H x W in mm.
-    error
-        H x W, one standard deviation in mm.
-    unresolved
-        H x W, as `unresolved_edges` gives it; without it all pixels count.
+    height, truth : H x W in mm
+    error : H x W, one standard deviation in mm
+    unresolved : H x W, as `unresolved_edges` gives it; without it all pixels count
 
     Returns
     -------

@@ -15,10 +15,8 @@ def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = Non
 
     Parameters
     ----------
-    height, truth
-        H x W in mm.
-    pixel
-        mm per px; the paper states errors in pixels.
+    height, truth : H x W in mm
+    pixel : mm per px; the paper states errors in pixels
 
     Returns
     -------

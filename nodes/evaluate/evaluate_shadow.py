@@ -18,8 +18,7 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
 
     Parameters
     ----------
-    shadow, truth
-        H x W; bit k-1 is set where LED k does not reach the pixel.
+    shadow, truth : H x W; bit k-1 is set where LED k does not reach the pixel
 
     Returns
     -------

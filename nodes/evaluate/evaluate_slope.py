@@ -24,13 +24,10 @@ def evaluate_slope(
 
     Parameters
     ----------
-    slope
-        2 x H x W, the reconstructed slope.
+    slope : 2 x H x W, the reconstructed slope
     pixel : mm per px
-    truth
-        2 x H x W, the true slope; without it the true height is differentiated.
-    height
-        H x W in mm, the true height.
+    truth : 2 x H x W, the true slope; without it the true height is differentiated
+    height : H x W in mm, the true height
     steepest
         Pixels whose true slope is steeper (mm per mm) do not count towards the slope's
         error: across a step the difference of two heights is not a slope.

@@ -10,8 +10,7 @@ def join_metrics(*metrics: Metrics) -> Metrics:
 
     Parameters
     ----------
-    *metrics
-        Named figures.
+    *metrics : named figures
 
     Raises
     ------

@@ -84,8 +84,7 @@ def write_arrays(
 
     Parameters
     ----------
-    arrays
-        All those of `kind`; for absent ones stands what stands for them in older files.
+    arrays : all those of `kind`; for absent ones stands what stands for them in older files
     about
         Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
         added.
@@ -210,8 +209,7 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
 
     Parameters
     ----------
-    file, about
-        The calibration, and what it says of itself.
+    file, about : the calibration, and what it says of itself
     lights
         How the images that it is used for hold the lights.  None: not known.
 

@@ -80,6 +80,14 @@ class Surface(NamedTuple):
     faces: I4
 
 
+def grid_triangles(rows: int, columns: int) -> I4:
+    """Return the numbers of the corners of two triangles between four pixels, T x 3."""
+    corner = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)[:-1, :-1].ravel()
+    right, below = corner + 1, corner + columns
+    halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
+    return np.concatenate(halves)
+
+
 def surface_of(
     height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
 ) -> Surface:
@@ -92,21 +100,12 @@ def surface_of(
     rows, columns = height.shape
     x, y = film_places(height, lens, camera)
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    right, below = corner + 1, corner + columns
-    faces = np.concatenate(
-        [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
-    )
+    faces = grid_triangles(rows, columns)
     known = np.isfinite(vertices[:, 2])
     if not known.all():
         number = np.cumsum(known) - 1
         vertices, faces = vertices[known], number[faces[known[faces].all(axis=1)]]
     return Surface(vertices.astype(np.float32), faces.astype(np.int32))
-
-
-def write_npy(file: Path, height: Height, pixel: float) -> None:
-    """NumPy's own: float32, H x W, mm."""
-    np.save(file, height)
 
 
 def write_tiff(file: Path, height: Height, pixel: float, length: float | None = None) -> None:
@@ -217,7 +216,7 @@ def _write_obj(file: Path, surface: Surface) -> None:
 
 MESH_WRITERS = {"ply": _write_ply, "stl": _write_stl, "obj": _write_obj}
 HEIGHT_WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
-    "npy": write_npy,
+    "npy": lambda file, height, _: np.save(file, height),
     "tiff": write_tiff,
     "png": write_png,
     "tmd": write_tmd,

@@ -300,14 +300,10 @@ def check_exposed(
 
     Parameters
     ----------
-    stack
-        K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale.
-    names
-        Of the K images, for messages.
-    bits
-        Depth of the integers; None: that of their type.
-    how_depth
-        What to do if only `bits` of them, up to `full`, are in use.
+    stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
+    names : of the K images, for messages
+    bits : depth of the integers; None: that of their type
+    how_depth : what to do if only `bits` of them, up to `full`, are in use
     """
     counts = stack.dtype.kind == "u"
     full = 2 ** (bits or _bits(stack)) - 1 if counts else 1

@@ -70,14 +70,10 @@ def touch_columns(
 
     Parameters
     ----------
-    touch, stamp
-        The touch, and its time in nanoseconds since 1970.
-    sensor
-        Its name within the dataset.
-    figures, contacts
-        The figures that are kept of a contact, and of how many contacts.
-    origin
-        What the dataset says of the sensor and its calibration.
+    touch, stamp : the touch, and its time in nanoseconds since 1970
+    sensor : its name within the dataset
+    figures, contacts : the figures that are kept of a contact, and of how many contacts
+    origin : what the dataset says of the sensor and its calibration
 
     Raises
     ------

@@ -70,12 +70,9 @@ class McapLog:
 
     Parameters
     ----------
-    folder
-        Created if needed; an existing log is continued in new files.
-    about
-        Contents of every file's MCAP metadata named "tactograph".
-    limits
-        Limits of a file, of the folder, and of the queue.
+    folder : created if needed; an existing log is continued in new files
+    about : contents of every file's MCAP metadata named "tactograph"
+    limits : limits of a file, of the folder, and of the queue
 
     Attributes
     ----------

@@ -40,14 +40,10 @@ class McapFile:
 
     Attributes
     ----------
-    about
-        The metadata named "tactograph"; complete before the first message.
-    lost
-        Bytes that could not be read: a record cut off by the file's end, or damaged.
-    has_end
-        Whether its data ends where its writer ended it.
-    topics
-        All topics found so far.
+    about : the metadata named "tactograph"; complete before the first message
+    lost : bytes that could not be read: a record cut off by the file's end, or damaged
+    has_end : whether its data ends where its writer ended it
+    topics : all topics found so far
     """
 
     path: Path

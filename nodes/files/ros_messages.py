@@ -14,6 +14,8 @@ from tactograph.graph import InputError
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""
+FILM_FRAME = "film"
+"""ROS's name of the film's coordinate system."""
 _MESSAGE_RULE = "=" * 80
 _HEADER_DEFINITION = f"""{_MESSAGE_RULE}
 MSG: std_msgs/Header
@@ -181,13 +183,13 @@ def read_image(body: Any) -> NDArray[Any]:
     return picture[..., ::-1] if body.encoding.startswith("rgb") else picture
 
 
-def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) -> Message:
-    """A sensor_msgs/PointCloud2 of float32 fields: N points, or H x W ordered points."""
+def cloud_message(topic: str, time: int, fields: Mapping[str, Any]) -> Message:
+    """A sensor_msgs/PointCloud2 of float32 fields: N points on film, or H x W ordered points."""
     columns = np.broadcast_arrays(*fields.values())
     points = np.stack(columns, axis=-1).astype("<f4")
     width, step = points.shape[-2], 4 * len(fields)
     body = {
-        "header": _header(time, frame),
+        "header": _header(time, FILM_FRAME),
         "height": len(points) if points.ndim > 2 else 1,
         "width": width,
         "fields": [
@@ -204,12 +206,7 @@ def cloud_message(topic: str, time: int, fields: Mapping[str, Any], frame: str) 
 
 
 def pose_message(
-    topic: str,
-    time: int,
-    position: NDArray[Any],
-    quaternion: NDArray[Any],
-    covariance: NDArray[Any],
-    frame: str,
+    time: int, position: NDArray[Any], quaternion: NDArray[Any], covariance: NDArray[Any]
 ) -> Message:
     """A geometry_msgs/PoseWithCovarianceStamped, in metres and radians; quaternion x, y, z, w."""
     pose = {
@@ -217,23 +214,21 @@ def pose_message(
         "orientation": dict(zip("xyzw", quaternion.tolist(), strict=True)),
     }
     whole = {"pose": pose, "covariance": covariance.ravel().tolist()}
-    body = {"header": _header(time, frame), "pose": whole}
-    return Message(topic, "geometry_msgs/msg/PoseWithCovarianceStamped", time, body)
+    body = {"header": _header(time, FILM_FRAME), "pose": whole}
+    return Message("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", time, body)
 
 
-def diagnostics_message(
-    topic: str, time: int, name: str, warnings: list[str], values: Mapping[str, Any]
-) -> Message:
+def diagnostics_message(time: int, warnings: list[str], values: Mapping[str, Any]) -> Message:
     """A diagnostic_msgs/DiagnosticArray with one status, of level warning if there are any."""
     status = {
         "level": 1 if warnings else 0,
-        "name": name,
+        "name": "tactograph",
         "message": "; ".join(warnings) or "ok",
         "hardware_id": "",
         "values": [{"key": key, "value": str(value)} for key, value in values.items()],
     }
     body = {"header": _header(time, ""), "status": [status]}
-    return Message(topic, "diagnostic_msgs/msg/DiagnosticArray", time, body)
+    return Message("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", time, body)
 
 
 def _header(time: int, frame: str) -> dict[str, Any]:

@@ -40,10 +40,8 @@ class UsedCalibration(NamedTuple):
 
     Parameters
     ----------
-    calibration
-        The sensor's calibration; its flat frame shows the film at rest.
-    another_sensor
-        Take the calibration of a camera of another serial number, with a warning.
+    calibration : the sensor's calibration; its flat frame shows the film at rest
+    another_sensor : take the calibration of a camera of another serial number, with a warning
     """
 
     calibration: Path
@@ -57,14 +55,10 @@ def check_sensor(
 
     Parameters
     ----------
-    place
-        The images, for people.
-    found
-        Their sensor.
-    calibration
-        None: nothing is compared.
-    another_sensor
-        Only warn.
+    place : the images, for people
+    found : their sensor
+    calibration : None: nothing is compared
+    another_sensor : only warn
 
     Raises
     ------

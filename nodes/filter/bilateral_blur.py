@@ -32,14 +32,10 @@ def bilateral_blur(
     Parameters
     ----------
     light : K x H x W, of full scale, or 1 on the film at rest
-    radius
-        Radius of the disk of pixels that count, in pixels.
-    sigma_light
-        Standard deviation over light; much larger steps are preserved.
-    sigma_px
-        Standard deviation over distance in pixels.
-    border
-        Pixels beyond the frame, see `gaussian_blur`.
+    radius : radius of the disk of pixels that count, in pixels
+    sigma_light : standard deviation over light; much larger steps are preserved
+    sigma_px : standard deviation over distance in pixels
+    border : pixels beyond the frame, see `gaussian_blur`
     """
     side, rule = 2 * radius + 1, BORDER_TYPES[border]
     blurred = [

@@ -20,10 +20,8 @@ def blend_images(
 
     Parameters
     ----------
-    first, second
-        K x H x W.
-    share
-        Weight of the second; 0 gives the first.
+    first, second : K x H x W
+    share : weight of the second; 0 gives the first
     """
     mixed = [
         cv2.addWeighted(one, 1 - share, other, share, 0)

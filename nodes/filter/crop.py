@@ -56,8 +56,7 @@ def crop(
     Parameters
     ----------
     light : K x H x W
-    window
-        ``[left, top, width, height]`` in px, as OpenCV's `Rect`; None for all of the frame.
+    window : ``[left, top, width, height]`` in px, as OpenCV's `Rect`; None for all of the frame
 
     Returns
     -------

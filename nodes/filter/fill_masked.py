@@ -34,10 +34,8 @@ def fill_masked(
     Parameters
     ----------
     light : K x H x W, of full scale, or 1 on the film at rest
-    mask
-        H x W; pixels of any value but 0 stay.
-    radius_px
-        Radius of the surroundings; pixels with nothing known there stay, too.
+    mask : H x W; pixels of any value but 0 stay
+    radius_px : radius of the surroundings; pixels with nothing known there stay, too
     """
     away, taps = _taps(radius_px)
     known = (mask > 0).astype(np.float32)

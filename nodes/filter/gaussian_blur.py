@@ -29,8 +29,7 @@ def gaussian_blur(
     Parameters
     ----------
     light : K x H x W
-    sigma
-        Standard deviation in pixels.
+    sigma : standard deviation in pixels
     border
         Pixels beyond the frame, as OpenCV's `borderType`: ``replicate`` (aaa|abcd|ddd),
         ``reflect`` (cba|abcd|dcb) or ``reflect_101`` (dcb|abcd|cba).

@@ -16,10 +16,8 @@ def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
     Parameters
     ----------
     light : K x H x W, of full scale, or 1 on the film at rest
-    mask
-        H x W; any value but 0 keeps the pixel.
-    outside
-        The light elsewhere; 1 is the film at rest, once divided by the flat field.
+    mask : H x W; any value but 0 keeps the pixel
+    outside : the light elsewhere; 1 is the film at rest, once divided by the flat field
     """
     kept = np.full_like(light, outside)
     for plane, masked in zip(light, kept, strict=True):

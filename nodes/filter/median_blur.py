@@ -18,10 +18,8 @@ def median_blur(light: Light, *, size: Literal[3, 5] = 3) -> Light:
 
     Parameters
     ----------
-    light
-        K x H x W; beyond the frame the border repeats (OpenCV's ``BORDER_REPLICATE``).
-    size
-        Side of the window in pixels.
+    light : K x H x W; beyond the frame the border repeats (OpenCV's ``BORDER_REPLICATE``)
+    size : side of the window in pixels
     """
     return np.asarray([cv2.medianBlur(plane, size) for plane in light], np.float32)
 

@@ -51,10 +51,8 @@ def morphology(
     operation
         ``erode`` removes the rim; ``dilate`` adds one; ``open`` (erode, then dilate) removes
         what is smaller than the element; ``close`` (dilate, then erode) fills such holes.
-    radius
-        The structuring element measures 2 * radius + 1 pixels each way.
-    shape
-        Shape of the structuring element, as `getStructuringElement` draws it.
+    radius : the structuring element measures 2 * radius + 1 pixels each way
+    shape : shape of the structuring element, as `getStructuringElement` draws it
     """
     changed = cv2.morphologyEx(mask, OPENCV_OPERATIONS[operation], _element(shape, radius))
     return np.asarray(changed, np.uint8)

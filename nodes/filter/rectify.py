@@ -54,10 +54,8 @@ def rectify(
     Parameters
     ----------
     light : K x H x W
-    pixel
-        mm per px of the result.
-    width_mm, height_mm
-        Sides of the rectangle.
+    pixel : mm per px of the result
+    width_mm, height_mm : sides of the rectangle
     corners
         Where the camera sees its corners: [x, y] in px, clockwise from the top left one.
         None: at the corners of the frame.

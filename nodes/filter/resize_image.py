@@ -44,8 +44,7 @@ def resize_image(
     Parameters
     ----------
     light : K x H x W
-    scale
-        Pixels along a side of the result per pixel of the input.
+    scale : pixels along a side of the result per pixel of the input
     method
         ``area``: the mean over the area of a pixel, which keeps the noise's share and makes no
         patterns; ``linear``: from the four pixels around its centre, smooth where an image is

@@ -20,10 +20,8 @@ def threshold(light: Light, *, level: float = 0.5, lights: Literal["all", "any"]
     Parameters
     ----------
     light : K x H x W, of full scale, or 1 on the film at rest
-    level
-        A pixel as bright as the level does not count.
-    lights
-        Whether the light of all LEDs has to exceed the level, or that of any.
+    level : a pixel as bright as the level does not count
+    lights : whether the light of all LEDs has to exceed the level, or that of any
     """
     join = cv2.bitwise_and if lights == "all" else cv2.bitwise_or
     masks = [cv2.threshold(plane, level, 1, cv2.THRESH_BINARY)[1] for plane in light]

@@ -77,21 +77,14 @@ def drag_to_shear(
 
     Parameters
     ----------
-    height
-        H x W in mm, as seen by the camera.
-    contact
-        H x W, the number of the contact at each pixel.
-    pressure
-        H x W in kPa, by `press_to_pressure`.
-    tracks
-        The film's markers, by `track_markers`.
+    height : H x W in mm, as seen by the camera
+    contact : H x W, the number of the contact at each pixel
+    pressure : H x W in kPa, by `press_to_pressure`
+    tracks : the film's markers, by `track_markers`
     pixel : mm per px
-    view
-        The calibration, for the lens and the camera's height.
-    modulus_kpa, thickness_mm, poisson, modulus_error
-        Of the gel, as for `press_to_pressure`.
-    marker_error_px
-        Standard deviation of a marker's place.
+    view : the calibration, for the lens and the camera's height
+    modulus_kpa, thickness_mm, poisson, modulus_error : of the gel, as for `press_to_pressure`
+    marker_error_px : standard deviation of a marker's place
 
     Returns
     -------

@@ -42,15 +42,12 @@ def fit_modulus(
 
     Parameters
     ----------
-    results
-        A folder of results of `reconstruct` or `precise`, one per press.
+    results : a folder of results of `reconstruct` or `precise`, one per press
     force_n
         The force on each press in newtons, in order of the folders' names: a mass of 100 g is
         0.981 N.
-    thickness_mm
-        Of the gel; None: fitted, from three presses on.
-    poisson
-        Poisson's ratio of the gel.
+    thickness_mm : of the gel; None: fitted, from three presses on
+    poisson : Poisson's ratio of the gel
 
     Returns
     -------

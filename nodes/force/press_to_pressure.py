@@ -69,20 +69,13 @@ def press_to_pressure(
         H x W, the number of the contact at each pixel, as `find_contact` gives it: outside there
         is no pressure, and inside it may come out below zero by noise.
     pixel : mm per px
-    error
-        H x W, the height's standard deviation in mm; without it forces have no deviation.
-    modulus_kpa
-        Young's modulus of the gel.
-    thickness_mm
-        Of the gel, between film and window.
-    poisson
-        Poisson's ratio; 0.5 cannot be compressed.
-    modulus_error
-        Relative standard deviation of the modulus.
-    steps
-        Of conjugate gradients.
-    cell_px
-        Side of the cells that have a pressure of their own.
+    error : H x W, the height's standard deviation in mm; without it forces have no deviation
+    modulus_kpa : Young's modulus of the gel
+    thickness_mm : of the gel, between film and window
+    poisson : Poisson's ratio; 0.5 cannot be compressed
+    modulus_error : relative standard deviation of the modulus
+    steps : of conjugate gradients
+    cell_px : side of the cells that have a pressure of their own
 
     Returns
     -------

@@ -14,14 +14,10 @@ def enlarge_height(
 
     Parameters
     ----------
-    height
-        h x w in mm, one value per cell.
-    like
-        K x H x W; only its size is read, which is that of the result.
-    onto
-        H x W in mm, which is added; without it nothing is.
-    factor
-        Side of a cell in pixels, as for `coarsen`.
+    height : h x w in mm, one value per cell
+    like : K x H x W; only its size is read, which is that of the result
+    onto : H x W in mm, which is added; without it nothing is
+    factor : side of a cell in pixels, as for `coarsen`
     """
     _count, rows, columns = like.shape
     large = between_cells(height, (rows, columns), cell_side(rows, columns, factor))

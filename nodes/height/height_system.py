@@ -54,24 +54,17 @@ def height_system(
 
     Parameters
     ----------
-    slope, variance
-        2 x H x W; the variance of p and q.
-    rest
-        H x W, 1 on the film at rest, whose height is zero.
-    rises
-        The C measurements of `shadow_constraints`.
+    slope, variance : 2 x H x W; the variance of p and q
+    rest : H x W, 1 on the film at rest, whose height is zero
+    rises : the C measurements of `shadow_constraints`
     pixel : mm per px
-    mask
-        H x W, 1 on the pixels that count; without it all count.
+    mask : H x W, 1 on the pixels that count; without it all count
     robust
         c of Cauchy's rho, in standard deviations: equations that a height departs from by more
         lose their weight.
-    bend
-        Error of a step, in px, per difference of the slopes at its ends.
-    floor
-        Error of every step, in px; limits the contrast of the weights.
-    rise_px
-        Standard deviation of a shadow's rise, in px.
+    bend : error of a step, in px, per difference of the slopes at its ends
+    floor : error of every step, in px; limits the contrast of the weights
+    rise_px : standard deviation of a shadow's rise, in px
 
     Returns
     -------

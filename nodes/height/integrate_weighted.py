@@ -48,14 +48,12 @@ def integrate_weighted(
     ----------
     system
         The equations, by `height_system`.  Where no film is at rest, the border's median is zero.
-    start
-        H x W in mm, a first height.
+    start : H x W in mm, a first height
     before
         H x W in mm, the height of the previous touch in a stream.  If it fits better than
         `start`, it is the first height, outliers are suppressed at once (no `ease`), and half
         of the rounds are done.
-    rounds, steps
-        Number of rounds, and conjugate-gradient steps in each.
+    rounds, steps : number of rounds, and conjugate-gradient steps in each
     ease
         Factor by which c is larger for each round that remains: first least squares of
         everything, finally with the outliers suppressed (graduated non-convexity, Blake and

@@ -50,12 +50,9 @@ def level_height(
     light
         K x h x w, relative to the film at rest, on cells; film is at rest where the light of
         all LEDs is 1 within the grain.
-    grain
-        The film's grain, a share of the light.
-    cell
-        Side of a cell in pixels, as for `coarsen`.
-    degree
-        Degree of the polynomial in x and y.
+    grain : the film's grain, a share of the light
+    cell : side of a cell in pixels, as for `coarsen`
+    degree : degree of the polynomial in x and y
 
     Returns
     -------

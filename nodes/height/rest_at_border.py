@@ -23,8 +23,7 @@ def rest_at_border(
     Parameters
     ----------
     height : H x W in mm
-    width_px
-        Width of the border in px.
+    width_px : width of the border in px
     """
     rows = height[width_px:-width_px]
     ends = (height[:width_px], height[-width_px:], rows[:, :width_px], rows[:, -width_px:])

@@ -21,12 +21,9 @@ def settle_loose(
 
     Parameters
     ----------
-    height
-        H x W in mm; beyond the frame the border repeats.
-    variance
-        2 x H x W; only pixels whose variances both exceed `loose` move.
-    loose
-        Variance (mm/mm)^2 above which a pixel's own slopes carry little information.
+    height : H x W in mm; beyond the frame the border repeats
+    variance : 2 x H x W; only pixels whose variances both exceed `loose` move
+    loose : variance (mm/mm)^2 above which a pixel's own slopes carry little information
     """
     padded = np.pad(height, 1, mode="edge")
     lines = [_departure(padded, dy, dx) for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1))]

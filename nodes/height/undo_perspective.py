@@ -13,12 +13,9 @@ def undo_perspective(height: Height, camera: Vergence, *, inverse: bool = False)
 
     Parameters
     ----------
-    height
-        H x W in mm, the seen height.
-    camera
-        1 / D in 1/mm.
-    inverse
-        Return the seen height Z = z / (1 - z / D) of what each pixel sees at z.
+    height : H x W in mm, the seen height
+    camera : 1 / D in 1/mm
+    inverse : return the seen height Z = z / (1 - z / D) of what each pixel sees at z
 
     Returns
     -------

@@ -10,8 +10,7 @@ def add_light(light: Light, more: Light | None = None) -> Light:
 
     Parameters
     ----------
-    light, more
-        K x H x W; without the second one the first is returned.
+    light, more : K x H x W; without the second one the first is returned
     """
     return light if more is None else light + more
 

@@ -29,15 +29,13 @@ def calm_film(
 
     Parameters
     ----------
-    light, sigma
-        K x H x W; the standard deviation of each light.
+    light, sigma : K x H x W; the standard deviation of each light
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it
         the noise is independent.
     radius_px
         The window is 2 radius_px + 1 wide.  Beyond the frame the border pixels repeat.
-    level
-        Standard deviations of the mean that still count as noise.
+    level : standard deviations of the mean that still count as noise
 
     Returns
     -------

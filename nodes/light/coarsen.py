@@ -24,8 +24,7 @@ def coarsen(
     Parameters
     ----------
     light : K x H x W
-    factor
-        Side of a cell in pixels; 0 depends on the image (`cell_side`): 4, or 8 for a large one.
+    factor : side of a cell in pixels; 0 depends on the image (`cell_side`): 4, or 8 for a large one
     take
         ``corner`` takes only the first pixel of a cell.  That is far less to read, and enough
         for a quantity that varies as little as the noise level.

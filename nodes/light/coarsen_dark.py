@@ -12,10 +12,8 @@ def coarsen_dark(dark: Dark, *, factor: CellSide = 4) -> CoarseDark:
 
     Parameters
     ----------
-    dark
-        H x W, all LEDs off.
-    factor
-        Side of a cell in pixels, as for `coarsen`.
+    dark : H x W, all LEDs off
+    factor : side of a cell in pixels, as for `coarsen`
 
     Returns
     -------

@@ -13,13 +13,11 @@ def coarsen_pixel(
 
     Parameters
     ----------
-    pixel
-        mm per pixel.
+    pixel : mm per pixel
     like
         K x H x W, the image that is divided into cells.  Only its size is read, and only if
         the factor is 0.
-    factor
-        Pixels along the side of a cell, as for `coarsen`.
+    factor : pixels along the side of a cell, as for `coarsen`
 
     Raises
     ------

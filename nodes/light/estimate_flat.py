@@ -28,8 +28,7 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
     Parameters
     ----------
     image : K x H x W
-    degree
-        Degree of the polynomial along x and along y.
+    degree : degree of the polynomial along x and along y
 
     Returns
     -------

@@ -82,23 +82,16 @@ def film_drift(
     light, sigma
         K x H x W, relative to the film at rest, and the standard deviation of a pixel
         (0 if not given), both on cells, as `coarsen` gives them.
-    before
-        K x 6, the drift of the previous item; 1 everywhere if not given.
-    grain
-        The film's grain; half of it counts as calm, too, because texture is wider than a cell.
+    before : K x 6, the drift of the previous item; 1 everywhere if not given
+    grain : the film's grain; half of it counts as calm, too, because texture is wider than a cell
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.  It is
         subtracted: light that a touch throws on the film at rest is no drift.
-    degree
-        0: a factor per LED; 1 or 2: a polynomial in x and y.
-    rate
-        Share of a change of shape that is applied at once.
-    level
-        Standard deviations that still count as noise.
-    rough
-        Departure that still counts as calm, beyond noise.
-    factor
-        Side of a cell in pixels; its light has 1 / factor of a pixel's noise.
+    degree : 0: a factor per LED; 1 or 2: a polynomial in x and y
+    rate : share of a change of shape that is applied at once
+    level : standard deviations that still count as noise
+    rough : departure that still counts as calm, beyond noise
+    factor : side of a cell in pixels; its light has 1 / factor of a pixel's noise
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single frame, 1 / sqrt(n) for
         the mean of n.

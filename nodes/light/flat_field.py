@@ -26,12 +26,9 @@ def flat_field(
 
     Parameters
     ----------
-    image
-        K x H x W, as captured.
-    flat
-        K x H x W, the untouched film, dark level already subtracted.
-    dark
-        H x W, all LEDs off.
+    image : K x H x W, as captured
+    flat : K x H x W, the untouched film, dark level already subtracted
+    dark : H x W, all LEDs off
     drift
         K x 6, how each LED's light on the film at rest has drifted since the flat image, as
         `film_drift` gives it; no drift if not given.

@@ -17,10 +17,8 @@ def level_light(light: Light, drift: Drift) -> Light:
 
     Parameters
     ----------
-    light
-        K x H x W, relative to the film at rest.
-    drift
-        K x 6, as `film_drift` gives it.
+    light : K x H x W, relative to the film at rest
+    drift : K x 6, as `film_drift` gives it
     """
     return np.asarray(light / drift_gain(drift, light.shape[1:]), np.float32)
 

@@ -24,14 +24,10 @@ def light_noise(
 
     Parameters
     ----------
-    image
-        K x H x W, as captured.
-    flat
-        K x H x W, the untouched film.
-    noise
-        (shot, read), as `estimate_noise` gives it.
-    floor
-        Smallest value of the flat image that is divided by, as for `flat_field`.
+    image : K x H x W, as captured
+    flat : K x H x W, the untouched film
+    noise : (shot, read), as `estimate_noise` gives it
+    floor : smallest value of the flat image that is divided by, as for `flat_field`
     """
     shot, read = noise
     sigma = np.empty_like(image)

@@ -25,10 +25,8 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
 
     Parameters
     ----------
-    slope, height
-        2 x H x W, and H x W in mm.
-    reflectance
-        K x 9 x 15, as `fit_reflectance_map` gives it.
+    slope, height : 2 x H x W, and H x W in mm
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     """
     normal = normal_by_slope(*slope)[1]
     maps = maps_over_film(reflectance, height.shape)

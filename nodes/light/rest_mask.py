@@ -24,8 +24,7 @@ def rest_mask(
 
     Parameters
     ----------
-    calm
-        H x W, as `calm_film` gives it.
+    calm : H x W, as `calm_film` gives it
     pixel : mm per px
     margin_mm
         Distance kept from the touch.  A film that returns to rest as exp(-d / reach) looks

@@ -27,8 +27,7 @@ def simplify_film(
 
     Parameters
     ----------
-    film
-        The LEDs' and the film's properties.
+    film : the LEDs' and the film's properties
     without
         ``diffuse`` (with the gain of touched film), ``lobe``, ``harmonics``, ``bounce``,
         ``camera``.

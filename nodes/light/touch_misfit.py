@@ -77,18 +77,13 @@ def touch_misfit(
 
     Parameters
     ----------
-    light
-        K x H x W, as of a matt film (`matt_light`).
-    slope, used
-        2 x H x W and H x W, as `label_lights` found them.
-    height
-        H x W in mm, as far as known before that slope.
+    light : K x H x W, as of a matt film (`matt_light`)
+    slope, used : 2 x H x W and H x W, as `label_lights` found them
+    height : H x W in mm, as far as known before that slope
     lights : K x 3 in mm
-    misfit
-        Length 5, the calibration's misfit.
+    misfit : Length 5, the calibration's misfit
     pixel : mm per px
-    uneven
-        Standard deviation of the film's brightness, as given to `label_lights`.
+    uneven : standard deviation of the film's brightness, as given to `label_lights`
 
     Returns
     -------

@@ -11,10 +11,8 @@ def undistort_dark(dark: Dark, lens: Lens) -> Dark:
 
     Parameters
     ----------
-    dark
-        H x W, all LEDs off.
-    lens
-        Length 8, as `read_lens` gives it.
+    dark : H x W, all LEDs off
+    lens : Length 8, as `read_lens` gives it
     """
     plane: Dark = undistort(dark[None], lens)[0]
     return plane

@@ -16,12 +16,9 @@ def within_film(image: Light, area: Mask, flat: Light, dark: Dark) -> Light:
 
     Parameters
     ----------
-    image
-        K x H x W, as captured.
-    area
-        H x W, 1 where the frame shows film, as `find_film` gives it.
-    flat, dark
-        K x H x W and H x W: the film at rest, dark level subtracted, and all LEDs off.
+    image : K x H x W, as captured
+    area : H x W, 1 where the frame shows film, as `find_film` gives it
+    flat, dark : K x H x W and H x W: the film at rest, dark level subtracted, and all LEDs off
     """
     if fills_frame(area):
         return image

@@ -22,12 +22,9 @@ def bare_film(
 
     Parameters
     ----------
-    darkness
-        H x W, as `marker_darkness` gives it.
-    dark
-        Darkness above which a pixel belongs to a marker.
-    grow_px
-        Pixels around a marker that count as part of it.
+    darkness : H x W, as `marker_darkness` gives it
+    dark : darkness above which a pixel belongs to a marker
+    grow_px : pixels around a marker that count as part of it
     """
     covered = (darkness > np.float32(dark)).astype(np.uint8)
     side = 2 * grow_px + 1

@@ -19,10 +19,8 @@ def bare_variance(
 
     Parameters
     ----------
-    bare
-        H x W, as `bare_film` gives it.
-    film, marker
-        The variances.
+    bare : H x W, as `bare_film` gives it
+    film, marker : the variances
     """
     variance = np.where(bare > 0, np.float32(film), np.float32(marker))
     return np.stack([variance, variance])

@@ -24,8 +24,7 @@ def fill_presses(
     Parameters
     ----------
     image : P x K x H x W
-    width_px, grow_px
-        As for `marker_darkness` and `bare_film`.
+    width_px, grow_px : as for `marker_darkness` and `bare_film`
     """
     filled = []
     for press in image:

@@ -29,12 +29,9 @@ def find_markers(
 
     Parameters
     ----------
-    darkness
-        H x W, as `marker_darkness` gives it.
-    dark
-        Darkness that all pixels of a spot exceed.
-    smallest_px, largest_px
-        Smallest and largest area of a marker.
+    darkness : H x W, as `marker_darkness` gives it
+    dark : darkness that all pixels of a spot exceed
+    smallest_px, largest_px : smallest and largest area of a marker
 
     Returns
     -------

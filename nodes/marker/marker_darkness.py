@@ -29,10 +29,8 @@ def marker_darkness(
 
     Parameters
     ----------
-    light
-        K x H x W, as captured or relative to the film at rest.
-    width_px
-        Side of the square; a little more than a marker is wide.
+    light : K x H x W, as captured or relative to the film at rest
+    width_px : side of the square; a little more than a marker is wide
     """
     element = np.ones((width_px | 1, width_px | 1), np.uint8)
     closed = np.stack([cv2.morphologyEx(plane, cv2.MORPH_CLOSE, element) for plane in light])

@@ -48,17 +48,12 @@ def track_markers(
 
     Parameters
     ----------
-    darkness
-        H x W of the touch, as `marker_darkness` gives it.
-    markers
-        M x 3 in px, of the untouched film.
+    darkness : H x W of the touch, as `marker_darkness` gives it
+    markers : M x 3 in px, of the untouched film
     pixel : mm per px
-    before
-        M x 2 in px, the shifts of the previous item.
-    dark
-        As for `find_markers`.
-    farthest
-        Largest distance from a marker's predicted to its found place, in pitches.
+    before : M x 2 in px, the shifts of the previous item
+    dark : as for `find_markers`
+    farthest : largest distance from a marker's predicted to its found place, in pitches
 
     Returns
     -------

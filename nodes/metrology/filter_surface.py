@@ -45,8 +45,7 @@ def filter_surface(
     form_degree
         Degree of the form, a polynomial in x and y fitted by least squares: 0 is the mean, 1 a
         plane, 2 also a ball or a cylinder.
-    s_filter_mm, l_filter_mm
-        Nesting indices in mm; None: no filter.
+    s_filter_mm, l_filter_mm : nesting indices in mm; None: no filter
 
     Returns
     -------

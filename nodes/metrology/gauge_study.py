@@ -40,10 +40,8 @@ def gauge_study(
     folder
         Holds ``PART/TRIAL/height.npy``, or ``PART/OPERATOR/TRIAL/height.npy``, results as
         `write_result` leaves them.
-    figure
-        Of `measure_step`, what is studied.
-    pixel_size_mm, crop, along, edges
-        As for `read_pixel_size`, `read_height` and `measure_step`.
+    figure : of `measure_step`, what is studied
+    pixel_size_mm, crop, along, edges : as for `read_pixel_size`, `read_height` and `measure_step`
 
     Returns
     -------

@@ -29,12 +29,9 @@ def plot_step(
     ----------
     height : H x W in mm
     pixel : mm per px
-    along, edges
-        As for `measure_step`.
-    figures
-        Of `measure_step`.
-    file
-        The picture (``.png``); None: none is drawn.
+    along, edges : as for `measure_step`
+    figures : of `measure_step`
+    file : the picture (``.png``); None: none is drawn
     """
     if file is None:
         return

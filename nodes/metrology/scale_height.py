@@ -23,8 +23,7 @@ def scale_height(
     Parameters
     ----------
     height : H x W in mm
-    step, scale
-        Factor and its standard uncertainty.
+    step, scale : factor and its standard uncertainty
     """
     said = scale if step is None else step
     return height if said is None else np.asarray(height * np.float32(said[0]), np.float32)

@@ -218,15 +218,12 @@ def fit_motion(
 
     Parameters
     ----------
-    first, second
-        On cells of one size.
+    first, second : on cells of one size
     guesses
         4 x 4, the likeliest first: tried until one leads to a sure fit; else the most alike is
         taken, or the first where none is alike.  An open motion stays as in the guess.
-    pressed
-        Share of the raised film that curves down (`held_film`).
-    rings
-        Whether rings along the contacts' rims count by what they err.
+    pressed : share of the raised film that curves down (`held_film`)
+    rings : whether rings along the contacts' rims count by what they err
 
     Returns
     -------

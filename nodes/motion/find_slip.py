@@ -69,25 +69,17 @@ def find_slip(
 
     Parameters
     ----------
-    height
-        H x W in mm, as seen by the camera.
-    contact
-        H x W, with numbers that last, as `follow_contacts` gives it.
-    tracks
-        The film's markers, by `track_markers`.
-    moved
-        The object's motion, by `track_pose`.
+    height : H x W in mm, as seen by the camera
+    contact : H x W, with numbers that last, as `follow_contacts` gives it
+    tracks : the film's markers, by `track_markers`
+    moved : the object's motion, by `track_pose`
     pixel : mm per px
-    view
-        The calibration, for the lens and the camera's height.
-    before
-        This node's own ``slides`` of the frame before (``previous.NODE.slides``).
+    view : the calibration, for the lens and the camera's height
+    before : this node's own ``slides`` of the frame before (``previous.NODE.slides``)
     slip_mm
         Least slip.  Above the noise of markers and pose, 3 to 10 um.
-    hold_frames
-        Frames.
-    margin_px
-        Width of the contact's rim whose markers do not count: film hangs there.
+    hold_frames : frames
+    margin_px : width of the contact's rim whose markers do not count: film hangs there
 
     Returns
     -------

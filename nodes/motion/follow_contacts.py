@@ -54,8 +54,7 @@ def follow_contacts(
 
     Parameters
     ----------
-    contact
-        H x W, as `find_contact` gives it.
+    contact : H x W, as `find_contact` gives it
     pixel : mm per px
     before, tracks
         This node's own ``contact`` and ``tracks`` of the frame before (``previous.NODE.contact``);
@@ -63,8 +62,7 @@ def follow_contacts(
     reach
         How far a contact may move in a frame without overlapping itself, in multiples of its
         radius.
-    patience
-        Frames.
+    patience : frames
 
     Returns
     -------

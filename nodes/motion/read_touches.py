@@ -57,10 +57,8 @@ def read_touches(
         Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
         holds ``.mcap`` files: heights, as `write_mcap` writes them, which state no pixel size, or
         with a calibration frames, as `record` writes them.
-    most
-        Number of touches.
-    pixel_size_mm
-        For heights in ``.mcap`` files, and stores of graphs that put out no pixel size.
+    most : number of touches
+    pixel_size_mm : for heights in ``.mcap`` files, and stores of graphs that put out no pixel size
     calibration
         Of the sensor whose frames `folder` holds: `replay` makes heights of them, without errors.
 

@@ -76,24 +76,17 @@ def stitch(
 
     Parameters
     ----------
-    heights
-        P x H x W in mm, on even grids.
-    errors
-        P x H x W in mm, NaN where not stated.
+    heights : P x H x W in mm, on even grids
+    errors : P x H x W in mm, NaN where not stated
     pixel : mm per px
-    names
-        Of the P touches.
-    turn_deg
-        Largest turn about z between two touches that is looked for.
-    least_overlap
-        Share of the smaller contact that two touches must have in common.
+    names : of the P touches
+    turn_deg : largest turn about z between two touches that is looked for
+    least_overlap : share of the smaller contact that two touches must have in common
     least_likeness
         Share of the variance of one touch's slopes that the other must have, too; less than 0.9
         where slopes are noisy.
-    margin_px
-        Width of the contacts' rims that are left out.
-    cell_px
-        Side of the finest cells on which touches are matched.
+    margin_px : width of the contacts' rims that are left out
+    cell_px : side of the finest cells on which touches are matched
 
     Returns
     -------

@@ -83,23 +83,18 @@ def track_pose(
 
     Parameters
     ----------
-    height
-        H x W in mm, on an even grid: an ideal lens.
-    contact
-        H x W, as `find_contact` gives it.
+    height : H x W in mm, on an even grid: an ideal lens
+    contact : H x W, as `find_contact` gives it
     pixel : mm per px
     variance
         2 x H x W, of the slopes that the height was integrated from; without it the covariance
         follows from what the fit leaves.
-    key, memory
-        This node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``).
+    key, memory : this node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``)
     cell_px
         Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
         touched, but 2 at least.
-    margin_px
-        Width of the contact's rim that is left out, beside the film that hangs there.
-    least_overlap
-        Share of the smaller contact.
+    margin_px : width of the contact's rim that is left out, beside the film that hangs there
+    least_overlap : share of the smaller contact
 
     Returns
     -------

@@ -31,15 +31,11 @@ def write_stitched(
 
     Parameters
     ----------
-    height, error
-        Y x X in mm; NaN where nothing touched.
-    source
-        Y x X, as `stitch` gives it.
+    height, error : Y x X in mm; NaN where nothing touched
+    source : Y x X, as `stitch` gives it
     pixel : mm per px
-    metrics
-        Figures to keep in ``result.json``.
-    folder
-        Created if needed.
+    metrics : figures to keep in ``result.json``
+    folder : created if needed
 
     Raises
     ------

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, Film
 from tactograph.nodes.optics.coat import MIN_COSINE, fresnel, let_in_by, let_in_curve, masking
 from tactograph.nodes.optics.film import direct_share, glint, to_pupil
+from tactograph.nodes.optics.normals import cross, dot
 from tactograph.nodes.optics.radiosity import Cells, Grid
 from tactograph.nodes.optics.sweep import Law
 
@@ -77,25 +78,22 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
         eye, normal, facing = here.eye[:, at], here.normal[:, at], there.normal[:, other]
         # Perpendicular to both directions at P, and to the one towards P at the cells.
-        aside, along = turn * _cross(eye, away), _dot(eye, away)
+        aside, along = turn * cross(eye, away), dot(eye, away)
         square = turn * turn * (1 - along * along)
-        c_in, c_out = _dot(normal, away), -_dot(facing, away)
-        rises = _dot(normal, aside)
+        c_in, c_out = dot(normal, away), -dot(facing, away)
+        rises = dot(normal, aside)
         half, reach = here.to_eye[at] + c_in, square - rises * rises
         back = _facets(film, half, 2 + 2 * along, reach, -half * rises)
         back *= here.unhidden[at] * _unhidden(film, c_in)
         back += here.let_out[at] * _let_in(film, c_in)
-        let_out, unhidden, rises = (
-            _let_in(film, c_out),
-            _unhidden(film, c_out) * (c_out > 0),
-            _dot(facing, aside),
-        )
+        let_out, unhidden = _let_in(film, c_out), _unhidden(film, c_out) * (c_out > 0)
+        rises = dot(facing, aside)
         reach = square - rises * rises
         reflectance = np.empty((len(by_rest), at.size), np.float32)
         for k, led in enumerate(sent.towards):
             light, half = led[:, other], sent.facing[k, other] + c_out
             lobe = _facets(
-                film, half, 2 - 2 * _dot(light, away), reach, _dot(light, aside) - half * rises
+                film, half, 2 - 2 * dot(light, away), reach, dot(light, aside) - half * rises
             )
             base = sent.base[k, other] * let_out
             reflectance[k] = back * (base + sent.mirrored[k, other] * unhidden * lobe)
@@ -111,7 +109,7 @@ def source_rows(leds: int) -> int:
 
 def _surface(film: Film, at: F4, normal: F4) -> _Surface:
     eye = np.stack(to_pupil(film.camera, *at))
-    to_eye = _dot(normal, eye)
+    to_eye = dot(normal, eye)
     return _Surface(at, normal, eye, to_eye, _let_in(film, to_eye), _unhidden(film, to_eye))
 
 
@@ -122,11 +120,11 @@ def _emitted(film: Film, there: _Surface, sources: F4) -> _Sent:
         led = light[:, None] - there.at
         square = (led * led).sum(0)
         led = led / np.sqrt(square)
-        facing[k] = _dot(there.normal, led)
+        facing[k] = dot(there.normal, led)
         lit = np.maximum(facing[k], 0)
         whole = share * lit * light[2] * light[2] / square
         seen = sources[k] * _at_rest(film, light, there.at)
-        lobe = _mirrored(film, facing[k], there.to_eye, _dot(led, there.eye))
+        lobe = _mirrored(film, facing[k], there.to_eye, dot(led, there.eye))
         unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
         whole *= np.minimum(seen / np.maximum(unshadowed, MIN_DIVISOR), 1)
         base[k] = np.maximum(seen - whole * lobe, 0) / there.let_out
@@ -145,7 +143,7 @@ def _at_rest(film: Film, light: F4, at: F4) -> F4:
     led = light[:, None] - flat
     led /= np.sqrt((led * led).sum(0))
     base = _let_in(film, led[2]) * _let_in(film, eye[2])
-    return np.asarray(base + _mirrored(film, led[2], eye[2], _dot(led, eye)), np.float32)
+    return np.asarray(base + _mirrored(film, led[2], eye[2], dot(led, eye)), np.float32)
 
 
 def _let_in(film: Film, cosine: F4) -> F4:
@@ -191,13 +189,3 @@ def _facets(film: Film, half: F4, square: F4, reach: F4, sideways: F4) -> F4:
     scale = np.float32(0.25 / (film.base * film.roughness**2))
     factors[near] = scale * lobe / (cosine * cosine) * mirrored
     return factors
-
-
-def _cross(a: F4, b: F4) -> F4:
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
-
-
-def _dot(a: F4, b: F4) -> F4:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

@@ -86,23 +86,14 @@ def is_affine(film: Film) -> bool:
 
 
 def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | None = None) -> Array:
-    """Return the light relative to the film at rest, equation F1, without bounced light.
+    """Return the light relative to the film at rest, equation F1, without bounced light: K x N.
 
     Parameters
     ----------
-    film
-        The LEDs' and the film's properties.
-    n
-        3 x N, unit normals.
-    x, y, z
-        Of length N in mm, where the film is.
-    rest
-        K x N, as `rest_below` gives it, where it is known.
-
-    Returns
-    -------
-    ndarray
-        K x N.
+    film : the LEDs' and the film's properties
+    n : 3 x N, unit normals
+    x, y, z : of length N in mm, where the film is
+    rest : K x N, as `rest_below` gives it, where it is known
     """
     if rest is None:
         rest = rest_below(film, x, y, z)
@@ -178,19 +169,14 @@ def turned(
 
     Parameters
     ----------
-    film
-        The LEDs' and the film's properties.
-    light
-        K x N, relative to the film at rest, without bounced light.
-    n
-        3 x N, unit normals.
-    place
-        x, y, z in mm.
+    film : the LEDs' and the film's properties
+    light : K x N, relative to the film at rest, without bounced light
+    n : 3 x N, unit normals
+    place : x, y, z in mm
     uneven
         Standard deviation of the film's brightness, as a share; the light of each LED has the
         standard deviation `LIGHT_NOISE_SHARE`.
-    rest
-        As for `predict`.
+    rest : as for `predict`
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)
@@ -256,14 +242,10 @@ def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
 
     Parameters
     ----------
-    film
-        The LEDs' and the film's properties.
-    n
-        3 x N, unit normals.
-    place
-        x, y, z in mm.
-    weight
-        K x N, of the LEDs; all zero leaves 1.
+    film : the LEDs' and the film's properties
+    n : 3 x N, unit normals
+    place : x, y, z in mm
+    weight : K x N, of the LEDs; all zero leaves 1
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)

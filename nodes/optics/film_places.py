@@ -26,12 +26,9 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
 
     Parameters
     ----------
-    height
-        H x W in mm, as seen.
-    lens
-        Length 8; None: no distortion.
-    camera
-        1 / D in 1/mm; 0: orthographic.
+    height : H x W in mm, as seen
+    lens : Length 8; None: no distortion
+    camera : 1 / D in 1/mm; 0: orthographic
 
     Raises
     ------
@@ -59,10 +56,8 @@ def on_even_grid(
 
     Parameters
     ----------
-    height, lens, camera
-        As for `film_places`.
-    others
-        H x W each, interpolated linearly.
+    height, lens, camera : as for `film_places`
+    others : H x W each, interpolated linearly
 
     Raises
     ------

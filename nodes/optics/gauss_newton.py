@@ -18,11 +18,6 @@ def normal_by_slope(p: F4, q: F4) -> tuple[F4, Vector, Vector, Vector]:
     return square, (-p * w, -q * w, w), by_p, by_q
 
 
-def along(gradient: Vector, direction: Vector) -> F4:
-    """The derivative in a direction."""
-    return gradient[0] * direction[0] + gradient[1] * direction[1] + gradient[2] * direction[2]
-
-
 def limited_step(matrix: Vector, right: tuple[F4, F4], longest: F4) -> tuple[F4, F4]:
     """Solve a dp + b dq = u, b dp + c dq = v, and shorten (dp, dq) to `longest`."""
     (a, b, c), (u, v) = matrix, right

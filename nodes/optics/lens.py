@@ -42,8 +42,7 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
 
     Parameters
     ----------
-    width, length
-        Sides of a pixel along x and y, in mm.
+    width, length : sides of a pixel along x and y, in mm
 
     Raises
     ------

@@ -30,19 +30,13 @@ def places(count: int, pixel: np.float32) -> F4:
 
 
 def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
-    """Return v of equation N1: n.v is the light of a film with normal n, 1 at rest.
+    """Return v of equation N1, K x 3 x H x W: n.v is the light of a film with normal n, 1 at rest.
 
     Parameters
     ----------
-    lights
-        K x 3 in mm from the middle of the image.
+    lights : K x 3 in mm from the middle of the image
     height : H x W in mm
     pixel : mm per px
-
-    Returns
-    -------
-    ndarray
-        K x 3 x H x W.
     """
     x = places(height.shape[1], np.float32(pixel))[None, :]
     y = places(height.shape[0], np.float32(pixel))[:, None]

@@ -77,7 +77,7 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
     determinant = np.maximum(aa * bb - ab * ab, 1e-9)
     s, t = (bb * of_a - ab * of_b) / determinant, (aa * of_b - ab * of_a) / determinant
     base = a * s + b * t
-    across = _cross(a, b) * np.sqrt(np.maximum(1 - dot(base, base), 0) / determinant)
+    across = cross(a, b) * np.sqrt(np.maximum(1 - dot(base, base), 0) / determinant)
     return _unit(base + across), _unit(base - across)
 
 
@@ -117,7 +117,8 @@ def dot(a: Any, b: Any) -> F4:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a: F4, b: F4) -> F4:
+def cross(a: Any, b: Any) -> F4:
+    """Cross products of vectors, their components along the first axis."""
     return np.array([a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
 
@@ -134,7 +135,7 @@ def _inverse(h: F4, soft: float) -> F4:
 
 def cofactors(a: Any) -> Any:
     """Adjugates of symmetric 3 x 3 matrices: their inverse times their determinant."""
-    return np.array([_cross(a[1], a[2]), _cross(a[2], a[0]), _cross(a[0], a[1])])
+    return np.array([cross(a[1], a[2]), cross(a[2], a[0]), cross(a[0], a[1])])
 
 
 def times(a: Any, b: Any) -> Any:

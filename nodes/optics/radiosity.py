@@ -127,7 +127,8 @@ def cells_of(
     u, aside = _middles(height.shape[1], pixel, grid)
     v, below = _middles(height.shape[0], pixel, grid)
     v, below, by = v[:, None], below[:, None], np.float32(camera)
-    seen, across, down = _tilts(height, pixel, grid.factor)
+    changes = (difference(height, axis) / pixel for axis in (1, 0))
+    seen, across, down = means(np.stack([height, *changes]), grid.factor)
     seen += aside * across + below * down
     p, q = (across, down) if slope is None else means(slope, grid.factor)
     seen, p, q = (np.pad(part, grid.rim) for part in (seen, p, q))
@@ -155,12 +156,6 @@ def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
     pixels = np.minimum(grid.factor, count - grid.factor * np.arange(cells)).astype(np.float32)
     left = half * np.float32(count) * pixel
     return (number + half) * width - left, half * (grid.factor - pixels) * pixel
-
-
-def _tilts(height: F4, pixel: np.float32, factor: int) -> F4:
-    """Return the cells' mean height and its mean differences, 3 x rows x columns."""
-    across, down = difference(height, 1) / pixel, difference(height, 0) / pixel
-    return means(np.stack([height, across, down]), factor)
 
 
 def means(planes: F4, factor: int) -> F4:

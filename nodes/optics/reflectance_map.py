@@ -93,20 +93,10 @@ def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
 
 
 def harmonics(slope: F4) -> F4:
-    """The nine spherical harmonics up to second order, without their constant factors.
+    """The nine spherical harmonics up to second order of slopes 2 x ..., 9 x ..., without factors.
 
     1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
     normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.
-
-    Parameters
-    ----------
-    slope
-        2 x anything.
-
-    Returns
-    -------
-    ndarray
-        9 x anything.
     """
     p, q = slope
     z = 1 / np.sqrt(1 + p * p + q * q)

@@ -30,10 +30,8 @@ class ShapeImage(NamedTuple):
 
     Parameters
     ----------
-    offset_mm
-        Middle or axis of the shape from the centre of the image.
-    width_px, height_px, pixel_size_mm
-        The image.
+    offset_mm : middle or axis of the shape from the centre of the image
+    width_px, height_px, pixel_size_mm : the image
     """
 
     offset_mm: Offset = (0.0, 0.0)

@@ -18,8 +18,7 @@ class RosNode:
 
     Parameters
     ----------
-    name, namespace
-        Of the node; topics without a leading slash are below the namespace.
+    name, namespace : of the node; topics without a leading slash are below the namespace
 
     Raises
     ------
@@ -58,7 +57,7 @@ class RosNode:
                 )
             publisher = self._publishers[message.topic]
             if publisher.get_subscription_count():
-                publisher.publish(as_ros(message))
+                publisher.publish(_filled(_class_of(message.type), message.body))
 
     def subscribe(self, topic: str, kind: str) -> deque[Any]:
         """A queue that `wait` fills with the messages of a topic, newest last."""
@@ -93,12 +92,8 @@ def _rclpy() -> Any:
         ) from None
 
 
-def as_ros(message: Message) -> Any:
-    """The message as an instance of ROS's own class."""
-    return _filled(_class_of(message.type), message.body)
-
-
 def _filled(kind: Any, values: Mapping[str, Any]) -> Any:
+    """An instance of ROS's own class with these values."""
     fields = kind.get_fields_and_field_types()
     return kind(**{name: _value(fields[name], value) for name, value in values.items()})
 

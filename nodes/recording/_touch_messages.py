@@ -9,8 +9,9 @@ import time as clock
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes import F8, Labels, Light
+from tactograph.nodes import F8
 from tactograph.nodes.files.ros_messages import (
+    FILM_FRAME,
     METRES_PER_MM,
     Message,
     cloud_message,
@@ -21,8 +22,6 @@ from tactograph.nodes.files.ros_messages import (
 )
 from tactograph.nodes.stream.touch import Touch
 
-FILM_FRAME = "film"
-"""ROS's name of the coordinate system."""
 MAX_BYTE = 255
 
 
@@ -58,24 +57,21 @@ def touch_messages(
     """Return all messages of a touch, with the same stamp; its name comes last."""
     figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
     figures |= touch.metrics or {}
+    bytes_ = np.clip(np.rint(touch.image * np.float32(MAX_BYTE)), 0, MAX_BYTE).astype(np.uint8)
     leds = (
-        image_message(f"/led{k}/image", stamp, _eight_bit(plane), f"led{k}")
-        for k, plane in enumerate(touch.image, start=1)
+        image_message(f"/led{k}/image", stamp, plane, f"led{k}")
+        for k, plane in enumerate(bytes_, start=1)
     )
-    labels = {"/shadow": touch.shadow, "/contact": touch.contact}
+    height = touch.height * np.float32(METRES_PER_MM)
+    maps = {"/height": height, "/shadow": touch.shadow, "/contact": touch.contact}
     return [
         *leds,
-        image_message("/height", stamp, touch.height * np.float32(METRES_PER_MM), FILM_FRAME),
-        *(
-            image_message(at, stamp, each, FILM_FRAME)
-            for at, each in labels.items()
-            if each is not None
-        ),
+        *(image_message(at, stamp, m, FILM_FRAME) for at, m in maps.items() if m is not None),
         *_surface(stamp, touch, points_step),
         *_contacts(stamp, touch),
         *_markers(stamp, touch),
         *_pose(stamp, touch),
-        diagnostics_message("/diagnostics", stamp, "tactograph", provenance.warnings, figures),
+        diagnostics_message(stamp, provenance.warnings, figures),
         text_message("/touch", stamp, touch.name),
     ]
 
@@ -87,11 +83,8 @@ def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     rows, columns = height.shape
     side = step * touch.pixel * METRES_PER_MM
     places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
-    return [
-        cloud_message(
-            "/points", stamp, {**places, "z": height * np.float32(METRES_PER_MM)}, FILM_FRAME
-        )
-    ]
+    fields = {**places, "z": height * np.float32(METRES_PER_MM)}
+    return [cloud_message("/points", stamp, fields)]
 
 
 def _contacts(stamp: int, touch: Touch) -> list[Message]:
@@ -120,7 +113,7 @@ def _contacts(stamp: int, touch: Touch) -> list[Message]:
         "angle": each("angle_deg", np.pi / 180),
         "cut": each("cut", 1),
     }
-    return [cloud_message("/contacts", stamp, fields, FILM_FRAME)]
+    return [cloud_message("/contacts", stamp, fields)]
 
 
 def _markers(stamp: int, touch: Touch) -> list[Message]:
@@ -131,7 +124,7 @@ def _markers(stamp: int, touch: Touch) -> list[Message]:
     side = touch.pixel * METRES_PER_MM
     (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
     fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
-    return [cloud_message("/markers", stamp, fields, FILM_FRAME)]
+    return [cloud_message("/markers", stamp, fields)]
 
 
 def _pose(stamp: int, touch: Touch) -> list[Message]:
@@ -144,9 +137,4 @@ def _pose(stamp: int, touch: Touch) -> list[Message]:
     quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
     place = METRES_PER_MM * touch.object_frame(touch.pose)[:3, 3]
     spread = touch.pose.covariance * np.outer(units, units)
-    return [pose_message("/pose", stamp, place, quaternion, spread, FILM_FRAME)]
-
-
-def _eight_bit(plane: Light) -> Labels:
-    scaled = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
-    return np.asarray(scaled, np.uint8)
+    return [pose_message(stamp, place, quaternion, spread)]

@@ -29,10 +29,8 @@ def publish_ros2(
 
     Parameters
     ----------
-    touch, points_step
-        As for `write_mcap`.
-    node_name, namespace
-        Its name in ROS, which must differ between sensors.
+    touch, points_step : as for `write_mcap`
+    node_name, namespace : its name in ROS, which must differ between sensors
 
     Raises
     ------

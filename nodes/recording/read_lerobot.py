@@ -48,16 +48,11 @@ def read_lerobot(
 
     Parameters
     ----------
-    dataset
-        Its folder.
-    calibration
-        Touches of another sensor than the calibration's are refused.
-    another_sensor
-        Take them on purpose, with a warning.
-    sensor
-        The sensor's name in the dataset.
-    episode
-        The episode's number, from 0; None: all, one after the other.
+    dataset : its folder
+    calibration : touches of another sensor than the calibration's are refused
+    another_sensor : take them on purpose, with a warning
+    sensor : the sensor's name in the dataset
+    episode : the episode's number, from 0; None: all, one after the other
 
     Returns
     -------
@@ -77,7 +72,10 @@ def read_lerobot(
         raise InputError(f"{dataset}: has {rows.num_episodes} episodes; they count from 0")
     offset = time.time_ns() - time.monotonic_ns()
     step, zero, unknown = (float(about[name]) for name in ("step", "offset", "unknown_level"))
-    lights = _light_columns(rows, sensor)
+    begin = f"observation.images.{sensor}_lights"
+    shown = {n: f["info"]["lights"] for n, f in rows.features.items() if n.startswith(begin)}
+    # The lights in each picture, by column, in order.
+    lights = dict(sorted(shown.items(), key=lambda column: column[1]))
     for number in range(len(rows)):
         row = rows[number]
         of, at = int(row["episode_index"]), int(row["frame_index"])
@@ -86,7 +84,7 @@ def read_lerobot(
         levels = picture_levels(_bytes(row[height_column(sensor)]))
         kept = level_height(levels, step, zero)
         kept[levels == unknown] = np.nan
-        planes = [_bytes(row[name])[..., : len(shown)] for name, shown in lights.items()]
+        planes = [_bytes(row[name])[..., : len(there)] for name, there in lights.items()]
         whole = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
         image = whole.astype(np.float32) / np.float32(MAX_BYTE)
         seconds, parts = (int(number) for number in row[time_column(sensor)])
@@ -106,13 +104,6 @@ def _height_info(dataset: Path, rows: Any, sensor: str) -> dict[str, Any]:
         raise InputError(f"{dataset}: there is no sensor '{sensor}'; it has {has}")
     info: dict[str, Any] = rows.features[height_column(sensor)]["info"]
     return info
-
-
-def _light_columns(rows: Any, sensor: str) -> dict[str, list[int]]:
-    """The lights in each picture, by column, in order."""
-    begin = f"observation.images.{sensor}_lights"
-    shown = {n: f["info"]["lights"] for n, f in rows.features.items() if n.startswith(begin)}
-    return dict(sorted(shown.items(), key=lambda column: column[1]))
 
 
 def _bytes(picture: Any) -> U1:

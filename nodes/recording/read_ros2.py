@@ -45,14 +45,10 @@ def read_ros2(
     calibration
         The sensor's calibration; it gives the number of LEDs and whether it is a one-shot
         sensor.
-    topic
-        Topic of the images, below the namespace unless it begins with a slash.
-    node_name, namespace
-        Its name in ROS.
-    lights
-        For a one-shot sensor: the calibration's order of the colours.
-    bits
-        Bit depth, if the camera uses fewer bits than its 16-bit images hold.
+    topic : topic of the images, below the namespace unless it begins with a slash
+    node_name, namespace : its name in ROS
+    lights : for a one-shot sensor: the calibration's order of the colours
+    bits : bit depth, if the camera uses fewer bits than its 16-bit images hold
     seconds, items
         Time, or number of touches, after which to end.  None: never.
 
@@ -94,15 +90,12 @@ class RosTouches:
 
     Parameters
     ----------
-    film
-        Gives the number of LEDs, the image size, and whether all LEDs are lit at once.
-    lights, bits
-        As for `read_ros2`.
+    film : gives the number of LEDs, the image size, and whether all LEDs are lit at once
+    lights, bits : as for `read_ros2`
 
     Attributes
     ----------
-    count
-        Touches so far.
+    count : touches so far
     """
 
     def __init__(self, film: CalibratedFilm, lights: Order, bits: int | None) -> None:

@@ -52,27 +52,19 @@ def record(
 
     Parameters
     ----------
-    new
-        The frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit.
-    image
-        K x H x W; gives the number of LEDs.
-    name
-        The touch's name.
-    state
-        The camera's counters, written with each touch.
+    new : the frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit
+    image : K x H x W; gives the number of LEDs
+    name : the touch's name
+    state : the camera's counters, written with each touch
     folder
         Created if needed.  An existing recording is continued in new files.
-    file_mb, file_minutes
-        Size and duration after which a new file begins.
-    total_gb
-        Largest total size of all files in the folder.
-    when_full
-        At that limit, "stop" recording or delete the "oldest" file.
+    file_mb, file_minutes : size and duration after which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" recording or delete the "oldest" file
     sync_ms
         Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
         touch, or as often as the disk manages.
-    queue_mb
-        Memory for touches that wait for the disk.
+    queue_mb : memory for touches that wait for the disk
     wait
         Let the stream wait for a slow disk instead of leaving touches out; for streams that are
         not live.
@@ -83,23 +75,16 @@ def record(
         If the folder cannot be written when the recording begins, or the ``mcap`` libraries
         are not installed.
     """
-    recording = session.keep(
-        lambda: _Recording(
-            folder,
-            Limits(
-                file_bytes=1e6 * file_mb,
-                file_s=60 * file_minutes,
-                total_bytes=1e9 * total_gb,
-                when_full=when_full,
-                queue_bytes=1e6 * queue_mb,
-                sync_s=1e-3 * sync_ms,
-                wait=wait,
-            ),
-            leds=image.shape[0],
-            state=state,
-            provenance=provenance,
-        )
+    limits = Limits(
+        file_bytes=1e6 * file_mb,
+        file_s=60 * file_minutes,
+        total_bytes=1e9 * total_gb,
+        when_full=when_full,
+        queue_bytes=1e6 * queue_mb,
+        sync_s=1e-3 * sync_ms,
+        wait=wait,
     )
+    recording = session.keep(lambda: _Recording(folder, limits, len(image), state, provenance))
     recording.put(new, name, state)
     recording.log.tell()
 
@@ -111,7 +96,6 @@ class _Recording:
         self,
         folder: Path,
         limits: Limits,
-        *,
         leds: int,
         state: LiveState | None,
         provenance: Provenance,

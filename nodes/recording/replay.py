@@ -32,7 +32,7 @@ from tactograph.nodes.recording.record import RECORDING_FORMAT
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.colour_planes import planes_of
 from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.led_in_frame import make_film, top_of
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40
@@ -57,16 +57,13 @@ def replay(
 
     Parameters
     ----------
-    recording
-        An ``.mcap`` file of `record`, or the folder of such files, which are read in order.
+    recording : an ``.mcap`` file of `record`, or the folder of such files, which are read in order
     calibration
         A recording of another sensor than the calibration's is refused.  Of recordings with
         frames with all LEDs off it gives the camera's own dark image, which the graph subtracts
         by itself.
-    another_sensor
-        Take a recording of another sensor on purpose, with a warning.
-    speed
-        1: at the recorded pace; 2: twice as fast; 0: as fast as possible.
+    another_sensor : take a recording of another sensor on purpose, with a warning
+    speed : 1: at the recorded pace; 2: twice as fast; 0: as fast as possible
     refresh
         "rolling": a touch with every frame, each replacing the older one of its LED.
         "cycle": a touch whenever all LEDs are new.
@@ -117,10 +114,10 @@ def _paced(
 def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[LiveFrames]:
     """Yield every colour frame as a touch."""
     state = LiveState(settings=source.settings)
-    before: int | None = None
+    before: RawFrame | None = None
     for frame in frames:
         _count(state, frame, before)
-        before = frame.number
+        before = frame
         state.touches += 1
         yield _touch(_colours(frame, source.settings), frame.time, [frame], state, source)
 
@@ -140,7 +137,7 @@ def _flashed(
     for frame in frames:
         if before is not None and frame.data.shape != before.data.shape:
             assembler = _assembler(source, [frame], calibration, refresh)
-        _count(state, frame, before.number if before else None)
+        _count(state, frame, before)
         before = frame
         new.append(frame)
         assembler.add(frame)
@@ -150,10 +147,10 @@ def _flashed(
             new = []
 
 
-def _count(state: LiveState, frame: RawFrame, before: int | None) -> None:
+def _count(state: LiveState, frame: RawFrame, before: RawFrame | None) -> None:
     state.frames += 1
     if before is not None:
-        state.dropped += max(frame.number - before - 1, 0)
+        state.dropped += max(frame.number - before.number - 1, 0)
 
 
 def _touch(
@@ -165,9 +162,13 @@ def _touch(
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
     """The lights of a one-shot sensor's frame, in the order used while recording."""
-    bits = settings.get("bits")
-    top = float(2**bits - 1 if bits else np.iinfo(frame.data.dtype).max)
+    top = top_of(frame.data, _full_scale(settings))
     return planes_of(frame.data, "rgb" if settings.get("lights") == "rgb" else "bgr", top)
+
+
+def _full_scale(settings: dict[str, Any]) -> float:
+    """The camera's largest value; 0: that of the frame's type."""
+    return float(2 ** settings["bits"] - 1) if settings.get("bits") else 0.0
 
 
 class _Recording:
@@ -175,12 +176,9 @@ class _Recording:
 
     Attributes
     ----------
-    path
-        The file, or the folder.
-    leds
-        Number of LEDs; known from the first frame on.
-    settings
-        The camera's settings, as far as they have been read.
+    path : the file, or the folder
+    leds : number of LEDs; known from the first frame on
+    settings : the camera's settings, as far as they have been read
     """
 
     def __init__(self, path: Path, check: Callable[[Path, SensorIdentity], None]) -> None:
@@ -304,16 +302,8 @@ def _assembler(
     leds = range(1, source.leds + 1)
     off = [0] if any(frame.led == 0 for frame in frames) else []
     film = make_film(np.ones((source.leds, *shape), np.float32))
-    bits = source.settings.get("bits")
-    full = float(2**bits - 1) if bits else 0.0
-    return Assembler(film, dark, (*leds, *off), _rate(frames), refresh, full)
-
-
-def _rate(frames: list[RawFrame]) -> float:
-    """Frames per second, from their times and numbers."""
-    steps = [
-        (b.time - a.time) / (b.number - a.number)
-        for a, b in pairwise(frames)
-        if b.number > a.number
-    ]
-    return 1 / max(median(steps or [0.1]), 1e-4)
+    # Frames per second, from their times and numbers.
+    pairs = [(a, b) for a, b in pairwise(frames) if b.number > a.number]
+    steps = [(b.time - a.time) / (b.number - a.number) for a, b in pairs]
+    rate = 1 / max(median(steps or [0.1]), 1e-4)
+    return Assembler(film, dark, (*leds, *off), rate, refresh, _full_scale(source.settings))

@@ -54,21 +54,15 @@ def write_lerobot(
 
     Parameters
     ----------
-    touch
-        As `join_touch` makes it.
-    folder
-        Created; a dataset that is there already gets one more episode.
-    sensor
-        The sensor's name in the dataset: ``left``, say.
-    task
-        What is done, in words; policies read it.
-    rate
-        Rows per second: that of the dataset's other cameras.
+    touch : as `join_touch` makes it
+    folder : created; a dataset that is there already gets one more episode
+    sensor : the sensor's name in the dataset: ``left``, say
+    task : what is done, in words; policies read it
+    rate : rows per second: that of the dataset's other cameras
     figures
         The figures of `measure_contact` and others that are kept of each contact, separated by
         commas, such as ``force_n``; without ``contact_``.
-    contacts
-        Number of contacts of which figures are kept; 0: none.
+    contacts : number of contacts of which figures are kept; 0: none
 
     Raises
     ------

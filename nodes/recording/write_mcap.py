@@ -52,12 +52,9 @@ def write_mcap(
     points_step
         Spacing in px of the rows and columns of the height that become points; 0: no point
         cloud.
-    file_mb
-        Size at which a new file begins.
-    total_gb
-        Largest total size of all files in the folder.
-    when_full
-        At that limit, "stop" writing or delete the "oldest" file.
+    file_mb : size at which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" writing or delete the "oldest" file
     wait
         Let the stream wait for a slow disk instead of leaving touches out; for streams that are
         not live.

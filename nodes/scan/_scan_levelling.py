@@ -41,14 +41,10 @@ class ScanLevelling:
     ----------
     slope, brightness, residual
         2 x H x W, H x W, H x W, of cells, as `light_model_slope` gives them.
-    model
-        On cells.
-    pixel
-        Side of a cell in mm.
-    level
-        As for `level_scan`.
-    cell
-        Side of a cell in px.
+    model : on cells
+    pixel : side of a cell in mm
+    level : as for `level_scan`
+    cell : side of a cell in px
     """
 
     def __init__(

@@ -29,14 +29,10 @@ def judge_untouched(
 
     Parameters
     ----------
-    model
-        As `read_light_model` gives it.
-    folder
-        A scan of the untouched film; None: nothing is compared.
-    crop
-        As for `read_capture`.
-    cell
-        Side of a cell in pixels.
+    model : as `read_light_model` gives it
+    folder : a scan of the untouched film; None: nothing is compared
+    crop : as for `read_capture`
+    cell : side of a cell in pixels
 
     Returns
     -------

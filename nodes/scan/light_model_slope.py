@@ -8,14 +8,14 @@ from annotated_types import Interval
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.nodes import F4, U1, Labels, Light, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
 from tactograph.nodes.optics.light_model import (
     LightModel,
     coefficients,
     modelled_light,
     monomials,
 )
-from tactograph.nodes.optics.normals import cofactors, times
+from tactograph.nodes.optics.normals import cofactors, dot, times
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -62,10 +62,8 @@ def light_model_slope(
 
     Parameters
     ----------
-    light
-        K x H x W, a fraction of full scale.
-    model
-        As `read_light_model` gives it.
+    light : K x H x W, a fraction of full scale
+    model : as `read_light_model` gives it
     steps
         Gauss-Newton steps at most; after four, slopes of a real scan are within 5e-5 of the end
         at 99.9 % of the pixels.
@@ -103,7 +101,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
         m, gradient = modelled_light(terms, np.array(n))
         norm = np.sum(m * m, axis=0) + MIN_LIGHT
         brightness = np.sum(m * image, axis=0) / norm
-        columns = [along(tuple(gradient), direction) for direction in (by_p, by_q)]
+        columns = [dot(gradient, direction) for direction in (by_p, by_q)]
         x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
         rest = image - brightness * m
         products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)

@@ -47,10 +47,8 @@ def read_light_model(
     file
         The light model (``.yaml``), with its flat frames beside it; or a scan, whose ``calib``
         names a model in its folder or the one above.
-    crop
-        x0, y0, x1, y1 in pixels, as the images are cropped.
-    cell
-        Side in pixels of the cells that images are coarsened to; positions and size are theirs.
+    crop : x0, y0, x1, y1 in pixels, as the images are cropped
+    cell : side in pixels of the cells that images are coarsened to; positions and size are theirs
 
     Raises
     ------

@@ -50,14 +50,10 @@ def read_start(
 
     Parameters
     ----------
-    image
-        K x H x W, a press.
-    stated
-        mm per px, as a scan states it.
-    file, crop
-        As for `read_light_model`; None: there is no such model.
-    flat
-        A capture of the untouched film, which is compared with the model and its flat field.
+    image : K x H x W, a press
+    stated : mm per px, as a scan states it
+    file, crop : as for `read_light_model`; None: there is no such model
+    flat : a capture of the untouched film, which is compared with the model and its flat field
 
     Returns
     -------

@@ -20,12 +20,9 @@ def scan_pixel_size(
 
     Parameters
     ----------
-    model
-        mm per px, of the light model.
-    stated
-        mm per px, of the scan itself; not given where it states none.
-    mm
-        mm per px, which settles it.
+    model : mm per px, of the light model
+    stated : mm per px, of the scan itself; not given where it states none
+    mm : mm per px, which settles it
     """
     if mm is not None or stated is None:
         return mm or model

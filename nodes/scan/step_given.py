@@ -15,12 +15,9 @@ def step_given(
 
     Parameters
     ----------
-    folder
-        A scan of the step; None: there is none.
-    known_um
-        As for `measure_step`.
-    scale
-        As for `scale_height`.
+    folder : a scan of the step; None: there is none
+    known_um : as for `measure_step`
+    scale : as for `scale_height`
 
     Raises
     ------

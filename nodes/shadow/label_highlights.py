@@ -61,21 +61,14 @@ def label_highlights(
 
     Parameters
     ----------
-    light, sigma
-        K x H x W, relative to the film at rest, and its standard deviation.
-    lights
-        K x 3 in mm from the middle of the image.
-    height
-        H x W in mm, as far as known.
+    light, sigma : K x H x W, relative to the film at rest, and its standard deviation
+    lights : K x 3 in mm from the middle of the image
+    height : H x W in mm, as far as known
     pixel : mm per px
-    unlikely
-        Chi-square of all LEDs together above which one of them is doubted.
-    likely
-        Chi-square of the others below which they agree.
-    excess
-        Standard deviations by which a highlight is at least brighter than predicted.
-    lobe_deg
-        Largest angle between the normal and the half-way direction.
+    unlikely : chi-square of all LEDs together above which one of them is doubted
+    likely : chi-square of the others below which they agree
+    excess : standard deviations by which a highlight is at least brighter than predicted
+    lobe_deg : largest angle between the normal and the half-way direction
 
     Returns
     -------

@@ -92,16 +92,11 @@ class Rules(NamedTuple):
     dark
         Largest number of LEDs left out, apart from those below the floor; with 0 all LEDs
         count as lit, even those.
-    floor
-        Light, in standard deviations, below which an LED certainly does not reach the pixel.
-    price
-        Cost of leaving out an LED, in squared standard deviations.
-    one_sided
-        Standard deviations by which a shadow has to be darker than the predicted light.
-    steepest
-        Largest slope returned, as 1 / n_z.
-    dimmed
-        Cost of light that all LEDs lack alike, in squared standard deviations.
+    floor : light, in standard deviations, below which an LED certainly does not reach the pixel
+    price : cost of leaving out an LED, in squared standard deviations
+    one_sided : standard deviations by which a shadow has to be darker than the predicted light
+    steepest : largest slope returned, as 1 / n_z
+    dimmed : cost of light that all LEDs lack alike, in squared standard deviations
     """
 
     pair: Literal["prior", "attached"] = "attached"
@@ -214,21 +209,14 @@ def label_lights(
 
     Parameters
     ----------
-    light, sigma
-        K x H x W, relative to the film at rest, and its standard deviation.
-    lights
-        K x 3 in mm from the middle of the image.
-    height
-        H x W in mm, as far as known; the direction of the light depends on it.
-    prior
-        2 x H x W, the slope expected; for ``pair: prior`` only.
+    light, sigma : K x H x W, relative to the film at rest, and its standard deviation
+    lights : K x 3 in mm from the middle of the image
+    height : H x W in mm, as far as known; the direction of the light depends on it
+    prior : 2 x H x W, the slope expected; for ``pair: prior`` only
     pixel : mm per px
-    uneven
-        Standard deviation of the film's brightness, as a share.
-    wrap
-        How far light goes on falling behind the terminator; None or 0: not at all.
-    turn
-        Radians by which leaving LEDs out must turn a normal; None or 0: any angle will do.
+    uneven : standard deviation of the film's brightness, as a share
+    wrap : how far light goes on falling behind the terminator; None or 0: not at all
+    turn : radians by which leaving LEDs out must turn a normal; None or 0: any angle will do
 
     Returns
     -------

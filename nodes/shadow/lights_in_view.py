@@ -18,10 +18,8 @@ def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
 
     Parameters
     ----------
-    lights
-        K x 3 in mm from the middle of the image.
-    camera
-        1 / D in 1/mm; 0 returns the LEDs unchanged.
+    lights : K x 3 in mm from the middle of the image
+    camera : 1 / D in 1/mm; 0 returns the LEDs unchanged
     """
     share = np.maximum(1 - np.float32(camera) * lights[:, 2:], MIN_PUPIL_SHARE)
     return np.asarray(lights / share, np.float32)

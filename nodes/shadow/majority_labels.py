@@ -17,8 +17,7 @@ def majority_labels(shadow: Labels) -> Labels:
 
     Parameters
     ----------
-    shadow
-        H x W; beyond the frame the border repeats.
+    shadow : H x W; beyond the frame the border repeats
     """
     out = np.zeros_like(shadow)
     for bit in range(LABEL_BITS):

@@ -57,26 +57,18 @@ def shadow_confidence(
 
     Parameters
     ----------
-    shadow
-        H x W, the labels in question.
-    seen
-        H x W, those of the image alone; `shadow` again if there are no others.
-    light, sigma
-        K x H x W, 1 on the film at rest, and its standard deviation.
-    slope, height
-        2 x H x W and H x W in mm; they determine the expected light.
+    shadow : H x W, the labels in question
+    seen : H x W, those of the image alone; `shadow` again if there are no others
+    light, sigma : K x H x W, 1 on the film at rest, and its standard deviation
+    slope, height : 2 x H x W and H x W in mm; they determine the expected light
     lights : K x 3 in mm
     pixel : mm per px
-    sure
-        Log odds of a label far from edges, if half of the expected light is present.
-    by_light
-        Log odds per share of the light in the label's favour.
-    at_edge, near_edge
-        Log odds lost one and two pixels from another label of the same LED.
+    sure : log odds of a label far from edges, if half of the expected light is present
+    by_light : log odds per share of the light in the label's favour
+    at_edge, near_edge : log odds lost one and two pixels from another label of the same LED
     by_light_contradicted
         `by_light` where `seen` differs, because `seen` has already used the light.
-    noisy
-        Expected light, in standard deviations, at which the share counts half.
+    noisy : expected light, in standard deviations, at which the share counts half
 
     Returns
     -------

@@ -83,22 +83,15 @@ def shadow_constraints(
 
     Parameters
     ----------
-    light
-        K x H x W, 1 on the film at rest.
-    shadow
-        H x W, the LEDs that do not light a pixel.
-    used
-        H x W, the LEDs its slope was found with; both ends need two.
-    slope
-        2 x H x W; extrapolates the height from the pixel to the shadow's end.
-    height
-        H x W in mm, roughly; the elevation of a near LED depends on it a little.
+    light : K x H x W, 1 on the film at rest
+    shadow : H x W, the LEDs that do not light a pixel
+    used : H x W, the LEDs its slope was found with; both ends need two
+    slope : 2 x H x W; extrapolates the height from the pixel to the shadow's end
+    height : H x W in mm, roughly; the elevation of a near LED depends on it a little
     lights : K x 3 in mm
     pixel : mm per px
-    step_px
-        Step along the ray.
-    longest_px
-        Longest shadow that is measured; with 0 no shadow is.
+    step_px : step along the ray
+    longest_px : longest shadow that is measured; with 0 no shadow is
 
     Returns
     -------

@@ -39,10 +39,8 @@ def shadow_linear(
     Parameters
     ----------
     light : K x H x W
-    null, spread
-        K, the vector a of unit length, and the standard deviation of a.I on lit pixels.
-    threshold
-        lambda in multiples of `spread`.
+    null, spread : K, the vector a of unit length, and the standard deviation of a.I on lit pixels
+    threshold : lambda in multiples of `spread`
 
     Returns
     -------

@@ -111,10 +111,8 @@ def relief(solid: Solid, x: F8, y: F8, top: float, accuracy: float) -> F8:
 
     Parameters
     ----------
-    x, y
-        Coordinates of the pixels; they broadcast to H x W.
-    top
-        A height that the solid does not exceed.
+    x, y : coordinates of the pixels; they broadcast to H x W
+    top : a height that the solid does not exceed
     """
     x, y = np.broadcast_arrays(x, y)
     height = np.zeros(x.shape)

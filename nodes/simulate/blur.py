@@ -20,10 +20,8 @@ def blur(light: Light, *, deviation_px: Annotated[float, Interval(ge=0, le=20)] 
 
     Parameters
     ----------
-    light
-        K x H x W; its border pixels are replicated.
-    deviation_px
-        Standard deviation of the point spread; 0 is a sharp lens.
+    light : K x H x W; its border pixels are replicated
+    deviation_px : standard deviation of the point spread; 0 is a sharp lens
     """
     return smoothed(light, deviation_px)
 

@@ -20,12 +20,9 @@ def diffuse_gel(
 
     Parameters
     ----------
-    light
-        K x H x W, directly from the LEDs.
-    rest
-        K x H x W, the same for the film at rest.
-    share
-        Share of the film's light at rest that the gel diffuses.
+    light : K x H x W, directly from the LEDs
+    rest : K x H x W, the same for the film at rest
+    share : share of the film's light at rest that the gel diffuses
     """
     return (np.float32(1) - np.float32(share)) * light + np.float32(share) * rest
 

@@ -37,27 +37,16 @@ def expose(
 
     Parameters
     ----------
-    light
-        K x H x W, 1 is full scale.
+    light : K x H x W, 1 is full scale
     vignetting
         Share of the light that the lens loses in the image's corners; it grows with the square
         of the distance from the centre.
-    ambient
-        Light with all LEDs off, before the lens, as a share of full scale.
-    full_well
-        Electrons at full scale; fewer give more noise.
-    shot_noise
-        Whether to add shot noise.
-    read_noise
-        Standard deviation of the electronics' noise, in electrons.
-    bits
-        Bit depth; 0 to 2^bits - 1 become 0 to 1.
-    seed
-        The same seed gives the same noise.
-
-    Returns
-    -------
-    The images K x H x W, and the dark image H x W taken with all LEDs off.
+    ambient : light with all LEDs off, before the lens, as a share of full scale
+    full_well : electrons at full scale; fewer give more noise
+    shot_noise : whether to add shot noise
+    read_noise : standard deviation of the electronics' noise, in electrons
+    bits : bit depth; 0 to 2^bits - 1 become 0 to 1
+    seed : the same seed gives the same noise
     """
     lens = lens_share(light.shape[1:], vignetting)
     frames = np.concatenate([light, np.zeros_like(light[:1])]) + np.float32(ambient)

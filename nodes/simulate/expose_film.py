@@ -58,29 +58,18 @@ def expose_film(
 
     Parameters
     ----------
-    light
-        K x H x W, relative to the film at rest.
-    flat
-        K x H x W, the untouched film.
-    noise
-        (shot, read): the variance of an image I is shot I + read.
+    light : K x H x W, relative to the film at rest
+    flat : K x H x W, the untouched film
+    noise : (shot, read): the variance of an image I is shot I + read
     correlation
         Variance of a mean over pixels, relative to that with independent noise; without it the
         noise of neighbours is independent.
-    dark
-        H x W, what the camera sees with all LEDs off.
-    lens
-        Length 8; the images are those of the camera's pixels.
+    dark : H x W, what the camera sees with all LEDs off
+    lens : Length 8; the images are those of the camera's pixels
     before
         The number of images before, from `taken` of the item before: no two have the same noise.
-    bits
-        Bit depth; 0 to 2^bits - 1 become 0 to 1.
-    seed
-        Of the noise, the same for the same seed; None: no noise.
-
-    Returns
-    -------
-    The images K x H x W, fractions of full scale, and their number in the stream.
+    bits : bit depth; 0 to 2^bits - 1 become 0 to 1
+    seed : of the noise, the same for the same seed; None: no noise
     """
     number = np.zeros(1, np.float32) if before is None else before
     image = light * flat if dark is None else light * flat + dark

@@ -32,20 +32,11 @@ def film_light(
 
     Parameters
     ----------
-    slope
-        2 x H x W, of the film.
-    height
-        H x W in mm, as the camera sees it (`view_slope`).
-    film
-        The LEDs' and the film's properties.
+    slope : 2 x H x W, of the film
+    height : H x W in mm, as the camera sees it (`view_slope`)
+    film : the LEDs' and the film's properties
     pixel : mm per px
-    shadow
-        H x W, the LEDs that something keeps off, as `cast_shadows` gives them.
-
-    Returns
-    -------
-    ndarray
-        K x H x W.
+    shadow : H x W, the LEDs that something keeps off, as `cast_shadows` gives them
     """
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)

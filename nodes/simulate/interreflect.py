@@ -39,25 +39,18 @@ def interreflect(
 
     Parameters
     ----------
-    light
-        K x H x W, from the LEDs alone.
-    rest
-        K x H x W, the same for the film at rest.
+    light : K x H x W, from the LEDs alone
+    rest : K x H x W, the same for the film at rest
     height : H x W in mm
     lights : K x 3 in mm
     pixel : mm per px
-    albedo
-        Share of the light that the film reflects; 0 is a film that does not light itself.
-    bounces
-        Most bounces; at an albedo of 0.7 the light has converged to a thousandth after 5.
-    cells
-        Largest number of cells, which are squares of pixels.
-    rim_mm
-        How far the film extends beyond the frame, flat and at rest.
+    albedo : share of the light that the film reflects; 0 is a film that does not light itself
+    bounces : most bounces; at an albedo of 0.7 the light has converged to a thousandth after 5
+    cells : largest number of cells, which are squares of pixels
+    rim_mm : how far the film extends beyond the frame, flat and at rest
     coat_alpha, refractive_index, camera_mm
         As for `render`: roughness of a coat (0 for none), its index, and height of the pupil.
-    bounce
-        `film_bounce`, on a device if there is one.
+    bounce : `film_bounce`, on a device if there is one
     """
     film = matt_film(lights)._replace(
         base=albedo,

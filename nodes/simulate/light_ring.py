@@ -29,17 +29,13 @@ def light_ring(
 
     Parameters
     ----------
-    count
-        Number of LEDs, K.
-    slant_deg
-        Angle between the direction to an LED and the z axis, at the centre of the film.
+    count : number of LEDs, K
+    slant_deg : angle between the direction to an LED and the z axis, at the centre of the film
     first_azimuth_deg
         Azimuth of LED 1, counted from x (right) towards y (down); the others follow in
         that sense, 360 / K degrees apart.
-    distance_mm
-        From the centre of the film to each LED.
-    positions_mm
-        Explicit positions (x right, y down, z towards the camera), instead of a ring.
+    distance_mm : from the centre of the film to each LED
+    positions_mm : explicit positions (x right, y down, z towards the camera), instead of a ring
 
     Returns
     -------

@@ -54,22 +54,15 @@ def press(
 
     Parameters
     ----------
-    object
-        H x W, mm: its surface above its base, as a shape node returns it.
-    pixel
-        mm per pixel.
+    object : H x W, mm: its surface above its base, as a shape node returns it
+    pixel : mm per pixel
     stand_off_mm
         Distance from the object's base to the film at rest: the part of the object that stays
         behind the film.  At 0 all of it is pressed in; at its full height it just touches.
     reach_mm
         Distance over which the film rises towards the contact; 0 for a film that moves only
         where it is touched.
-    skin_mm
-        Standard deviation of the Gaussian smoothing by the skin.
-
-    Returns
-    -------
-    Height of the film, H x W, mm.
+    skin_mm : standard deviation of the Gaussian smoothing by the skin
 
     Raises
     ------

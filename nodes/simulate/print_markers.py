@@ -7,6 +7,7 @@ from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Light, PixelSize
+from tactograph.nodes.optics.near_light import places
 
 
 @node(neutral="light", tolerance=Close(2e-4, 1e-4, why="an exponential moves a marker's edge"))
@@ -34,23 +35,16 @@ def print_markers(
     ----------
     light : K x H x W
     pixel : mm per px
-    pitch_mm
-        Pitch of the grid, which has a marker in the middle of the image.
-    radius_mm, dash_mm
-        Radius of a dot, and the length by which a dash is stretched along x.
-    contrast
-        Share of the light that a marker absorbs.
-    drag_x_mm, drag_y_mm
-        Drag of the film at the centre.
-    center_x_mm, center_y_mm
-        Centre of the drag, from the middle of the image.
-    reach_mm
-        Standard deviation of the drag's fall-off.
+    pitch_mm : pitch of the grid, which has a marker in the middle of the image
+    radius_mm, dash_mm : radius of a dot, and the length by which a dash is stretched along x
+    contrast : share of the light that a marker absorbs
+    drag_x_mm, drag_y_mm : drag of the film at the centre
+    center_x_mm, center_y_mm : centre of the drag, from the middle of the image
+    reach_mm : standard deviation of the drag's fall-off
     """
     rows, columns = light.shape[1:]
     side, pitch = np.float32(pixel), np.float32(pitch_mm)
-    x = (np.arange(columns, dtype=np.float32) - np.float32(0.5 * (columns - 1)))[None] * side
-    y = (np.arange(rows, dtype=np.float32) - np.float32(0.5 * (rows - 1)))[:, None] * side
+    x, y = places(columns, side)[None], places(rows, side)[:, None]
     dx, dy = x - np.float32(center_x_mm), y - np.float32(center_y_mm)
     near = np.exp(-(dx * dx + dy * dy) / np.float32(2 * reach_mm * reach_mm))
     u, v = x - np.float32(drag_x_mm) * near, y - np.float32(drag_y_mm) * near

@@ -75,12 +75,9 @@ class Coat(NamedTuple):
 
     Parameters
     ----------
-    coat_alpha
-        Roughness of a coat, Beckmann's alpha; 0 is a film without a coat.
-    refractive_index
-        Of the coat.
-    albedo
-        Share of the light that the film under the coat reflects.
+    coat_alpha : roughness of a coat, Beckmann's alpha; 0 is a film without a coat
+    refractive_index : of the coat
+    albedo : share of the light that the film under the coat reflects
     camera_mm
         Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is
         infinitely far away.
@@ -154,32 +151,25 @@ def render(
 
     Parameters
     ----------
-    height
-        H x W, mm above the film at rest.
-    pixel
-        mm per pixel.
-    lights
-        K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest.
-    distant
-        Whether the LEDs are infinitely far away: parallel light, no fall-off.
+    height : H x W, mm above the film at rest
+    pixel : mm per pixel
+    lights : K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest
+    distant : whether the LEDs are infinitely far away: parallel light, no fall-off
     level
         Exposure: light of the film at rest at its brightest point in the image, under the LED
         that is brightest there.  Slopes that face an LED are brighter.
     gloss
         Strength of a Blinn-Phong highlight, as a share of the Lambertian reflectance; ignored
         for a film with a coat.
-    shininess
-        Exponent of the highlight; a higher one is smaller and sharper.
+    shininess : exponent of the highlight; a higher one is smaller and sharper
     led_size_mm
         Diameter of the LEDs, which are disks parallel to the film; 0 is a point with hard
         shadows.
-    rays
-        Rays per pixel to an LED of finite size; they produce its soft shadows.
+    rays : rays per pixel to an LED of finite size; they produce its soft shadows
     samples
         Points per pixel along x and along y, which are averaged.  From 2 on, pixels on a
         shadow's edge mix light and shadow, as in a camera.  Time grows with the square.
-    step_px
-        Step of the ray over the height field, in pixels.
+    step_px : step of the ray over the height field, in pixels
     cosine_leds
         Whether the LEDs' disks face the middle of the film and emit by the cosine law, instead
         of lying parallel to the film and emitting uniformly.
@@ -195,11 +185,14 @@ def render(
         If a near LED is not above the surface's highest point, or a distant one not above the
         film (NumPy only; the kernel cannot refuse and renders such an LED anyway).
     """
-    surface = _surface(height, np.float32(pixel))
+    p, q = (difference(height, axis) / np.float32(pixel) for axis in (1, 0))
+    surface = _Surface(height, p, q, np.float32(pixel), height.max())
     _check_above(lights, surface.top, distant)
     film = _Film(distant, gloss, shininess, step_px, cosine_leds, coat)
     gain = _gain(lights, height.shape, surface.pixel, distant, level)
-    spots = _spots(surface, samples)
+    offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
+    offsets -= np.float32(0.5)
+    spots = [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
     light = np.empty((len(lights), *height.shape), np.float32)
     labels = np.zeros(height.shape, np.uint8)
     for k, led in enumerate(lights):
@@ -240,7 +233,8 @@ def _lit_from(
     reached = np.zeros(surface.size, np.int32)
     for spot, point in itertools.product(spots, points):
         ray = _towards(spot, point, film.distant)
-        cosine = _cosine(spot, ray)
+        # n.L, negative in an attached shadow (section 3.3).
+        cosine = (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
         lit = cosine > 0
         lit[lit] = _unobstructed(surface, spot, ray, lit, film)
         coated = film.coat.coat_alpha > 0
@@ -253,18 +247,6 @@ def _lit_from(
         total += np.where(lit, radiance * falloff, np.float32(0))
         reached += lit
     return total, reached
-
-
-def _surface(height: F4, pixel: np.float32) -> _Surface:
-    p, q = (difference(height, axis) / pixel for axis in (1, 0))
-    return _Surface(height, p, q, pixel, height.max())
-
-
-def _spots(surface: _Surface, samples: int) -> list[_Spots]:
-    """Points spread evenly over the pixels, row by row; a single one is the centre."""
-    offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
-    offsets -= np.float32(0.5)
-    return [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
 
 
 def _spot(surface: _Surface, dx: np.float32, dy: np.float32) -> _Spots:
@@ -353,11 +335,6 @@ def _towards(spot: _Spots, point: F4, distant: bool) -> _Rays:
     else:
         x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
     return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
-
-
-def _cosine(spot: _Spots, ray: _Rays) -> F4:
-    """n.L, negative in an attached shadow (section 3.3)."""
-    return (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
 
 
 def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:

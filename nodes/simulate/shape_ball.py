@@ -20,15 +20,10 @@ def shape_ball(
 
     Parameters
     ----------
-    radius_mm
-        Radius of the ball.
+    radius_mm : radius of the ball
     rise_mm
         Height of the ball's top above the plane: the radius (the default) for a hemisphere,
         less for a spherical cap, twice the radius for a ball lying on the plane.
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
 
     Raises
     ------

@@ -24,17 +24,11 @@ def shape_cat(
 
     Parameters
     ----------
-    length_mm
-        From the tips of the ears to the paws.
+    length_mm : from the tips of the ears to the paws
     rise_mm
         Height of the highest point; heights are stretched or flattened to it.  By default
         the cat keeps its proportions.
-    angle_deg
-        Turns the cat from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    angle_deg : turns the cat from x (right) towards y (down)
     """
     x, y = image.places()
     x, y = turned(x, y, angle_deg)

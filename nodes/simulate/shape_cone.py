@@ -21,16 +21,9 @@ def shape_cone(
 
     Parameters
     ----------
-    radius_mm
-        Radius of the base.
-    rise_mm
-        Height of the top above the plane.
-    top_radius_mm
-        Radius of the flat top; 0 for a point.
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    radius_mm : radius of the base
+    rise_mm : height of the top above the plane
+    top_radius_mm : radius of the flat top; 0 for a point
 
     Raises
     ------

@@ -21,12 +21,7 @@ def shape_flat(
 
     Parameters
     ----------
-    width_px, height_px, pixel_size_mm
-        The image.
-
-    Returns
-    -------
-    Height H x W, zero, and the pixel size.
+    width_px, height_px, pixel_size_mm : the image
     """
     ShapeImage(width_px=width_px, height_px=height_px).check_pixels()
     return shape(np.zeros((height_px, width_px)), pixel_size_mm)

@@ -37,27 +37,16 @@ def shape_grating(
 
     Parameters
     ----------
-    period_mm
-        From ridge to ridge.
-    rise_mm
-        Height of the ridges; the grooves reach down to the plane.
-    profile
-        Cross-section of a ridge.
-    duty
-        Share of a period that the ridge takes; the rest is flat groove.
+    period_mm : from ridge to ridge
+    rise_mm : height of the ridges; the grooves reach down to the plane
+    profile : cross-section of a ridge
+    duty : share of a period that the ridge takes; the rest is flat groove
     wall_deg
         Angle of the walls of square ridges, and of the patch; 90 is vertical.  Widths hold at half
         the height.
-    middle
-        What lies in the middle of the patch.
-    side_mm
-        Side of the square patch that the grating fills.
-    angle_deg
-        Azimuth across the ridges, from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    middle : what lies in the middle of the patch
+    side_mm : side of the square patch that the grating fills
+    angle_deg : azimuth across the ridges, from x (right) towards y (down)
 
     Raises
     ------

@@ -21,13 +21,11 @@ def shape_image(
 
     Parameters
     ----------
-    file
-        PNG, TIFF, PGM, BMP (grey; 8 or 16 bit, or a float TIFF) or NPY, H x W.
+    file : PNG, TIFF, PGM, BMP (grey; 8 or 16 bit, or a float TIFF) or NPY, H x W
     rise_mm
         Height of full scale: white for integers, 1.0 for floats.  By default floats are in mm;
         integers need this parameter.
-    pixel_size_mm
-        Side of a pixel of the file.
+    pixel_size_mm : side of a pixel of the file
 
     Returns
     -------

@@ -32,20 +32,14 @@ def shape_mesh(
     file
         Any format that trimesh reads: STL, PLY, OBJ, OFF, GLB, ...
         (``pip install 'tactograph[mesh]'``).
-    length_mm
-        Longest horizontal extent after scaling; by default one unit of the file is 1 mm.
+    length_mm : longest horizontal extent after scaling; by default one unit of the file is 1 mm
     up
         The mesh's axis that points to the camera; "flat" lays the mesh on its flattest side,
         with its longest axis along x.
     rise_mm
         Height of the highest point above the plane; what lies lower is sunk into the plane.
         By default the mesh lies on the plane.
-    angle_deg
-        Turns the mesh from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    angle_deg : turns the mesh from x (right) towards y (down)
 
     Raises
     ------

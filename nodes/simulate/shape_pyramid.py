@@ -22,18 +22,10 @@ def shape_pyramid(
 
     Parameters
     ----------
-    faces
-        Number of faces.
-    inradius_mm
-        Distance from the axis to the foot of a face, perpendicular to the foot.
-    rise_mm
-        Height of the tip above the plane.
-    angle_deg
-        Azimuth of the first face, from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    faces : number of faces
+    inradius_mm : distance from the axis to the foot of a face, perpendicular to the foot
+    rise_mm : height of the tip above the plane
+    angle_deg : azimuth of the first face, from x (right) towards y (down)
     """
     x, y = image.places()
     azimuth = np.deg2rad(angle_deg + 360.0 / faces * np.arange(faces))

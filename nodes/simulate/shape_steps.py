@@ -24,22 +24,13 @@ def shape_steps(
 
     Parameters
     ----------
-    count
-        Number of steps; the last is `count` times `step_mm` high.
-    tread_mm
-        Depth of a step, in the direction in which the stairs climb.
-    step_mm
-        Rise from one step to the next.
-    breadth_mm
-        Extent across the direction of the climb.
+    count : number of steps; the last is `count` times `step_mm` high
+    tread_mm : depth of a step, in the direction in which the stairs climb
+    step_mm : rise from one step to the next
+    breadth_mm : extent across the direction of the climb
     wall_deg
         Angle of the walls between the steps and of those around the staircase; 90 is vertical.
-    angle_deg
-        Azimuth in which the stairs climb, from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    angle_deg : azimuth in which the stairs climb, from x (right) towards y (down)
     """
     x, y = image.places()
     along, across = turned(x, y, angle_deg)

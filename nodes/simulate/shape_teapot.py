@@ -25,17 +25,11 @@ def shape_teapot(
 
     Parameters
     ----------
-    length_mm
-        From the tip of the spout to the back of the handle.
+    length_mm : from the tip of the spout to the back of the handle
     rise_mm
         Height of the highest point; heights are stretched or flattened to it.  By default
         the pot keeps its proportions.
-    angle_deg
-        Turns the pot from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    angle_deg : turns the pot from x (right) towards y (down)
     """
     x, y = image.places()
     x, y = turned(x, y, angle_deg)

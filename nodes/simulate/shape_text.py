@@ -28,20 +28,11 @@ def shape_text(
 
     Parameters
     ----------
-    text
-        The text; ``\n`` begins a new line.
-    size_mm
-        Font size: the distance from line to line.
-    rise_mm
-        Height of the letters' flat tops.
-    bevel_mm
-        Width of the slope from a letter's outline to its top; 0 for vertical walls.
-    angle_deg
-        Turns the text from x (right) towards y (down).
-
-    Returns
-    -------
-    Height H x W, mm, and the pixel size.
+    text : the text; ``\n`` begins a new line
+    size_mm : font size: the distance from line to line
+    rise_mm : height of the letters' flat tops
+    bevel_mm : width of the slope from a letter's outline to its top; 0 for vertical walls
+    angle_deg : turns the text from x (right) towards y (down)
 
     Raises
     ------

@@ -55,13 +55,11 @@ def view(
 
     Parameters
     ----------
-    light
-        K x H x W, from straight above.
+    light : K x H x W, from straight above
     height : H x W in mm
     slope : 2 x H x W
     labels : H x W
-    camera_mm
-        Distance of the pupil from the film at rest; 0 is infinitely far away.
+    camera_mm : distance of the pupil from the film at rest; 0 is infinitely far away
     lens_at_corner
         Twice the distortion in the corner, relative to the distance from the middle; it is 0 at
         r^2 = 1/2.  Below 0 a pincushion, above 0 a barrel.
@@ -134,7 +132,9 @@ def _met(
         nearer = np.float32(1) - z / camera
         return _places(u * nearer, v * nearer, (rows, columns))
 
-    steps = _steps(rows, columns, top - bottom, camera)
+    # So many that none moves more than half a pixel over the film.
+    diagonal = 0.5 * math.hypot(rows - 1, columns - 1)
+    steps = 1 + math.ceil(2 * diagonal * float(top - bottom) / float(camera))
     above, below = np.full_like(height, top), np.full_like(height, bottom)
     open_ = np.ones(height.shape, bool)
     for i in range(1, steps):
@@ -148,12 +148,6 @@ def _met(
         met = bilinear(height, *places(z)) >= z
         below, above = np.where(met, z, below), np.where(met, above, z)
     return places(below)
-
-
-def _steps(rows: int, columns: int, rise: np.float32, camera: np.float32) -> int:
-    """Number of steps such that none moves more than half a pixel over the film."""
-    diagonal = 0.5 * math.hypot(rows - 1, columns - 1)
-    return 1 + math.ceil(2 * diagonal * float(rise) / float(camera))
 
 
 def _rounded(place: F4, count: int) -> NDArray[np.intp]:

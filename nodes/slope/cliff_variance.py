@@ -42,16 +42,12 @@ def cliff_variance(
     Parameters
     ----------
     variance : 2 x H x W
-    light
-        K x H x W, 1 on the film at rest.
-    shadow
-        H x W, the shadowed LEDs.
+    light : K x H x W, 1 on the film at rest
+    shadow : H x W, the shadowed LEDs
     lights : K x 3 in mm from the middle of the image
     pixel : mm per px
-    jump
-        Standard deviation of the slope across an edge, per light above `grazing`.
-    grazing
-        Light up to which a smooth film may be turning away from an LED.
+    jump : standard deviation of the slope across an edge, per light above `grazing`
+    grazing : light up to which a smooth film may be turning away from an LED
     """
     cliff = np.zeros(shadow.shape, np.float32)
     for k, plane in enumerate(light):

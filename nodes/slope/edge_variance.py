@@ -29,12 +29,9 @@ def edge_variance(
 
     Parameters
     ----------
-    variance, slope
-        2 x H x W; the slope as the camera sees it.
-    blur
-        In px.
-    factor
-        By how much the expansion falls short across an edge.
+    variance, slope : 2 x H x W; the slope as the camera sees it
+    blur : In px
+    factor : by how much the expansion falls short across an edge
     """
     if blur == 0:
         return variance

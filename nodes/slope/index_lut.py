@@ -70,8 +70,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
 
     Parameters
     ----------
-    light, slope, lit
-        N x K, N x 2, N: the calibration pixels, and the LEDs that reach them.
+    light, slope, lit : N x K, N x 2, N: the calibration pixels, and the LEDs that reach them
 
     Returns
     -------

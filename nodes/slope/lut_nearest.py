@@ -46,12 +46,9 @@ def lut_nearest(
     ----------
     light
         K x H x W.  NaN counts as dark.
-    shadow
-        H x W, bit k-1 set where LED k is shadowed.
-    index
-        The index of the tables.
-    neighbours
-        Number of nearest entries whose mean slope is returned.
+    shadow : H x W, bit k-1 set where LED k is shadowed
+    index : the index of the tables
+    neighbours : number of nearest entries whose mean slope is returned
 
     Returns
     -------

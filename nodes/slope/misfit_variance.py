@@ -30,19 +30,14 @@ def misfit_variance(
 
     Parameters
     ----------
-    variance
-        2 x H x W, from the noise alone.
-    slope, twin
-        2 x H x W, the chosen slope and the other one that its light allows.
-    misfit
-        H x W, chi-square of the slope.
-    usual
-        Misfit that noise explains.
+    variance : 2 x H x W, from the noise alone
+    slope, twin : 2 x H x W, the chosen slope and the other one that its light allows
+    misfit : H x W, chi-square of the slope
+    usual : misfit that noise explains
     open_pairs
         Whether the choice between slope and twin is still a guess.  A slope of nearly zero,
         that of the film at rest, is not: it would be a coincidence.
-    steepest
-        A steeper twin counts as this steep.
+    steepest : a steeper twin counts as this steep
     """
     wide = variance * np.maximum(misfit / np.float32(usual), np.float32(1))
     if open_pairs:

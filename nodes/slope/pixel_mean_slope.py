@@ -25,8 +25,7 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
     Parameters
     ----------
     slope : 2 x H x W in mm per mm, of the mean normal
-    most
-        Largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails.
+    most : largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails
     """
     rows, columns = slope.shape[1:]
     corrected = np.empty_like(slope)

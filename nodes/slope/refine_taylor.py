@@ -8,7 +8,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
+from tactograph.nodes.optics.normals import dot
 
 
 @node(
@@ -38,14 +39,10 @@ def refine_taylor(
     Parameters
     ----------
     light : K x H x W, 1 on the film at rest
-    slope
-        2 x H x W, the coarse G_0.
-    shadow
-        H x W; a pixel with any bit set keeps its slope.
-    reflectance
-        K x 9, as `fit_reflectance` gives it.
-    steps
-        How many times the step is taken; the paper takes one.
+    slope : 2 x H x W, the coarse G_0
+    shadow : H x W; a pixel with any bit set keeps its slope
+    reflectance : K x 9, as `fit_reflectance` gives it
+    steps : how many times the step is taken; the paper takes one
     limit
         Longest step, as the angle in radians by which it turns the normal.  The expansion is
         valid only near G_0.  Without the limit noise would be amplified on steep sides, where
@@ -72,7 +69,7 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(normal, coefficients)
-        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
         rest = plane - value
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
         u, v = u + j_p * rest, v + j_q * rest

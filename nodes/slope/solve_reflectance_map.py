@@ -8,7 +8,8 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Light, Slope
-from tactograph.nodes.optics.gauss_newton import along, limited_step, normal_by_slope
+from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
+from tactograph.nodes.optics.normals import dot
 from tactograph.nodes.optics.reflectance_map import (
     PLACE_DEGREE,
     PLACE_TERMS,
@@ -50,20 +51,13 @@ def solve_reflectance_map(
 
     Parameters
     ----------
-    light, flat
-        K x H x W: the light relative to the film at rest, and the film at rest.
-    height
-        H x W in mm, from the pass before; zero in the first.
-    reflectance
-        K x 9 x 15, as `fit_reflectance_map` gives it.
-    steps
-        Gauss-Newton steps at most.
-    prior
-        Weight that favours small slopes; matters where light does not determine the slope.
-    limit
-        Longest step, as the angle in radians by which it turns the normal.
-    still
-        A pixel stops after a step no longer than this, or than half of `limit` if that is less.
+    light, flat : K x H x W: the light relative to the film at rest, and the film at rest
+    height : H x W in mm, from the pass before; zero in the first
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
+    steps : Gauss-Newton steps at most
+    prior : weight that favours small slopes; matters where light does not determine the slope
+    limit : longest step, as the angle in radians by which it turns the normal
+    still : a pixel stops after a step no longer than this, or than half of `limit` if that is less
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
@@ -90,7 +84,7 @@ def _step(
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = shading(normal, coefficients)
-        j_p, j_q = along(gradient, by_p), along(gradient, by_q)
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
         left = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q

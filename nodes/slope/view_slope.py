@@ -30,15 +30,11 @@ def view_slope(
 
     Parameters
     ----------
-    slope
-        2 x H x W, of the film, or of the seen height.
-    height
-        H x W in mm, the seen height as far as known.
-    camera
-        1 / D in 1/mm; 0 returns the slope unchanged.
+    slope : 2 x H x W, of the film, or of the seen height
+    height : H x W in mm, the seen height as far as known
+    camera : 1 / D in 1/mm; 0 returns the slope unchanged
     pixel : mm per px
-    inverse
-        Convert slopes of the seen height to slopes of the film.
+    inverse : convert slopes of the seen height to slopes of the film
     """
     if is_orthographic(camera):
         return slope

@@ -23,21 +23,15 @@ class Assembler:
 
     Parameters
     ----------
-    film
-        The film at rest, for measuring motion.
-    dark
-        H x W: the dark image that the calibration subtracts; ambient light is the excess over it.
-    cycle
-        The LEDs in the order of the cycle, 0 for the ambient step.
-    rate
-        Frames per second.
+    film : the film at rest, for measuring motion
+    dark : H x W: the dark image that the calibration subtracts; ambient light is the excess over it
+    cycle : the LEDs in the order of the cycle, 0 for the ambient step
+    rate : frames per second
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.
         "cycle": a touch whenever all LEDs are new.
-    full
-        The camera's largest value; 0: that of the frame's type.
-    whole
-        Whether frames may remain the camera's integers.
+    full : the camera's largest value; 0: that of the frame's type
+    whole : whether frames may remain the camera's integers
     """
 
     film: RestFilm

@@ -55,17 +55,13 @@ class RestFilm:
 
     Parameters
     ----------
-    patterns
-        K x h x w: each LED's flat frame, averaged over cells.
-    scale
-        The same, but at least `MIN_REST_LIGHT`, as a divisor of light.
+    patterns : K x h x w: each LED's flat frame, averaged over cells
+    scale : the same, but at least `MIN_REST_LIGHT`, as a divisor of light
     confusion
         K x K x hw: departure of the film at rest under the first LED from the pattern of the
         second, squared and truncated.
-    dark
-        h x w: all LEDs off.
-    size
-        H, W of the camera's frames.
+    dark : h x w: all LEDs off
+    size : H, W of the camera's frames
     """
 
     patterns: F4
@@ -111,14 +107,10 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
 
     Parameters
     ----------
-    frame
-        H x W, the raw frame.
-    film
-        The film at rest.
-    full
-        The camera's largest value; 0: that of the frame's type.
-    light
-        `light_of` the frame, if known.
+    frame : H x W, the raw frame
+    film : the film at rest
+    full : the camera's largest value; 0: that of the frame's type
+    light : `light_of` the frame, if known
     """
     if frame.shape != film.size:
         return Sight("wrong size")
@@ -253,10 +245,8 @@ def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
 
     Parameters
     ----------
-    light, patterns
-        Cells of the frame, h x w, and `RestFilm.scale`.
-    led, before, after
-        The LED of the frame and its neighbours in the cycle, 0 for a dark one.
+    light, patterns : cells of the frame, h x w, and `RestFilm.scale`
+    led, before, after : the LED of the frame and its neighbours in the cycle, 0 for a dark one
 
     Returns
     -------

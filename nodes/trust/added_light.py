@@ -24,10 +24,8 @@ def added_light(light: CoarseLight, flat: CoarseLight) -> Annotated[float, Port(
 
     Parameters
     ----------
-    light
-        K x h x w on cells, relative to the flat frame, before any drift is taken out.
-    flat
-        K x h x w, the film at rest on the same cells.
+    light : K x h x w on cells, relative to the flat frame, before any drift is taken out
+    flat : K x h x w, the film at rest on the same cells
     """
     return added_share(*(thinned(a).reshape(len(a), -1) for a in (light, flat)))
 

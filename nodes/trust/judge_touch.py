@@ -68,25 +68,17 @@ def judge_touch(
 
     Parameters
     ----------
-    evidence
-        What `touch_evidence` found.
+    evidence : what `touch_evidence` found
     film
         The calibration: the LEDs, K x 3 in mm, its misfit, and the standard deviation of the
         film's brightness; without that it is known.
-    rim_share
-        What `film_on_rims` found.
-    added
-        What `added_light` found.
-    lines
-        What `line_changes` found; a part of the check of the light.
-    least
-        Trust below which there is a warning.
-    rim_height
-        Error of the height beside rims in shadow, as a share of the greatest height.
-    force
-        Go on where all checks fail.
-    filled
-        Whether an object fills the frame: then no film at rest is looked for.
+    rim_share : what `film_on_rims` found
+    added : what `added_light` found
+    lines : what `line_changes` found; a part of the check of the light
+    least : trust below which there is a warning
+    rim_height : error of the height beside rims in shadow, as a share of the greatest height
+    force : go on where all checks fail
+    filled : whether an object fills the frame: then no film at rest is looked for
     rims_measured
         Whether the height at rims comes from their shadows, too: then rims are no warning.
 

@@ -91,22 +91,15 @@ def light_departure(
 
     Parameters
     ----------
-    light, sigma
-        K x H x W, as of a matt film (`matt_light`).
-    slope, used
-        2 x H x W and H x W, as `label_lights` found them.
-    height
-        H x W in mm, as given to `label_lights`.
+    light, sigma : K x H x W, as of a matt film (`matt_light`)
+    slope, used : 2 x H x W and H x W, as `label_lights` found them
+    height : H x W in mm, as given to `label_lights`
     lights : K x 3 in mm
-    misfit
-        Length 5, the calibration's misfit.
+    misfit : Length 5, the calibration's misfit
     pixel : mm per px
-    uneven
-        Standard deviation of the film's brightness, as given to `label_lights`.
-    wrap
-        How far light goes on falling behind the terminator, as given to `label_lights`.
-    cell_px
-        Side in px of the cells that the light is a mean of; `sigma` is that of a single pixel.
+    uneven : standard deviation of the film's brightness, as given to `label_lights`
+    wrap : how far light goes on falling behind the terminator, as given to `label_lights`
+    cell_px : side in px of the cells that the light is a mean of; `sigma` is that of a single pixel
     """
     shown = expected_light(light_vectors(lights, height, pixel), slope)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]

@@ -30,10 +30,8 @@ def line_changes(light: Light, area: Mask) -> LineChanges:
 
     Parameters
     ----------
-    light
-        K x H x W, relative to the film at rest.
-    area
-        H x W, 1 where the frame shows film; pixels near others are left out.
+    light : K x H x W, relative to the film at rest
+    area : H x W, 1 where the frame shows film; pixels near others are left out
     """
     counts = np.minimum.reduce([*_taps(area, 0), *_taps(area, 1)])
     down, right = ((_fourth(light, axis) * counts).sum(axis=0) for axis in (1, 2))

@@ -25,8 +25,7 @@ def rim_cells(slope: Slope, shadow: Labels) -> Mask:
 
     Parameters
     ----------
-    slope, shadow
-        2 x H x W and H x W, as `label_lights` found them, on cells.
+    slope, shadow : 2 x H x W and H x W, as `label_lights` found them, on cells
     """
     edge = np.zeros(shadow.shape, bool)
     across, down = (_squares(np.diff(slope, axis=axis)) > MAX_SQUARED_TURN for axis in (2, 1))

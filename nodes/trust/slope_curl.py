@@ -51,21 +51,15 @@ def slope_curl(
     Parameters
     ----------
     slope : 2 x H x W
-    misfit
-        Length 5, the calibration's misfit; its first number is the level, in radians.
+    misfit : Length 5, the calibration's misfit; its first number is the level, in radians
     used
         H x W, the LEDs that each slope rests on; where they are fewer than three nothing is tested.
         All are taken if not given.
-    variance
-        2 x H x W, of a single pixel's noise; none is taken if not given.
-    factor
-        Side of a cell in pixels of `slope`; 0 depends on the image.
-    cell_px
-        Pixels of the camera along a side of a pixel of `slope`, whose noise they share.
-    share
-        Curl of a surface over its curvature, due to cells that are no points.
-    least
-        Curl that any sensor has.
+    variance : 2 x H x W, of a single pixel's noise; none is taken if not given
+    factor : side of a cell in pixels of `slope`; 0 depends on the image
+    cell_px : pixels of the camera along a side of a pixel of `slope`, whose noise they share
+    share : curl of a surface over its curvature, due to cells that are no points
+    least : curl that any sensor has
 
     Returns
     -------

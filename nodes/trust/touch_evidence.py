@@ -54,13 +54,10 @@ def touch_evidence(
 
     Parameters
     ----------
-    curl
-        h x w, as `slope_curl` gives it.
-    light
-        K x h x w on cells, relative to the flat frame, before any drift is taken out.
+    curl : h x w, as `slope_curl` gives it
+    light : K x h x w on cells, relative to the flat frame, before any drift is taken out
     height : H x W in mm
-    drift
-        K x 6, as `film_drift` found it.
+    drift : K x 6, as `film_drift` found it
     departure, brighter
         H x W, as `light_departure` gives them.  Without a departure, a slope and a misfit the
         light is not looked at.
@@ -69,10 +66,8 @@ def touch_evidence(
         pixel.
     misfit, uneven
         Length 5, the calibration's misfit, and the standard deviation of the film's brightness.
-    matt
-        K x H x W, the light as of a matt film.
-    max_dimming
-        Share of the light that film may lack under all LEDs.
+    matt : K x H x W, the light as of a matt film
+    max_dimming : share of the light that film may lack under all LEDs
     """
     seen = LightFigures(-1, *[0] * (len(LightFigures._fields) - 1))
     if departure is not None and slope is not None and misfit is not None:

@@ -17,8 +17,7 @@ def zero_error(evidence: TouchEvidence) -> ZeroError:
 
     Parameters
     ----------
-    evidence
-        What `touch_evidence` found.
+    evidence : what `touch_evidence` found
 
     Returns
     -------

@@ -32,8 +32,7 @@ def export_height(
     ----------
     height : H x W in mm
     pixel : mm per px
-    name
-        The capture's name in a stream; empty for a single capture.
+    name : the capture's name in a stream; empty for a single capture
     lens, camera
         Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
         pupil above the film (0: orthographic).  If they are given, the points of meshes are
@@ -43,8 +42,7 @@ def export_height(
         in "gwy".
     metrics
         Figures of how the height was made, which ``result.json`` then states, with its pixel size.
-    folder
-        Created if needed.
+    folder : created if needed
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":

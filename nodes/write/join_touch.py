@@ -59,24 +59,15 @@ def join_touch(
     frames
         The node that gives the frames (K x H x W, 0 to 1, as captured): `read_capture`,
         `read_camera` or another.
-    shadow
-        H x W, the LEDs that do not reach each pixel.
-    metrics
-        Figures, those of `measure_contact` and `judge_touch` among them.
-    contact
-        H x W, the number of the contact at each pixel.
-    error
-        H x W, the height's standard deviation in mm.
-    highlight
-        H x W, the LEDs that the film mirrors.
-    confidence
-        H x W, the probability that the shadow labels are right.
-    view
-        The calibration, for the lens and the camera's height.
-    tracks
-        The film's markers, by `track_markers`.
-    pose
-        The object's motion, by `track_pose`.
+    shadow : H x W, the LEDs that do not reach each pixel
+    metrics : figures, those of `measure_contact` and `judge_touch` among them
+    contact : H x W, the number of the contact at each pixel
+    error : H x W, the height's standard deviation in mm
+    highlight : H x W, the LEDs that the film mirrors
+    confidence : H x W, the probability that the shadow labels are right
+    view : the calibration, for the lens and the camera's height
+    tracks : the film's markers, by `track_markers`
+    pose : the object's motion, by `track_pose`
     """
     labels, measured = (shadow, highlight, confidence), (metrics, contact, error)
     moved = (tracks, pose)

@@ -30,10 +30,8 @@ def read_error(*, height: Path, crop: Crop | None = None) -> StatedError:
 
     Parameters
     ----------
-    height
-        The file of the height.
-    crop
-        x0, y0, x1, y1 in pixels, as the height is cropped.
+    height : the file of the height
+    crop : x0, y0, x1, y1 in pixels, as the height is cropped
 
     Raises
     ------

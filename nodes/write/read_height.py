@@ -19,12 +19,9 @@ def read_height(*, file: Path, crop: Crop | None = None, unknown: bool = False) 
 
     Parameters
     ----------
-    file
-        H x W, mm above the film at rest.
-    crop
-        x0, y0, x1, y1 in pixels; x1 and y1 are exclusive.
-    unknown
-        Whether a part of the film may be unknown (NaN), as in a result with ``grid=metric``.
+    file : H x W, mm above the film at rest
+    crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
+    unknown : whether a part of the film may be unknown (NaN), as in a result with ``grid=metric``
 
     Raises
     ------

@@ -29,8 +29,7 @@ def read_pixel_size(
 
     Parameters
     ----------
-    height
-        The file of the height map.
+    height : the file of the height map
     mm
         mm per px.  It takes precedence; a file that contradicts it raises a warning.
 

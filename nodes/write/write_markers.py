@@ -29,8 +29,7 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     touch
         As `join_touch` makes it, with `tracks`; the mean of its image is the background of the
         picture.
-    folder
-        Created if needed.
+    folder : created if needed
 
     Raises
     ------

@@ -62,23 +62,17 @@ def write_result(
 
     Parameters
     ----------
-    touch
-        As `join_touch` makes it.
-    metrics
-        Further figures for ``result.json``, such as errors against a truth.
-    unresolved
-        H x W, as `unresolved_edges` gives it.
-    parts
-        Of the error where a known step settled the scale, ``error_parts.npy``.
-    folder
-        Created if needed.
+    touch : as `join_touch` makes it
+    metrics : further figures for ``result.json``, such as errors against a truth
+    unresolved : H x W, as `unresolved_edges` gives it
+    parts : of the error where a known step settled the scale, ``error_parts.npy``
+    folder : created if needed
     grid
         "pixel": ``height.npy`` is what each pixel of the camera sees.  "metric": height and
         error are on a regular grid on the film with the spacing of the pixels, of the image's
         size and about its middle; NaN at the border where no pixel sees the film.  Labels,
         contacts and confidence stay those of the pixels.
-    mesh, pictures
-        Whether to write these, too; they take longer than all the rest.
+    mesh, pictures : whether to write these, too; they take longer than all the rest
 
     Raises
     ------

@@ -32,15 +32,11 @@ def write_scan(
 
     Parameters
     ----------
-    image
-        K x H x W, fractions of full scale; 16 bit where 8 would lose something.
+    image : K x H x W, fractions of full scale; 16 bit where 8 would lose something
     pixel : mm per px
-    height
-        H x W in mm, written as ``heightmap.tmd``.
-    name
-        The capture's name in a stream; empty for a single capture.
-    folder
-        Created if needed.
+    height : H x W in mm, written as ``heightmap.tmd``
+    name : the capture's name in a stream; empty for a single capture
+    folder : created if needed
     model
         File name of the sensor's light model, which the scan then names.  It is looked for in the
         scan's folder or the one above.

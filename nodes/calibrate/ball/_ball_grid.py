@@ -54,13 +54,10 @@ def find_grid(
 
     Parameters
     ----------
-    light
-        K x H x W, relative to the film at rest.
-    radius_px, pitch_px
-        Radius of the balls, and pitch of the lattice.
+    light : K x H x W, relative to the film at rest
+    radius_px, pitch_px : radius of the balls, and pitch of the lattice
     pixel : mm per px
-    rest
-        The flat frame in blocks, if there is one.
+    rest : the flat frame in blocks, if there is one
     """
     peaks, goodness = _peaks(light, radius_px)
     if len(peaks) < 4:
@@ -76,9 +73,8 @@ def place_balls(
 
     As `find_grid`, for balls whose centres are known to some pixels.
     """
-    circle = np.column_stack(
-        [seen.circle[:, :2], np.full(len(seen.circle), FIRST_CONTACT_SHARE * radius_px)]
-    )
+    contact = np.full(len(seen.circle), FIRST_CONTACT_SHARE * radius_px)
+    circle = np.column_stack([seen.circle[:, :2], contact])
     inside = _whole(circle, radius_px, light.shape[1:])
     if inside.sum() < 4:
         return None
@@ -203,11 +199,7 @@ def _contact(light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitt
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
     ring = np.digitize(r, EDGE_RADII)
-    spread = np.array(
-        [
-            np.sqrt(np.median(left[ring == i])) if (ring == i).any() else 0
-            for i in range(len(EDGE_RADII))
-        ]
-    )
+    rings = (left[ring == i] for i in range(len(EDGE_RADII)))
+    spread = np.array([np.sqrt(np.median(each)) if each.size else 0 for each in rings])
     beyond = np.flatnonzero(spread > MAX_RESIDUAL_RATIO * np.median(spread[:4]))
     return float(EDGE_RADII[beyond[0] - 1] if beyond.size and beyond[0] else EDGE_RADII[-1])

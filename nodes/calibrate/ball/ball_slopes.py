@@ -34,17 +34,12 @@ def ball_slopes(
 
     Parameters
     ----------
-    light
-        K x H x W; only its size is used.
-    center
-        x, y of the ball's centre in px; pixel centres lie at integers.
-    contact
-        Radius of the contact circle in px.
+    light : K x H x W; only its size is used
+    center : x, y of the ball's centre in px; pixel centres lie at integers
+    contact : radius of the contact circle in px
     pixel : mm per px
-    radius_mm
-        The ball's radius.
-    margin_px
-        Width of the rim that is left out, because its pixels mix ball and film.
+    radius_mm : the ball's radius
+    margin_px : width of the rim that is left out, because its pixels mix ball and film
 
     Returns
     -------

@@ -47,15 +47,12 @@ def bin_presses(
 
     Parameters
     ----------
-    image
-        K x S x W, the presses as captured, on a sheet (`sheet`).
-    flat, dark
-        K x H x W and H x W.
+    image : K x S x W, the presses as captured, on a sheet (`sheet`)
+    flat, dark : K x H x W and H x W
     pixel : mm per px as captured
     radius, known
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
-    marks
-        M x 3, marked balls: x, y in px, press.
+    marks : M x 3, marked balls: x, y in px, press
     """
     if radius is None or known is None:
         return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel, 1)

@@ -14,12 +14,9 @@ def film_presses(image: SheetLight, area: Mask, flat: Light, dark: Dark) -> Shee
 
     Parameters
     ----------
-    image
-        K x S x W, a sheet of captures.
-    area
-        H x W, 1 where the frame shows film.
-    flat, dark
-        K x H x W and H x W.
+    image : K x S x W, a sheet of captures
+    area : H x W, 1 where the frame shows film
+    flat, dark : K x H x W and H x W
     """
     presses = cut(image, flat.shape[1])
     return np.concatenate([within_film(press, area, flat, dark) for press in presses], axis=1)

@@ -84,15 +84,11 @@ def find_ball(
 
     Parameters
     ----------
-    light
-        K x H x W, K from 3; relative to the film at rest, or as captured.
+    light : K x H x W, K from 3; relative to the film at rest, or as captured
     pixel : mm per px
-    radius_mm
-        The ball's radius.
-    center_px
-        x, y of the ball's centre, if known; it may lie outside the image.
-    contact_px
-        Radius of the contact circle in px, if known.
+    radius_mm : the ball's radius
+    center_px : x, y of the ball's centre, if known; it may lie outside the image
+    contact_px : radius of the contact circle in px, if known
 
     Returns
     -------

@@ -47,10 +47,8 @@ def find_balls(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest.
-    flat
-        K x H x W; only its size is used.
+    light : K x S x W, the presses relative to the film at rest
+    flat : K x H x W; only its size is used
     radius, known, names
         P in mm, P x 3 in px, P: as `read_balls` returns them.  No names: no press, no ball.
     pixel : mm per px
@@ -74,24 +72,19 @@ def find_balls(
     """
     if not names:
         none = np.zeros(len(radius), np.float32)
-        return FoundBalls(
-            np.zeros((len(radius), 3), np.float32), none, radius, none.astype(np.int32), names
-        )
+        circles = np.zeros((len(radius), 3), np.float32)
+        return FoundBalls(circles, none, radius, none.astype(np.int32), names)
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)
         return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
     balls: list[Ball | None] = []
-    for press, size, circle, name in zip(
-        cut(light, flat.shape[1]), radius, known, names, strict=True
-    ):
+    presses = zip(cut(light, flat.shape[1]), radius, known, names, strict=True)
+    for press, size, circle, name in presses:
         x, y, contact = (None if np.isnan(value) else float(value) for value in circle)
+        center = None if x is None or y is None else (x, y)
         try:
             ball = find_ball(
-                press,
-                pixel,
-                radius_mm=float(size),
-                center_px=None if x is None or y is None else (x, y),
-                contact_px=contact,
+                press, pixel, radius_mm=float(size), center_px=center, contact_px=contact
             )
         except InputError as error:
             if len(names) == 1:

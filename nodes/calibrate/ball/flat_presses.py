@@ -14,10 +14,8 @@ def flat_presses(image: SheetLight, flat: Light, dark: Dark | None = None) -> Sh
 
     Parameters
     ----------
-    image
-        K x S x W, a sheet of captures.
-    flat, dark
-        K x H x W and H x W; None: black.
+    image : K x S x W, a sheet of captures
+    flat, dark : K x H x W and H x W; None: black
     """
     if dark is None:
         dark = np.zeros(flat.shape[1:], np.float32)

@@ -39,23 +39,19 @@ def judge_oblong(
     light, flat
         K x S x W, the presses relative to the film at rest, and K x H x W, of which only the size
         is used.
-    circle, goodness, of, radius
-        B x 3 in px, B, B, and B in mm: as `find_balls` returns them.
+    circle, goodness, of, radius : B x 3 in px, B, B, and B in mm: as `find_balls` returns them
     pixel : mm per px
-    radius_mm
-        The radius of all balls, where `radius` is not given.
+    radius_mm : the radius of all balls, where `radius` is not given
     """
     if radius is None:
         radius = np.full(len(circle), radius_mm, np.float32)
-    presses = [*cut(light, flat.shape[1])]
-    best = [n for n in np.argsort(-goodness)[:MAX_BALLS] if circle[n, 2] > 0]
-    estimates = np.array(
-        [
-            oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel, MAX_OBLONG_SHARE)
-            for n in best
-        ]
-    )
-    if not best:
+    presses = cut(light, flat.shape[1])
+    estimates = [
+        oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel, MAX_OBLONG_SHARE)
+        for n in np.argsort(-goodness)[:MAX_BALLS]
+        if circle[n, 2] > 0
+    ]
+    if not estimates:
         return []
     oblong, explained = np.median(estimates, axis=0)
     share = np.expm1(abs(oblong))

@@ -12,9 +12,7 @@ def leave_out_markers(mask: SheetMask, bare: SheetMask) -> SheetMask:
 
     Parameters
     ----------
-    mask
-        S x W, 1 where slope and height are known.
-    bare
-        S x W, 1 where no marker covers the film.
+    mask : S x W, 1 where slope and height are known
+    bare : S x W, 1 where no marker covers the film
     """
     return np.asarray(mask * (bare > 0), np.uint8)

@@ -22,10 +22,8 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest
     noise : (shot, read), a captured light I has the variance shot * I + read
     """
     sigma = coarsen(light_noise(flat, flat, noise))

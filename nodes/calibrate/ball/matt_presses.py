@@ -24,12 +24,9 @@ def matt_presses(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W; only its size is used.
-    slope, height
-        2 x S x W, and S x W in mm: of the presses, as `known_balls` returns them.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W; only its size is used
+    slope, height : 2 x S x W, and S x W in mm: of the presses, as `known_balls` returns them
     film : the LEDs' places in mm and the film's properties
     pixel : mm per px
     """

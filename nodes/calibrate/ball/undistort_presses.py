@@ -29,15 +29,11 @@ def undistort_presses(
 
     Parameters
     ----------
-    image
-        K x S x W, a sheet of captures.
-    first
-        K x H x W, the first of them.
-    known
-        P x 3 in px of the captured images; the radius does not change.
+    image : K x S x W, a sheet of captures
+    first : K x H x W, the first of them
+    known : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
-    marks
-        M x 3, marked balls: x, y in px, press.
+    marks : M x 3, marked balls: x, y in px, press
     """
     if is_straight(lens):
         return IdealPresses(image, first, known, marks)

@@ -75,15 +75,12 @@ def camera_blur(
 
     Parameters
     ----------
-    image
-        K x S x W, as captured, the presses on a sheet.
-    flat
-        K x H x W, the film at rest.
+    image : K x S x W, as captured, the presses on a sheet
+    flat : K x H x W, the film at rest
     circle, of
         x, y, contact radius in px of `binned` pixels, and press of every ball; balls that were
         not found have the radius 0.
-    pixel, binned
-        mm per px of the image, and of `circle`.
+    pixel, binned : mm per px of the image, and of `circle`
 
     Returns
     -------

@@ -3,10 +3,9 @@
 Long because dots and checkerboards are found in different ways, and a user may lay down either.
 """
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, I4
@@ -61,9 +60,12 @@ def find_grid(
     """
     dots = find_dots(image) if pattern != "checkerboard" else None
     if dots is not None:
-        if len(dots.astray):
-            warn(_astray(dots.astray))
-        return _marks(dots.lattice, "dots", len(dots.astray))
+        if out := len(dots.astray):
+            named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in dots.astray[:MAX_NAMED_DOTS])
+            more = f" and {out - MAX_NAMED_DOTS} more" if out > MAX_NAMED_DOTS else ""
+            whole = "a whole dot is" if out == 1 else f"{out} whole dots are"
+            warn(f"{whole} on no place of the grid and left out, at {named} px{more}; is it dirt?")
+        return _marks(dots.lattice, "dots", out)
     corners = find_corners(image) if pattern != "dots" else None
     if corners is not None:
         return _marks(corners, "checkerboard", 0)
@@ -78,11 +80,3 @@ def find_grid(
 def _marks(lattice: Lattice, pattern: str, astray: int) -> GridMarks:
     astray += lattice.gaps
     return GridMarks(np.asarray(lattice.place, np.float32), lattice.cell, pattern, astray)
-
-
-def _astray(places: NDArray[Any]) -> str:
-    """Name whole dots that are left out."""
-    named = "; ".join(f"{x:.0f},{y:.0f}" for x, y in places[:MAX_NAMED_DOTS])
-    more = f" and {len(places) - MAX_NAMED_DOTS} more" if len(places) > MAX_NAMED_DOTS else ""
-    dots = "a whole dot is" if len(places) == 1 else f"{len(places)} whole dots are"
-    return f"{dots} on no place of the grid and left out, at {named} px{more}; is it dirt?"

@@ -59,14 +59,10 @@ def fit_lens(
 
     Parameters
     ----------
-    image
-        H x W; only its size is used.
-    marks
-        As `find_grid` found them.
-    pitch_mm
-        Distance between neighbouring marks.
-    camera_mm
-        Distance of the camera's pupil from the film, which converts the tilt into degrees.
+    image : H x W; only its size is used
+    marks : as `find_grid` found them
+    pitch_mm : distance between neighbouring marks
+    camera_mm : distance of the camera's pupil from the film, which converts the tilt into degrees
 
     Returns
     -------

@@ -30,8 +30,7 @@ def pixel_size(
 
     Parameters
     ----------
-    stated
-        mm per px, as a scan states it; used if nothing else is given.
+    stated : mm per px, as a scan states it; used if nothing else is given
     mm
         mm per px, from a nanometre to a metre, which files of 32-bit floats can hold; x, y of
         pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal
@@ -39,8 +38,7 @@ def pixel_size(
     camera
         A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
-    sensor
-        A kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given.
+    sensor : a kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given
 
     Raises
     ------

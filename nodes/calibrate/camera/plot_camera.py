@@ -29,14 +29,10 @@ def plot_camera(
     Parameters
     ----------
     image : H x W
-    marks
-        As `find_grid` found them.
-    departure
-        N x 2 in px, as `fit_lens` returns it; NaN for marks that are left out.
-    quality
-        The figures, for the title.
-    file
-        The picture goes beside it: ``camera.npz`` gives ``camera.png``.
+    marks : as `find_grid` found them
+    departure : N x 2 in px, as `fit_lens` returns it; NaN for marks that are left out
+    quality : the figures, for the title
+    file : the picture goes beside it: ``camera.npz`` gives ``camera.png``
     """
     rows, columns = image.shape
     x, y = marks.place.T

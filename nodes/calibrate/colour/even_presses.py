@@ -27,10 +27,8 @@ def even_presses(image: PressImages, flat: Light, circle: KnownCircles, lens: Le
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest, as captured.
-    circle
-        P x 3 in px of the captured images; the radius does not change.
+    image, flat : P x K x H x W presses and the K x H x W film at rest, as captured
+    circle : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     """
     if is_straight(lens):

@@ -45,21 +45,18 @@ def find_presses(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
     names
         The presses' names, for messages.  No names mean that there is no press, and no ball.
     pixel : mm per px
     known
         P x 3: circles that are known already, as from `guide_colour_presses` or each press's
         ``capture.yaml``; NaN where a number is not known.
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several, as for `find_balls`.
         None: every press is one of a single ball.
-    fewest
-        Fewest balls that must be found.
+    fewest : fewest balls that must be found
 
     Returns
     -------

@@ -97,19 +97,14 @@ def fit_reflectance_map(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
-    names
-        The balls' names, for messages.
-    circle
-        B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    names : the balls' names, for messages
+    circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
     pixel : mm per px
     of
         Length B, the press that each ball is in.  None: every press has one ball.
-    radius_mm
-        The ball's radius.
-    rounds
-        How often map and centres are updated.
+    radius_mm : the ball's radius
+    rounds : how often map and centres are updated
 
     Returns
     -------
@@ -140,12 +135,13 @@ def fit_reflectance_map(
         reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
         rim = measure_rim(bench, reflectance, circles, kept)
     reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
+    left = _residuals(bench, reflectance, circles, kept, rim)
     return MapFit(
         reflectance.astype(np.float32),
         circles.astype(np.float32),
         kept.astype(np.uint8),
         rim,
-        _residual(bench, reflectance, circles, kept, rim),
+        np.sqrt(np.mean(np.square(left[kept]), axis=0)).astype(np.float32),
     )
 
 
@@ -267,36 +263,27 @@ def _robust_fit(basis: F8, light: F8, even: F8) -> F8:
     return coefficients
 
 
-def _press_residual(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> F8:
-    """Root mean square residual of a press under the map, per light."""
-    pixels = ball_pixels(bench.light[press], bench.flat, circle)
-    place = terms(pixels.x, pixels.y, bench.shape)
-    left = _left(bench, reflectance, circle, pixels, place, rim)
-    return np.asarray(np.sqrt(np.mean(left**2, axis=1)))
-
-
-def _residual(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float) -> F4:
-    every = [
-        _press_residual(bench, reflectance, circles[i], i, rim)
-        for i in np.flatnonzero(kept).tolist()
-    ]
-    return np.sqrt(np.mean(np.square(every), axis=0)).astype(np.float32)
-
-
-def _misfit(bench: Bench, reflectance: F8, circle: F8, press: int, rim: float) -> float:
-    """Root mean square residual of a press over all lights; dim, noisy ones count less."""
-    squares = np.square(_press_residual(bench, reflectance, circle, press, rim))
-    y, x = np.clip(circle[1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
-    return float(np.sqrt(np.average(squares, weights=bench.flat[:, y, x])))
+def _residuals(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float) -> F8:
+    """Root mean square residuals of the presses under the map, P x K; 0 where left out."""
+    residuals = np.zeros((len(circles), len(bench.flat)))
+    for i in np.flatnonzero(kept).tolist():
+        pixels = ball_pixels(bench.light[i], bench.flat, circles[i])
+        place = terms(pixels.x, pixels.y, bench.shape)
+        left = _left(bench, reflectance, circles[i], pixels, place, rim)
+        residuals[i] = np.sqrt(np.mean(left**2, axis=1))
+    return residuals
 
 
 def _outliers(
     bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float
 ) -> np.ndarray:
     """Flag the kept presses that the map explains far worse than the rest."""
+    squares = np.square(_residuals(bench, reflectance, circles, kept, rim))
     residual = np.zeros(len(circles))
     for i in np.flatnonzero(kept).tolist():
-        residual[i] = _misfit(bench, reflectance, circles[i], i, rim)
+        # Dim, noisy lights count less.
+        y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
+        residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
     middle = np.median(residual[kept])
     spread = 1.4826 * np.median(np.abs(residual[kept] - middle))
     high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)

@@ -28,12 +28,9 @@ def level_presses(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
-    area
-        H x W, 1 where the frame shows film; elsewhere the presses get the light of film at rest.
-    degree
-        As for `film_drift`.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    area : H x W, 1 where the frame shows film; elsewhere the presses get the light of film at rest
+    degree : as for `film_drift`
     """
     if area is not None:
         image = np.where(area != 0, image, flat)

@@ -6,10 +6,9 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, F8, U1, Light, Metrics, PixelSize
+from tactograph.nodes import F4, U1, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
-    Bench,
     degree_for,
     fit_presses,
     make_bench,
@@ -63,19 +62,14 @@ def rate_presses(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W presses and the K x H x W film at rest.
-    found, circle
-        B x 3 in px, before and after refining.
-    kept, rim, residual
-        As `fit_reflectance_map` returns them.
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    found, circle : B x 3 in px, before and after refining
+    kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
-    of_radius, of_pixels
-        The doubts of `judge_press_radius` and of `judge_oblong`.
+    of_radius, of_pixels : the doubts of `judge_press_radius` and of `judge_oblong`
     of
         Length B, the press that each ball is in.  None: every press has one ball.
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
 
     Returns
     -------
@@ -95,7 +89,10 @@ def rate_presses(
         training[held_out] = False
         reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
         for press in held_out.tolist():
-            errors.append(_judge(bench, reflectance, found[press].astype(np.float64), press, rim))
+            at = found[press].astype(np.float64)
+            at = refine_center(bench, reflectance, at, press, rim, steps=6)
+            surface = reconstruct(bench, reflectance, press)
+            errors.append(judge_contact(*surface, at, bench.radius, bench.pixel))
     degrees, microns, percent = np.mean(errors, axis=0)
     pressed = presses_per_cell(circle[chosen], bench.shape)
     steepest = rim_slope(circle[chosen], bench.radius)
@@ -115,15 +112,6 @@ def rate_presses(
     counting = "heldout_normal_deg", float(degrees)
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
-
-
-def _judge(
-    bench: Bench, reflectance: F8, circle: F8, press: int, rim: float
-) -> tuple[float, float, float]:
-    """Normal error in degrees, height error in um and in per cent of the cap."""
-    circle = refine_center(bench, reflectance, circle, press, rim, steps=6)
-    slope, height = reconstruct(bench, reflectance, press)
-    return judge_contact(slope, height, circle, bench.radius, bench.pixel)
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:

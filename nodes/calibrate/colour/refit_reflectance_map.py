@@ -76,17 +76,13 @@ def refit_reflectance_map(
 
     Parameters
     ----------
-    image, flat
-        P x K x H x W check presses and the K x H x W new film at rest.
+    image, flat : P x K x H x W check presses and the K x H x W new film at rest
     names
         The presses' names.  No names mean that there is no check press, and the map stays.
-    circle
-        P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out.
-    reflectance
-        K x 9 x 15, of the old film.
+    circle : P x 3 in px, as `find_presses` returns it; presses of radius 0 are left out
+    reflectance : K x 9 x 15, of the old film
     pixel : mm per px
-    radius_mm
-        The ball's radius.
+    radius_mm : the ball's radius
 
     Returns
     -------
@@ -115,7 +111,10 @@ def refit_reflectance_map(
 
 def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple[F8, float, float]:
     """The map fitted to all slices, and the held-out errors in degrees and um."""
-    number = _folds(bench, circles)
+    y, x = np.indices(bench.shape)
+    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
+    # The fold that holds out each pixel of each press, P x H x W.
+    number = np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT
     whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
     for fold in range(FOLD_COUNT):
@@ -129,19 +128,8 @@ def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple
     return whole, float(np.mean(degrees)), float(np.mean(microns))
 
 
-def _folds(bench: Bench, circles: F8) -> NDArray[np.intp]:
-    """The fold that holds out each pixel of each press: P x H x W."""
-    y, x = np.indices(bench.shape)
-    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
-    return np.asarray(np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT)
-
-
 def _fit(
-    bench: Bench,
-    old: F8,
-    circles: F8,
-    parts: tuple[str, ...],
-    used: NDArray[np.bool_],
+    bench: Bench, old: F8, circles: F8, parts: tuple[str, ...], used: NDArray[np.bool_]
 ) -> tuple[F8, F8]:
     """Update centres, the rim's height and map in turn; return map and circles."""
     placed, reflectance, every = circles.copy(), old, np.ones(len(circles), bool)

@@ -26,8 +26,7 @@ def read_calibration(
 
     Parameters
     ----------
-    file
-        The calibration.
+    file : the calibration
     lights
         How the images that it is used for hold the lights, as for `read_capture`.  None: not
         known.

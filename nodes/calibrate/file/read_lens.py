@@ -20,8 +20,7 @@ def read_lens(
 
     Parameters
     ----------
-    image
-        K x H x W, the image to undistort; only its size is used.
+    image : K x H x W, the image to undistort; only its size is used
     file
         The camera.  None: an ideal lens, eight zeros.
     pixel_mm

@@ -28,15 +28,12 @@ def read_press_calibration(
 
     Parameters
     ----------
-    file
-        The calibration.
-    flat
-        A new capture of the untouched film, which replaces the one in the file.
+    file : the calibration
+    flat : a new capture of the untouched film, which replaces the one in the file
     lights
         How that capture's images, and those that the calibration is used for, hold the lights,
         as for `read_capture`.  None: as those of the calibration did.
-    crop
-        x0, y0, x1, y1 in pixels of that capture; x1 and y1 are exclusive.
+    crop : x0, y0, x1, y1 in pixels of that capture; x1 and y1 are exclusive
 
     Raises
     ------

@@ -25,8 +25,7 @@ def write_calibration(
     ----------
     values
         The calibration.  Every graph that uses the file repeats its doubts.
-    file
-        The file; it is replaced as a whole.
+    file : the file; it is replaced as a whole
     sensor
         The sensor's name.  None: that in the calibration that this one is made from.  What is
         used with it and names another sensor is refused.

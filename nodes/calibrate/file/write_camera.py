@@ -26,14 +26,10 @@ def write_camera(
 
     Parameters
     ----------
-    image
-        H x W, the image of the grid; only its size is kept.
-    lens, pixel, residual
-        Length 8, mm per px, and px: as `fit_lens` returns them.
-    quality
-        The figures of `fit_lens`, for people and for ``result.json``.
-    file
-        The file; it is replaced as a whole.
+    image : H x W, the image of the grid; only its size is kept
+    lens, pixel, residual : Length 8, mm per px, and px: as `fit_lens` returns them
+    quality : the figures of `fit_lens`, for people and for ``result.json``
+    file : the file; it is replaced as a whole
 
     Raises
     ------

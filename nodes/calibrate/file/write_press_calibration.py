@@ -28,26 +28,19 @@ def write_press_calibration(
 
     Parameters
     ----------
-    flat
-        K x H x W, the film at rest.
+    flat : K x H x W, the film at rest
     pixel : mm per px
-    reflectance
-        K x 9 x 15.
+    reflectance : K x 9 x 15
     quality, advice
         From `rate_presses`.  The file stores them, and a warning repeats advice to press more.
     doubts
         What speaks against the calibration, a sentence each: every graph that uses the file
         repeats it.
-    area
-        H x W, where the frame shows film; None: everywhere.
-    serial
-        The camera's serial number.
-    lens
-        Length 8, by which the images were undistorted; None: an ideal lens.
-    file
-        The file; it is replaced as a whole.
-    sensor
-        As for `write_calibration`.
+    area : H x W, where the frame shows film; None: everywhere
+    serial : the camera's serial number
+    lens : Length 8, by which the images were undistorted; None: an ideal lens
+    file : the file; it is replaced as a whole
+    sensor : as for `write_calibration`
 
     Raises
     ------

@@ -82,16 +82,11 @@ def sample_balls(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest.
-    circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in.
-    film
-        The film, whose LEDs and coat determine the light from film to film.
-    noise, pixel
-        (shot, read), mm per px.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest
+    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
+    film : the film, whose LEDs and coat determine the light from film to film
+    noise, pixel : (shot, read), mm per px
     most
         Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
     bare

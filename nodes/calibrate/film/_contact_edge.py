@@ -33,14 +33,10 @@ def contact_edge(
     u, v
         N positions in mm on the film at rest, up to `MAX_EDGE_RATIO` times `rim` from the ball's
         centre.
-    light, thrown
-        K x N, the light as seen, and the part reflected from film to film.
-    centre, radius
-        Of the ball, in mm.
-    rim
-        Approximate radius of the contact, in mm.
-    film
-        The film's model.
+    light, thrown : K x N, the light as seen, and the part reflected from film to film
+    centre, radius : of the ball, in mm
+    rim : approximate radius of the contact, in mm
+    film : the film's model
     """
     cx, cy, cz = centre
     away = np.hypot(u - cx, v - cy)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactograph.nodes import F8, Film
+from tactograph.nodes import F8
 from tactograph.nodes.calibrate.film._film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, differences
 from tactograph.nodes.calibrate.film.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
@@ -24,7 +24,12 @@ def rest_left(rest: Rest, now: Fitted) -> F8:
 def _rest_model(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the light of the film at rest: K x M."""
     model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:4]
-    return np.asarray(model + now.leds[:, 4:] * np.log(_off_axis(now.film, rest.x, rest.y)))
+    # Cosines of emission from LEDs that face the middle of the film.
+    lx, ly, lz = now.film.lights.T[..., None].astype(np.float64)
+    high = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
+    cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
+    return np.asarray(model + now.leds[:, 4:] * np.log(np.maximum(cosine, MIN_COSINE)))
 
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
@@ -32,14 +37,6 @@ def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     model, without = _rest_model(rest, now), UNKNOWNS_OF_TOUCH_ALONE
     by = differences(now, names, without, model, lambda _, other: _rest_model(rest, other))
     return np.asarray(by.mean(axis=1, keepdims=True) - by)
-
-
-def _off_axis(film: Film, x: F8, y: F8) -> F8:
-    """Cosines of emission from LEDs that face the middle of the film: K x M."""
-    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
-    high = np.sqrt(lx * lx + ly * ly + lz * lz)
-    away = np.sqrt((lx - x) ** 2 + (ly - y) ** 2 + lz * lz)
-    return np.asarray(np.maximum((high * high - lx * x - ly * y) / (high * away), MIN_COSINE))
 
 
 def rest_spread(left: F8, rest: Rest) -> float:

@@ -71,8 +71,7 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
 
     Parameters
     ----------
-    held
-        Every held-out pixel, fold by fold.
+    held : every held-out pixel, fold by fold
     others
         8 x K x 3 in mm, deviations of the LED positions, whose error is accounted for
         separately.
@@ -121,8 +120,7 @@ def unevenness(held: list[Held], pixel: float) -> float:
 
     Parameters
     ----------
-    held
-        Every held-out pixel, fold by fold.
+    held : every held-out pixel, fold by fold
     pixel : mm per px
     """
     lags = np.array([MIN_LAG_PX])

@@ -23,7 +23,6 @@ def assume_matt(lights: LightPositions, others: LightPlaces) -> MattFilm:
 
     Parameters
     ----------
-    lights, others
-        K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them.
+    lights, others : K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them
     """
     return MattFilm(matt_film(lights)._replace(others=others), np.array(NO_MISFIT, np.float32))

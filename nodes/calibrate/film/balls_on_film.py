@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8, Film
-from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
+from tactograph.nodes.calibrate.lights.light_fit import positions
 from tactograph.nodes.optics.film import at_rest, predict
 
 MIN_WEIGHT_LIGHT = 0.3
@@ -110,9 +110,8 @@ class Fitted(NamedTuple):
 
     def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
-        ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-        lights = ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM)
-        film = self.film._replace(lights=cast(F4, lights), emission=float(leds[:, 4].mean()))
+        lights = cast(F4, positions(leds))
+        film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
 
 

@@ -25,18 +25,13 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     opened,
     priors,
 )
-from tactograph.nodes.calibrate.film.balls_on_film import (
-    Balls,
-    Fitted,
-    predicted,
-    rest_seen,
-)
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted, rest_seen
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
-    HUBER_DEVIATIONS,
     INFINITY_MM,
     LIGHT_DEVIATION,
     huber,
+    huber_weight,
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
@@ -114,18 +109,12 @@ def fit(
 
     Parameters
     ----------
-    balls
-        The samples.
-    rest
-        The flat frame in blocks, if there is one.
-    parts
-        Which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`.
-    start
-        Start values of the descent.
-    shift_mm
-        Standard deviation of a ball's position.
-    width_mm
-        Width of the film that the camera sees.
+    balls : the samples
+    rest : the flat frame in blocks, if there is one
+    parts : which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`
+    start : start values of the descent
+    shift_mm : standard deviation of a ball's position
+    width_mm : width of the film that the camera sees
 
     Raises
     ------
@@ -261,9 +250,8 @@ def add_harmonics(
 
 def _weight(balls: Balls, left: F8, scale: float) -> F8:
     """Weights of the samples' residuals in the normal equations."""
-    return np.asarray(
-        _robust(left / balls.reference_light / scale) / (scale * balls.reference_light) ** 2
-    )
+    deviation = scale * balls.reference_light
+    return np.asarray(huber_weight(left / balls.reference_light / scale) / deviation**2)
 
 
 def _scale(balls: Balls, left: F8) -> float:
@@ -273,11 +261,6 @@ def _scale(balls: Balls, left: F8) -> float:
 
 def _robust_spread(left: F8) -> float:
     return 1.4826 * float(np.median(np.abs(left)))
-
-
-def _robust(left: F8) -> F8:
-    """Huber's weights."""
-    return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
 
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
@@ -306,7 +289,7 @@ def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
         flat = by_rest(rest, now, names).reshape(len(by), -1)
-        flat_weight = (_robust(residuals.flat / certain) / certain**2).ravel()
+        flat_weight = (huber_weight(residuals.flat / certain) / certain**2).ravel()
         shared += (flat * flat_weight) @ flat.T
         right -= flat @ (flat_weight * residuals.flat.ravel())
     # The flat frame leaves the strengths' common factor free; without one, all of them are free.
@@ -363,13 +346,9 @@ def _without_shifts(shared: F8, mixed: F8, own: F8) -> tuple[F8, F8]:
 
 def start_at(lights: F4, strength: F4, count: int) -> Fitted:
     """Return a matt film under roughly known LEDs, as a start value."""
-    leds = np.column_stack(
-        [
-            lights[:, :2] / lights[:, 2:],
-            1 / np.minimum(lights[:, 2], INFINITY_MM),
-            np.log(np.maximum(strength, 1e-6)),
-            np.full(len(lights), EMISSION_UNKNOWN.start),
-        ]
-    ).astype(np.float64)
+    ways, nearness = lights[:, :2] / lights[:, 2:], 1 / np.minimum(lights[:, 2], INFINITY_MM)
+    emission = np.full(len(lights), EMISSION_UNKNOWN.start)
+    unknowns = ways, nearness, np.log(np.maximum(strength, 1e-6)), emission
+    leds = np.column_stack(unknowns).astype(np.float64)
     film = matt_film(lights.astype(np.float64))
     return Fitted(leds, film, np.zeros((count, 3)), LIGHT_DEVIATION).with_leds(leds)

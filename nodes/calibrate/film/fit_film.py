@@ -124,24 +124,17 @@ def fit_film(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest; uniform where there was none.
-    circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in.
-    kept
-        1 for each of the P presses that is used.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest; uniform where there was none
+    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
+    kept : 1 for each of the P presses that is used
     lights, strength, others
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` returns them.
     noise : (shot, read), a captured light I has the variance shot * I + read
     pixel : mm per px
-    bare
-        S x W on the sheet, 0 where a marker covers the film: such pixels are left out.
-    camera_mm
-        Height of the pupil above the film, if known.
-    without
-        Parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``.
+    bare : S x W on the sheet, 0 where a marker covers the film: such pixels are left out
+    camera_mm : height of the pupil above the film, if known
+    without : parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``
 
     Returns
     -------

@@ -120,16 +120,14 @@ def judge_radius(
 
     Parameters
     ----------
-    evidence
-        The inputs of `fit_film`.
+    evidence : the inputs of `fit_film`
     film, fitted
         The film that `fit_film` found with the given radius, and its figures.  A radius is
         doubted only if the plain model with another one departs less than this film.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
-    force
-        Whether a radius that the light contradicts is doubted instead of refused.
+    force : whether a radius that the light contradicts is doubted instead of refused
 
     Returns
     -------
@@ -277,12 +275,9 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
 
     Parameters
     ----------
-    tried
-        As `try_radii` returns it.
-    radius
-        The radius given, in mm.
-    left
-        What the film chosen for that radius leaves of the light.
+    tried : as `try_radii` returns it
+    radius : the radius given, in mm
+    left : what the film chosen for that radius leaves of the light
     """
     best, given = _best(tried), as_given(tried)
     # Of two films that explain the light alike, the plain one is believed.

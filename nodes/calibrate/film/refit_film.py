@@ -131,20 +131,15 @@ def refit_film(
 
     Parameters
     ----------
-    light
-        K x S x W, the check press or presses relative to the new film at rest, on a sheet.
-    flat, before
-        K x H x W, the new and the old film at rest.
+    light : K x S x W, the check press or presses relative to the new film at rest, on a sheet
+    flat, before : K x H x W, the new and the old film at rest
     circle, radius, of
         B x 3 in px, B in mm, and the press that each ball is in; a contact radius of 0 means
         that there is no ball.
-    film, old_misfit
-        Of the old calibration.
+    film, old_misfit : of the old calibration
     noise : (shot, read), a captured light I has the variance shot * I + read
-    pixel
-        mm per px on the old film.
-    even_pixel
-        mm per px, the camera's own pixels, if `light` is binned.
+    pixel : mm per px on the old film
+    even_pixel : mm per px, the camera's own pixels, if `light` is binned
 
     Returns
     -------

@@ -60,10 +60,8 @@ def calibrate_lights(
     flat
         K x H x W, the film at rest.  A uniform one means that none was taken: then the
         positions come from the object alone, and `light` is the light as captured.
-    slope, mask, height
-        2 x S x W, S x W, S x W in mm: the object, where known.
-    lit
-        S x W, the LEDs that reach each pixel.
+    slope, mask, height : 2 x S x W, S x W, S x W in mm: the object, where known
+    lit : S x W, the LEDs that reach each pixel
     pixel : mm per px
     slants
         L_x / L_z and L_y / L_z of each LED, from which the search starts; else it starts from the

@@ -75,15 +75,12 @@ def choose_presses(
 
     Parameters
     ----------
-    image, light
-        K x S x W, the presses as captured and relative to the film at rest.
-    flat
-        K x H x W, the film at rest.
+    image, light : K x S x W, the presses as captured and relative to the film at rest
+    flat : K x H x W, the film at rest
     slope, mask, height, lit
         2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
-    names
-        The presses' names, for messages.
+    names : the presses' names, for messages
 
     Returns
     -------

@@ -12,8 +12,6 @@ from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
 from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
-    Object,
-    Press,
     presses_of,
     rest_of,
     sample,
@@ -70,16 +68,14 @@ def find_ambient(
 
     Parameters
     ----------
-    image
-        K x S x W, the presses as captured, on a sheet (`sheet`).
+    image : K x S x W, the presses as captured, on a sheet (`sheet`)
     flat, dark
         K x H x W and H x W, as `read_flat` returns them.  If the flat frame is uniform, because
         none was taken, nothing is estimated.
     slope, mask, height
         2 x S x W, S x W, S x W in mm: of the presses, as `known_balls` returns them.
     pixel : mm per px
-    taken
-        The image with all LEDs off, if one was taken; then nothing is estimated.
+    taken : the image with all LEDs off, if one was taken; then nothing is estimated
 
     Returns
     -------
@@ -93,14 +89,21 @@ def find_ambient(
         return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
     presses = [press for press in presses if press.mask.any()][:MAX_PRESSES]
-    film, most = float(np.median(flat)), _darkest(image)
+    # The light that all but a few pixels exceed under every LED.
+    calm = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
+    most = min(float(np.percentile(plane, DARK_PERCENT)) for plane in calm)
+    film = float(np.median(flat))
     if not presses or most < MIN_AMBIENT * film:
         return nothing
 
     def misfit(ambient: float) -> float:
         """The misfit of LEDs placed after this much ambient light is subtracted."""
-        less = _less(flat, ambient)
-        objects = [_object(press, less, ambient, pixel) for press in presses]
+        less, dark = _less(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
+        objects = []
+        for press in presses:
+            light = flat_field(press.light, less, dark)
+            there = press._replace(light=light, lit=label_lit(light))
+            objects.append(sample(there, pixel, MAX_SAMPLES_EACH))
         if unreached(objects):
             return np.inf
         rest = rest_of(less, pixel)
@@ -127,17 +130,5 @@ def find_ambient(
     return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent}, [doubt])
 
 
-def _darkest(image: F4) -> float:
-    """Light that all but a few pixels exceed under every LED."""
-    calm = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
-    return min(float(np.percentile(plane, DARK_PERCENT)) for plane in calm)
-
-
 def _less(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
-
-
-def _object(press: Press, flat: F4, ambient: float, pixel: float) -> Object:
-    """Samples of a press without ambient light."""
-    light = flat_field(press.light, flat, np.full(press.mask.shape, ambient, np.float32))
-    return sample(press._replace(light=light, lit=label_lit(light)), pixel, MAX_SAMPLES_EACH)

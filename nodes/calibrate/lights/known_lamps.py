@@ -37,10 +37,8 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
 
     Parameters
     ----------
-    lamps
-        K x 3 in mm, as `read_lamps` gives them.
-    flat
-        K x H x W, the film at rest.
+    lamps : K x 3 in mm, as `read_lamps` gives them
+    flat : K x H x W, the film at rest
     pixel : mm per px
 
     Raises

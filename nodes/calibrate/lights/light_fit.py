@@ -47,7 +47,7 @@ class Placed:
     @property
     def lights(self) -> F4:
         """Positions K x 3 in mm from the middle of the image."""
-        return _positions(self.leds)
+        return positions(self.leds).astype(np.float32)
 
     @property
     def strength(self) -> F4:
@@ -127,33 +127,27 @@ def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
 
     Parameters
     ----------
-    leds
-        K x 3: L_x / L_z, L_y / L_z, 1 / L_z.
-    spread
-        3 K x 3 K, their covariance.
-    width_mm
-        Width of the film that the camera sees.
+    leds : K x 3: L_x / L_z, L_y / L_z, 1 / L_z
+    spread : 3 K x 3 K, their covariance
+    width_mm : width of the film that the camera sees
     """
     unit = np.tile([1, 1, 2 / width_mm], len(leds))
     variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
-    modes = (
-        direction[:, -OTHER_PLACES:]
-        * np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
-        * unit[:, None]
-    )
+    deviation = np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
+    modes = direction[:, -OTHER_PLACES:] * deviation * unit[:, None]
     changes = hadamard(OTHER_PLACES) @ modes.T
     others = []
     for change in changes.reshape(OTHER_PLACES, len(leds), 3):
         moved = leds + change
         moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
-        others.append(_positions(moved))
+        others.append(positions(moved).astype(np.float32))
     return np.stack(others)
 
 
-def _positions(leds: F8) -> F4:
-    """Positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
+def positions(leds: F8) -> F8:
+    """Return positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
     ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM), np.float32)
+    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM))
 
 
 def shift_of(there: Object, placed: Placed) -> F8:
@@ -194,7 +188,7 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
     damping = 1e-3
     for _ in range(MAX_STEPS):
         slopes = jacobian(unknown)
-        weight = np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS))
+        weight = huber_weight(left)
         normal = slopes.T @ (slopes * weight[:, None])
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
@@ -228,12 +222,14 @@ def _all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F
 
 
 def huber(left: F8) -> float:
-    far = np.abs(left)
-    return float(
-        np.where(
-            far < HUBER_DEVIATIONS, far * far, HUBER_DEVIATIONS * (2 * far - HUBER_DEVIATIONS)
-        ).sum()
-    )
+    """Return Huber's loss of residuals in standard deviations."""
+    far, most = np.abs(left), HUBER_DEVIATIONS
+    return float(np.where(far < most, far * far, most * (2 * far - most)).sum())
+
+
+def huber_weight(left: F8) -> F8:
+    """Return the weights of residuals in least squares that minimise Huber's loss."""
+    return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
 
 
 def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:

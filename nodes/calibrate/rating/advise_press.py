@@ -46,12 +46,9 @@ def advise_press(
 
     Parameters
     ----------
-    flat
-        K x H x W; only its size is used.
-    slope, mask, lit
-        The used presses on a sheet: 2 x S x W, S x W, S x W.
-    doubts
-        What speaks against the calibration, which matters more than further presses.
+    flat : K x H x W; only its size is used
+    slope, mask, lit : the used presses on a sheet: 2 x S x W, S x W, S x W
+    doubts : what speaks against the calibration, which matters more than further presses
 
     Returns
     -------

@@ -80,19 +80,14 @@ def hold_out_presses(
 
     Parameters
     ----------
-    image, light
-        K x S x W, the presses as captured and relative to the film at rest.
-    flat
-        K x H x W, the film at rest.
+    image, light : K x S x W, the presses as captured and relative to the film at rest
+    flat : K x H x W, the film at rest
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    balls
-        The node that found them: circles B x 3 in px, radii in mm, and the press of each.
-    noise
-        (shot, read), as `estimate_noise` returns it.
+    balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
+    noise : (shot, read), as `estimate_noise` returns it
     pixel : mm per px
-    uneven
-        Relative standard deviation of the film's brightness.
+    uneven : relative standard deviation of the film's brightness
 
     Returns
     -------
@@ -121,37 +116,22 @@ def hold_out_presses(
         placed = place_leds(others, rest, width_mm, start=everything)
         shift = shift_of(objects[i], placed)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
-        judged = _judged(presses[i])
+        p, q = presses[i].slope
+        reached = in_tables(presses[i].mask, presses[i].lit, len(flat))
+        judged = reached & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE)
         surface = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
-        errors = [
-            judge_contact(
-                *surface,
-                np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]]),
-                balls.radius[b] / pixel,
-                pixel,
-                judged,
-            )
-            for b in np.flatnonzero(balls.of == i)
-        ]
+        errors = []
+        for b in np.flatnonzero(balls.of == i):
+            circle = np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]])
+            errors.append(judge_contact(*surface, circle, balls.radius[b] / pixel, pixel, judged))
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
-    return HeldOut(
-        degrees,
-        microns,
-        quality
-        | {
-            "heldout_normal_deg": float(np.nanmean(degrees)),
-            "heldout_height_um": float(np.nanmean(microns)),
-            "heldout_height_percent": float(np.mean(percent)),
-        },
-    )
-
-
-def _judged(press: Press) -> NDArray[np.bool_]:
-    """The pixels that at least all LEDs but one reach and that are not too steep."""
-    p, q = press.slope
-    reached = in_tables(press.mask, press.lit, len(press.light))
-    return np.asarray(reached & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
+    quality |= {
+        "heldout_normal_deg": float(np.nanmean(degrees)),
+        "heldout_height_um": float(np.nanmean(microns)),
+        "heldout_height_percent": float(np.mean(percent)),
+    }
+    return HeldOut(degrees, microns, quality)
 
 
 def _measure(

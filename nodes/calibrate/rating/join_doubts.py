@@ -9,7 +9,6 @@ def join_doubts(*doubts: list[str]) -> list[str]:
 
     Parameters
     ----------
-    *doubts
-        Sentences.
+    *doubts : sentences
     """
     return [sentence for each in doubts for sentence in each]

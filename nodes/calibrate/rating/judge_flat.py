@@ -27,8 +27,7 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
 
     Parameters
     ----------
-    flat
-        K x H x W, the film at rest.
+    flat : K x H x W, the film at rest
     lights : K x 3 in mm
     pixel : mm per px
     """

@@ -81,16 +81,12 @@ def plot_calibration(
     frames
         `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
         of these.
-    reflectance, null
-        The fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`.
-    quality
-        The figures of the calibration, for the title.
+    reflectance, null : the fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`
+    quality : the figures of the calibration, for the title
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
-    area
-        H x W of the frames, 1 where they show film; its edge is dotted.
-    file
-        The picture goes beside it: ``cal.npz`` gives ``cal.png``.
+    area : H x W of the frames, 1 where they show film; its edge is dotted
+    file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
@@ -155,12 +151,8 @@ def _extent(shape: tuple[int, ...], wide: int) -> tuple[float, float, float, flo
 def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
     drawn = axes.hexbin(*slope, gridsize=60, bins="log", cmap="viridis")
     figure.colorbar(drawn, ax=axes, label="pixels in a cell")
-    axes.set_aspect("equal")
-    axes.set(
-        title=f"slopes in the tables ({slope.shape[1]} pixels)",
-        xlabel="p = dz/dx / mm per mm",
-        ylabel="q = dz/dy / mm per mm",
-    )
+    axes.set(aspect="equal", title=f"slopes in the tables ({slope.shape[1]} pixels)")
+    axes.set(xlabel="p = dz/dx / mm per mm", ylabel="q = dz/dy / mm per mm")
 
 
 def _draw_presses(
@@ -181,12 +173,8 @@ def _draw_presses(
         if len(placed) <= MAX_NAMES:
             name = balls.names[press][:MAX_NAME_LETTERS]
             axes.text(x, y - radius, name, fontsize=7, ha="center", va="bottom")
-    out = int((~used).sum())
-    axes.set(
-        title=f"presses on the film: {int(used.sum())} used, {out} left out",
-        xlabel="x / px",
-        ylabel="y / px",
-    )
+    counted = f"{int(used.sum())} used, {int((~used).sum())} left out"
+    axes.set(title=f"presses on the film: {counted}", xlabel="x / px", ylabel="y / px")
 
 
 def _draw_errors(
@@ -221,11 +209,8 @@ def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
     extent = _extent(error.shape, wide)
     drawn = axes.imshow(known, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
     figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
-    axes.set(
-        title="misfit of the reflectance |I - R|, the largest of all LEDs",
-        xlabel="x / px",
-        ylabel="y / px",
-    )
+    title = "misfit of the reflectance |I - R|, the largest of all LEDs"
+    axes.set(title=title, xlabel="x / px", ylabel="y / px")
 
 
 def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
@@ -239,8 +224,5 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
     axes.stairs(*np.histogram(np.clip(departure, -10, 10), bins=100), fill=True, color=BLUE)
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
-    axes.set(
-        title="linear dependence of the light where all LEDs reach",
-        xlabel="a.I / its standard deviation",
-        ylabel="pixels",
-    )
+    axes.set(xlabel="a.I / its standard deviation", ylabel="pixels")
+    axes.set_title("linear dependence of the light where all LEDs reach")

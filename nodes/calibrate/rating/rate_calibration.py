@@ -88,28 +88,21 @@ def rate_calibration(
 
     Parameters
     ----------
-    residual
-        Root mean square of the reflectance fit per LED; the film at rest is 1.
-    spread
-        Standard deviation of a.I on lit pixels.
-    lut_slope
-        N x 2, the slopes in the tables.
-    mask, lit
-        S x W, the pixels of known slope, and the LEDs that reach them.
+    residual : root mean square of the reflectance fit per LED; the film at rest is 1
+    spread : standard deviation of a.I on lit pixels
+    lut_slope : N x 2, the slopes in the tables
+    mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
         their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth
         function of the slope, and then that raises no warning.
-    goodness
-        Of each ball, 0 to 1; 0 where none was found.
+    goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
         Residuals that noise explains raise no warning of a poor fit.
     pixel : mm per px
-    radius
-        `judge_radius`: its figures, those of the fit among them, and its doubts.
-    others
-        The doubts of other nodes.
+    radius : `judge_radius`: its figures, those of the fit among them, and its doubts
+    others : the doubts of other nodes
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
         doubt.

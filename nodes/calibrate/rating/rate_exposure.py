@@ -21,7 +21,7 @@ MIN_FREE_SHARE = 0.05
 MAX_DEPARTURE = 0.08
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
 MAX_ADDED, CELL_PX = 0.03, 4
-"""Other light over that of the film at rest, looked for on cells of so many pixels."""
+"""Other light (T3) over that of the film at rest, looked for on cells of so many pixels."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
@@ -63,17 +63,13 @@ def rate_exposure(
 
     Parameters
     ----------
-    light
-        K x S x W, the presses relative to the film at rest, on a sheet (`sheet`).
-    flat
-        K x H x W, the film at rest.
-    taken
-        K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken.
+    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest
+    taken : K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken
     circle, of
         The balls: x, y and contact radius in px of their press, B x 3, and the number of that
         press, B.
-    names
-        The presses' names.
+    names : the presses' names
     start, folder
         The light model that gives the film at rest where there is no capture of it, and this.
 
@@ -105,20 +101,16 @@ def rate_exposure(
                 f"{where}under LED {led + 1} the film beside the ball is {more} than {compared}: "
                 f"{cure}"
             )
-        elif added := _added(press, flat, free):
+            continue
+        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
+        added = added_share(*(coarsen(a, factor=CELL_PX)[:, far] for a in (press, flat)))
+        if abs(added) > MAX_ADDED:
             doubts.append(
                 f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
                 "keep other light out, or take an image with all LEDs off (dark=FILE)"
             )
     return ExposureRating({"rest_departure_percent": 100 * worst}, doubts)
-
-
-def _added(press: F4, flat: F4, free: NDArray[np.bool_]) -> float:
-    """The light that was added to a press everywhere (T3), over that of the film at rest."""
-    far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
-    added = added_share(*(coarsen(a, factor=CELL_PX)[:, far] for a in (press, flat)))
-    return added if abs(added) > MAX_ADDED else 0.0
 
 
 def _free(press: F4, circles: F4) -> NDArray[np.bool_]:

@@ -27,14 +27,10 @@ def say_touch_cost(image: Light, film: Film, *, file: Path, lights: str | None =
 
     Parameters
     ----------
-    image
-        K x H x W, a press as captured.
-    film
-        What was found.
-    file
-        The calibration, which is written already.
-    lights
-        As for `read_calibration`.
+    image : K x H x W, a press as captured
+    film : what was found
+    file : the calibration, which is written already
+    lights : as for `read_calibration`
     """
     has_part = film.albedo > 0, film.refraction > 1
     parts = [part for part, has in zip(NODE_OF_PART, has_part, strict=True) if has]

@@ -15,14 +15,10 @@ def draw_films(
 
     Parameters
     ----------
-    films
-        K x H x W, by title.
-    albedo, dent
-        As `film_change` returns them.
-    words
-        Which film is compared with which.
-    width
-        Width of the figure, in inches.
+    films : K x H x W, by title
+    albedo, dent : as `film_change` returns them
+    words : which film is compared with which
+    width : width of the figure, in inches
 
     Returns
     -------

@@ -21,8 +21,7 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
 
     Parameters
     ----------
-    then, now
-        K x H x W, the untouched film.
+    then, now : K x H x W, the untouched film
     pixel : mm per px
     """
     before, after = rest_of(then, pixel), rest_of(now, pixel)

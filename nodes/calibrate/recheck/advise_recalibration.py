@@ -49,10 +49,8 @@ def advise_recalibration(
         Light of each LED, K, and height of the film, H x W in mm, both relative to the old
         film, as `film_change` returns them.
     pixel : mm per px
-    refitted
-        Figures of the fit to the check press; empty if there was none.
-    before
-        The figures of the old calibration.
+    refitted : figures of the fit to the check press; empty if there was none
+    before : the figures of the old calibration
 
     Returns
     -------

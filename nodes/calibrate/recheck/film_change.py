@@ -69,10 +69,8 @@ def film_change(
 
     Parameters
     ----------
-    then, now
-        K x H x W, the untouched film, dark level subtracted, equally smooth.
-    tilt
-        K x 2 x H x W, t in the equation above.
+    then, now : K x H x W, the untouched film, dark level subtracted, equally smooth
+    tilt : K x 2 x H x W, t in the equation above
     pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
@@ -97,9 +95,11 @@ def film_change(
         tilt = np.stack([_reduced(part, factor) for part in tilt])
         pixel *= columns / then.shape[2]
     moved = np.zeros(2) if new_film else _whole_shift(then, now)
-    start = _shifted(then, moved)
+    start = _shifted(then, moved.astype(int))
     safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
-    known = _known(start, moved) & ~_cut_off(now)
+    # Under an LED that lights the film elsewhere, black pixels are cut off.
+    alive = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
+    known = _known(start, moved) & ~(now[alive] < MIN_LIGHT).any(axis=0)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
     known &= (smooth > MIN_KEPT * strength[:, None, None]).all(axis=0)
@@ -150,11 +150,11 @@ def _whole_shift(then: F4, now: F4) -> F8:
     return np.round(np.array([dx, dy]))
 
 
-def _shifted(image: F4, by: F8) -> F4:
+def _shifted(image: F4, by: NDArray[np.intp]) -> F4:
     """The image moved by whole pixels; its border is replicated."""
-    rows, columns = (np.arange(size) for size in image.shape[1:])
-    y = np.clip(rows - int(by[1]), 0, rows.size - 1)
-    x = np.clip(columns - int(by[0]), 0, columns.size - 1)
+    rows, columns = image.shape[1:]
+    y = np.clip(np.arange(rows) - by[1], 0, rows - 1)
+    x = np.clip(np.arange(columns) - by[0], 0, columns - 1)
     return image[:, y[:, None], x]
 
 
@@ -168,12 +168,6 @@ def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
     return known
 
 
-def _cut_off(now: F4) -> NDArray[np.bool_]:
-    """Mask of pixels that are black under an LED that lights the film elsewhere."""
-    alive = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
-    return np.asarray((now[alive] < MIN_LIGHT).any(axis=0))
-
-
 def _smooth_part(
     ratio: F8, flat: F8, known: NDArray[np.bool_], new_film: bool
 ) -> tuple[F8, F8, float, F8]:
@@ -182,10 +176,11 @@ def _smooth_part(
     step = columns // MAX_FIT_WIDTH_PX + 1
     place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
     strength = np.median(ratio[:, known], axis=1) if known.any() else np.ones(count)
-    slope_y, slope_x = np.gradient(np.log(flat), axis=(1, 2))
-    basis = (
-        _new_basis(place, count) if new_film else _basis(place, flat, slope_x, slope_y, strength)
-    )
+    if new_film:  # six smooth terms for each LED
+        each = np.eye(count)[:, None, :, None, None] * place[None, :, None]
+        basis = each.reshape(-1, count, rows, columns)
+    else:
+        basis = _basis(place, flat, strength)
     some = np.zeros_like(known)
     some[::step, ::step] = known[::step, ::step]
     doubted = np.arange(len(basis)) >= len(basis) - (0 if new_film else 3)
@@ -196,31 +191,22 @@ def _smooth_part(
     if new_film:
         levels = fitted[:, known].mean(axis=1) if known.any() else strength
         return np.asarray(levels), fitted, 0.0, np.zeros(2)
-    return (
-        coefficients[:count] * strength,
-        fitted,
-        float(coefficients[count + 5]),
-        -coefficients[count + 6 :],
-    )
+    own, (ambient, *shift) = coefficients[:count], coefficients[count + 5 :]
+    return own * strength, fitted, float(ambient), -np.array(shift)
 
 
-def _basis(place: F8, flat: F8, slope_x: F8, slope_y: F8, strength: F8) -> F8:
+def _basis(place: F8, flat: F8, strength: F8) -> F8:
     """Columns x K x H x W: a strength for each LED, five smooth terms, ambient light, a shift.
 
     All but ambient light are scaled by a rough estimate of the LED's strength.
     """
     rough = strength[:, None, None]
     own = np.eye(len(flat))[:, :, None, None] * rough * np.ones_like(flat)
+    slope_y, slope_x = np.gradient(np.log(flat), axis=(1, 2))
     shared = rough * place[1:, None]
     return np.concatenate(
         [own, shared, 1 / flat[None], (rough * slope_x)[None], (rough * slope_y)[None]]
     )
-
-
-def _new_basis(place: F8, count: int) -> F8:
-    """Columns x K x H x W: six smooth terms for each LED."""
-    each = np.eye(count)[:, None, :, None, None] * place[None, :, None]
-    return np.asarray(each.reshape(-1, count, *place.shape[1:]))
 
 
 def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:

@@ -22,15 +22,9 @@ def film_tilt(flat: Light, film: Film, pixel: PixelSize) -> TiltResponse:
 
     Parameters
     ----------
-    flat
-        K x H x W; only its size is used.
+    flat : K x H x W; only its size is used
     film : the LEDs' places in mm and the film's properties
     pixel : mm per px
-
-    Returns
-    -------
-    ndarray
-        K x 2 x H x W.
     """
     _, rows, columns = flat.shape
     across, down = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))

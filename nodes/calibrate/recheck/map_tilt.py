@@ -21,15 +21,8 @@ def map_tilt(flat: Light, reflectance: ReflectanceMap) -> TiltResponse:
 
     Parameters
     ----------
-    flat
-        K x H x W; only its size is used.
-    reflectance
-        K x 9 x 15.
-
-    Returns
-    -------
-    ndarray
-        K x 2 x H x W.
+    flat : K x H x W; only its size is used
+    reflectance : K x 9 x 15
     """
     rows, columns = flat.shape[1:]
     y, x = np.indices((rows, columns)).reshape(2, -1).astype(np.float64)

@@ -27,14 +27,10 @@ def plot_check(
 
     Parameters
     ----------
-    then, now
-        K x H x W, the untouched film.
-    strength, albedo, dent
-        K, H x W, and H x W in mm: as `film_change` returns them.
-    leds, film, lens, ambient, camera
-        As `judge_film` returns them.
-    file
-        The picture.
+    then, now : K x H x W, the untouched film
+    strength, albedo, dent : K, H x W, and H x W in mm: as `film_change` returns them
+    leds, film, lens, ambient, camera : as `judge_film` returns them
+    file : the picture
     """
     films = {"untouched film at the calibration": then, "untouched film now": now}
     words = "now against then"

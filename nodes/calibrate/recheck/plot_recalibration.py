@@ -32,17 +32,13 @@ def plot_recalibration(
 
     Parameters
     ----------
-    then, now
-        K x H x W, the old and the new film at rest.
-    albedo, dent
-        H x W, and H x W in mm: as `film_change` returns them.
+    then, now : K x H x W, the old and the new film at rest
+    albedo, dent : H x W, and H x W in mm: as `film_change` returns them
     image, circle, of
         The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
         there is no ball.
-    quality, advice
-        For the title.
-    file
-        The picture goes beside it: ``new.npz`` gives ``new.png``.
+    quality, advice : for the title
+    file : the picture goes beside it: ``new.npz`` gives ``new.png``
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"

@@ -27,12 +27,9 @@ def read_check(
 
     Parameters
     ----------
-    flat
-        K x H x W, the film at rest, whose size every press must have.
-    folder
-        A capture, or a folder of captures; None: there is no check press.
-    radius_mm, center_px, contact_px
-        As for `read_balls`.
+    flat : K x H x W, the film at rest, whose size every press must have
+    folder : a capture, or a folder of captures; None: there is no check press
+    radius_mm, center_px, contact_px : as for `read_balls`
 
     Raises
     ------

@@ -37,15 +37,8 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
 
     Parameters
     ----------
-    flat
-        K x H x W, the film at rest; a uniform one is returned unchanged.
-    image
-        K x S x W, the presses as captured, on a sheet (`sheet`).
-
-    Returns
-    -------
-    ndarray
-        K x H x W.
+    flat : K x H x W, the film at rest; a uniform one is returned unchanged
+    image : K x S x W, the presses as captured, on a sheet (`sheet`)
     """
     denoised = flat.copy()
     for plane, sheet, result in zip(flat, image, denoised, strict=True):

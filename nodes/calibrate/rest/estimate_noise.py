@@ -24,13 +24,7 @@ def estimate_noise(image: Light) -> Noise:
 
     Parameters
     ----------
-    image
-        K x H x W, as captured.
-
-    Returns
-    -------
-    ndarray
-        Length 2.
+    image : K x H x W, as captured
     """
     left = np.stack([responses(plane) for plane in image])
     number = np.stack([np.digitize(plane, LIGHT_LEVELS).astype(np.uint8) for plane in image])

@@ -44,12 +44,9 @@ def find_film(
 
     Parameters
     ----------
-    flat
-        K x H x W, dark level subtracted.
-    dark
-        Light that counts as none, as a share of the film's.
-    told
-        Warn of parts without film.
+    flat : K x H x W, dark level subtracted
+    dark : light that counts as none, as a share of the film's
+    told : warn of parts without film
     """
     area = _area(flat, dark)
     if area.all():

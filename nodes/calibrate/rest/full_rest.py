@@ -30,19 +30,13 @@ def full_rest(
 
     Parameters
     ----------
-    flat, dark
-        K x H x W and H x W, as taken.
+    flat, dark : K x H x W and H x W, as taken
     binned, binned_dark
         K x h x w and h x w, from the calibration: with ambient light subtracted, or a model
         if no flat frame was taken.  If the sizes are equal, these are the result.
     as_taken
         Whether the flat frame is kept as taken, minus ambient light, whatever its size.  Then
         it keeps details that `binned` lacks, such as markers that were filled in.
-
-    Returns
-    -------
-    Rest
-        K x H x W and H x W.
     """
     if binned.shape == flat.shape and not as_taken:
         return Rest(binned, binned_dark)

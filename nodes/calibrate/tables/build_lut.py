@@ -32,10 +32,8 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
 
     Parameters
     ----------
-    light, slope, mask
-        Of the calibration object: K x H x W, 2 x H x W, H x W.
-    lit
-        H x W, bit k-1 set where LED k reaches the pixel.
+    light, slope, mask : of the calibration object: K x H x W, 2 x H x W, H x W
+    lit : H x W, bit k-1 set where LED k reaches the pixel
 
     Raises
     ------

@@ -34,10 +34,8 @@ def carry_tables(
 
     Parameters
     ----------
-    lut_light, lut_slope, lut_lit
-        N x K, N x 2 and N: the tables of the old calibration.
-    old, new
-        The films; if they are equal, the light does not change by a bit.
+    lut_light, lut_slope, lut_lit : N x K, N x 2 and N: the tables of the old calibration
+    old, new : the films; if they are equal, the light does not change by a bit
 
     Returns
     -------

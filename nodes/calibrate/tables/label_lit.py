@@ -25,12 +25,9 @@ def label_lit(
 
     Parameters
     ----------
-    light
-        K x H x W, 1 on the film at rest.
-    black
-        Light up to which a pixel counts as not reached.
-    which
-        The LEDs to label: those that reach a pixel, or those that do not.
+    light : K x H x W, 1 on the film at rest
+    black : light up to which a pixel counts as not reached
+    which : the LEDs to label: those that reach a pixel, or those that do not
     """
     bits = np.arange(light.shape[0], dtype=np.uint8)[:, None, None]
     lit = light > np.float32(black)

@@ -22,10 +22,8 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
 
     Parameters
     ----------
-    film
-        The model (`optics/film`, equation F1), in the middle of the image.
-    flat, noise
-        K x h x w, and as `estimate_noise` gives it: how noisy light is.
+    film : the model (`optics/film`, equation F1), in the middle of the image
+    flat, noise : K x h x w, and as `estimate_noise` gives it: how noisy light is
 
     Returns
     -------

@@ -34,6 +34,15 @@ def named_cameras() -> list[NamedCamera]:
     return cameras
 
 
+def no_such_camera(camera: str, cameras: list[NamedCamera]) -> InputError:
+    """Return the error for a serial number that none of the cameras has."""
+    others = ", ".join(f"{each.serial} ({each.name})" for each in cameras if each.serial)
+    return InputError(
+        f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
+        "('tactograph cameras' lists them)"
+    )
+
+
 def device_of(camera: str) -> str:
     """The present device node of a serial number or of a link such as ``/dev/v4l/by-id/...``.
 
@@ -47,11 +56,7 @@ def device_of(camera: str) -> str:
         for connected in cameras:
             if serial and serial == connected.serial:
                 return connected.device
-        others = ", ".join(f"{each.serial} ({each.name})" for each in cameras if each.serial)
-        raise InputError(
-            f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
-            "('tactograph cameras' lists them)"
-        )
+        raise no_such_camera(camera, cameras)
     path = Path(camera)
     return str(path.resolve()) if camera.startswith("/dev/") and path.is_symlink() else camera
 

@@ -22,7 +22,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.graph.extras import need
-from tactograph.nodes.live.camera._camera_names import GENICAM_PREFIX, NamedCamera
+from tactograph.nodes.live.camera._camera_names import (
+    GENICAM_PREFIX,
+    NamedCamera,
+    no_such_camera,
+)
 
 PRODUCER_VARIABLE = "GENICAM_GENTL64_PATH"
 WAIT_S = 1.0
@@ -88,11 +92,7 @@ def check_genicam(camera: str) -> None:
     """
     cameras = genicam_cameras()
     if camera not in {each.device for each in cameras}:
-        others = ", ".join(f"{each.serial} ({each.name})" for each in cameras)
-        raise InputError(
-            f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
-            "('tactograph cameras' lists them)"
-        )
+        raise no_such_camera(camera, cameras)
     capture = GenicamCapture(camera, colour=False)
     try:
         formats = capture.formats
@@ -112,17 +112,13 @@ class GenicamCapture:
 
     Parameters
     ----------
-    camera
-        ``genicam:`` and the serial number.
-    colour
-        Whether to deliver colour pictures.
+    camera : ``genicam:`` and the serial number
+    colour : whether to deliver colour pictures
 
     Attributes
     ----------
-    sequence
-        The number of the last frame; a gap means lost frames.
-    reason
-        Why the camera could not be opened.
+    sequence : the number of the last frame; a gap means lost frames
+    reason : why the camera could not be opened
     """
 
     def __init__(self, camera: str, *, colour: bool) -> None:
@@ -279,14 +275,10 @@ def decode(
 
     Parameters
     ----------
-    data
-        Elements from harvesters: 8 or 16 bit, row by row.
-    name
-        The pixel format's name.
-    width, height
-        Of the picture.
-    padding
-        Unused elements at the end of each row.
+    data : elements from harvesters: 8 or 16 bit, row by row
+    name : the pixel format's name
+    width, height : of the picture
+    padding : unused elements at the end of each row
 
     Returns
     -------
@@ -324,8 +316,8 @@ def _stamp(buffer: Any) -> float | None:
 def _updated() -> Any:
     """The process's Harvester; it updates only while no camera is open, because that closes it."""
     if not _shared:
-        core = _harvesters()
-        harvester = core.Harvester()
+        need("genicam", "a GenICam camera", "harvesters")
+        harvester = importlib.import_module("harvesters.core").Harvester()
         for file in _producers():
             harvester.add_file(str(file))
         _shared.append(harvester)
@@ -344,11 +336,6 @@ def _created(harvester: Any, serial: str) -> Any:
         if main:
             # Harvesters takes over Ctrl-C, which belongs to the pipeline.
             signal.signal(signal.SIGINT, before)
-
-
-def _harvesters() -> Any:
-    need("genicam", "a GenICam camera", "harvesters")
-    return importlib.import_module("harvesters.core")
 
 
 def _producers() -> list[Path]:

@@ -50,15 +50,12 @@ class LinuxCapture:
 
     Parameters
     ----------
-    device
-        The device node.
-    colour
-        Whether to deliver colour pictures.
+    device : the device node
+    colour : whether to deliver colour pictures
 
     Attributes
     ----------
-    sequence
-        The kernel's number of the last frame; a gap means lost frames.
+    sequence : the kernel's number of the last frame; a gap means lost frames
     """
 
     def __init__(self, device: str, *, colour: bool) -> None:
@@ -172,14 +169,10 @@ def decode(data: bytes, name: str, width: int, height: int, stride: int) -> NDAr
 
     Parameters
     ----------
-    data
-        Bytes from the kernel.
-    name
-        The pixel format's four letters.
-    width, height
-        Of the picture.
-    stride
-        Bytes per row, including unused ones after its pixels.
+    data : bytes from the kernel
+    name : the pixel format's four letters
+    width, height : of the picture
+    stride : bytes per row, including unused ones after its pixels
 
     Returns
     -------

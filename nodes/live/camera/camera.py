@@ -29,25 +29,17 @@ class Camera:
 
     Parameters
     ----------
-    connect
-        Opens the camera; called again after every failure.
-    wanted
-        The requested settings.
-    queue
-        Most frames that wait; older ones are dropped and counted.
-    timeout
-        Seconds without a frame after which the camera is reopened.
-    once
-        Whether the stream ends with the frames, as of a file.
+    connect : opens the camera; called again after every failure
+    wanted : the requested settings
+    queue : most frames that wait; older ones are dropped and counted
+    timeout : seconds without a frame after which the camera is reopened
+    once : whether the stream ends with the frames, as of a file
 
     Attributes
     ----------
-    faults
-        Counts of "dropped", "camera lost", and "lost" if the kernel numbers frames.
-    refused
-        Settings that the driver refused at the last opening.
-    connections
-        How often the camera was opened.
+    faults : counts of "dropped", "camera lost", and "lost" if the kernel numbers frames
+    refused : settings that the driver refused at the last opening
+    connections : how often the camera was opened
     """
 
     def __init__(
@@ -75,7 +67,7 @@ class Camera:
         self._alive = time.monotonic()
         self._closed = threading.Event()
         self._stop = threading.Event()
-        self._start()
+        self.reopen()
 
     def shots(self, wait: float) -> list[Shot]:
         """All waiting frames, oldest first; waits at most `wait` seconds for the first one.
@@ -89,7 +81,7 @@ class Camera:
         # A driver may block for much longer than a frame, and for even longer while opening.
         if not shots and time.monotonic() - self._alive > self._timeout + REOPEN_PAUSE_S:
             self._lost()
-            self._start()
+            self.reopen()
         return shots
 
     def check(self, wait: float, name: object) -> None:
@@ -97,10 +89,8 @@ class Camera:
 
         Parameters
         ----------
-        wait
-            Longest time to wait, in seconds.
-        name
-            The user's name for the camera.
+        wait : longest time to wait, in seconds
+        name : the user's name for the camera
 
         Raises
         ------
@@ -131,17 +121,14 @@ class Camera:
                 f"{wanted[0]} x {wanted[1]}; calibrate with this camera"
             )
 
-    def reopen(self) -> None:
-        """Open the camera again, as after a failure."""
-        self._start()
-
     def close(self) -> None:
         """Release the camera; waits no longer than the timeout."""
         self._closed.set()
         self._stop.set()
         self._thread.join(self._timeout)
 
-    def _start(self) -> None:
+    def reopen(self) -> None:
+        """Open the camera in a new thread, as after a failure."""
         self._stop.set()
         self._alive = time.monotonic() + 2 * self._timeout
         self._stop = threading.Event()
@@ -183,10 +170,12 @@ class Camera:
         return None
 
     def _fetch(self, capture: Capture, stop: threading.Event) -> None:
-        pace = _FilePace(capture) if self._once else None
+        rate = capture.get(cv2.CAP_PROP_FPS) if self._once else 0.0
+        due = time.monotonic()
         while not stop.is_set():
-            if pace is not None:
-                pace.wait(stop)
+            if rate > 0:  # a file, at its own rate
+                stop.wait(max(due - time.monotonic(), 0))
+                due += 1 / rate
             try:
                 if not capture.grab():
                     return
@@ -227,19 +216,6 @@ class Camera:
         with self._changed:
             self.ended = True
             self._changed.notify()
-
-
-class _FilePace:
-    """Paces a file's frames at the file's own rate."""
-
-    def __init__(self, capture: Capture) -> None:
-        rate = capture.get(cv2.CAP_PROP_FPS)
-        self._step = 1 / rate if rate > 0 else 0.0
-        self._next = time.monotonic()
-
-    def wait(self, stop: threading.Event) -> None:
-        stop.wait(max(self._next - time.monotonic(), 0))
-        self._next += self._step
 
 
 def _moment(capture: Capture, arrival_s: float) -> float:

@@ -24,14 +24,11 @@ class CameraParams(NamedTuple):
     library
         "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
         each frame, and all bits of grey frames (``pip install 'tactograph[linux]'``).
-    rate
-        Frames per second, and steps of LEDs that flash per second.
+    rate : frames per second, and steps of LEDs that flash per second
     exposure, gain, white_balance
         In the driver's units; None keeps the driver's values.  Automatic control is turned off.
-    bits
-        Bit depth, if the camera uses fewer bits than its 16-bit frames hold.
-    timeout_s
-        Time without a frame after which the camera is reopened.
+    bits : bit depth, if the camera uses fewer bits than its 16-bit frames hold
+    timeout_s : time without a frame after which the camera is reopened
     """
 
     camera: int | str = 0

@@ -48,12 +48,9 @@ class View:
 
     Parameters
     ----------
-    turn_deg
-        Counter-clockwise: 0, 90, 180 or 270.
-    crop
-        Left, top, right and bottom as shares of the rotated picture.
-    size
-        Width and height of the frames.
+    turn_deg : counter-clockwise: 0, 90, 180 or 270
+    crop : left, top, right and bottom as shares of the rotated picture
+    size : width and height of the frames
     """
 
     turn_deg: int

@@ -3,8 +3,7 @@
 import math
 import statistics
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 WINDOW_S = 10.0
 """Seconds for which bounds on the controller's clock are used."""
@@ -24,10 +23,11 @@ class Clock:
 
     def __init__(self) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=256)
-        self._difference: float | None = None
-        self._doubted = False
-        self.error = math.inf
+        self._difference: float | None
+        self._doubted: bool
+        self.error: float
         """Half the interval: the largest possible error."""
+        self.forget()
 
     def hear(self, controller: float, received: float, sent: float = -math.inf) -> bool:
         """Note that the controller's clock showed `controller` between `sent` and `received`.
@@ -86,7 +86,3 @@ class Course:
         if math.isinf(self.step):
             return self.order[0]
         return self.order[math.floor((time - self.start) / self.step) % len(self.order)]
-
-    def moved(self, start: float) -> Self:
-        """The same course with a cycle that began at `start`."""
-        return replace(self, start=start)

@@ -37,14 +37,10 @@ class Link:
 
     Parameters
     ----------
-    port
-        An open port; the link closes it.
-    timeout_s
-        Longest time that a request may take, including all repetitions.
-    on_event
-        Called by the reading thread with each event and its time of arrival.
-    on_loss
-        Called by the reading thread when the port fails.
+    port : an open port; the link closes it
+    timeout_s : longest time that a request may take, including all repetitions
+    on_event : called by the reading thread with each event and its time of arrival
+    on_loss : called by the reading thread when the port fails
     """
 
     def __init__(
@@ -92,9 +88,13 @@ class Link:
             sent = time.monotonic()
             for _ in range(MAX_ATTEMPTS):
                 self._write(line)
-                answer = self._wait(self._timeout / MAX_ATTEMPTS)
-                if answer is not None:
-                    return _granted(*answer, sent, body)
+                heard = self._wait(self._timeout / MAX_ATTEMPTS)
+                if heard is not None:
+                    answer, received = heard
+                    if answer.refusal is not None:
+                        reason = f"the LED controller refuses '{body}': {answer.refusal}"
+                        raise ControllerRefusedError(reason)
+                    return Heard(answer.values, sent, received)
             raise ControllerLostError(
                 f"the LED controller gave no answer within {self._timeout:g} s"
             )
@@ -159,9 +159,3 @@ class Link:
             self._changed.notify_all()
         if not before:
             self._on_loss()
-
-
-def _granted(answer: Answer, received: float, sent: float, body: str) -> Heard:
-    if answer.refusal is not None:
-        raise ControllerRefusedError(f"the LED controller refuses '{body}': {answer.refusal}")
-    return Heard(answer.values, sent, received)

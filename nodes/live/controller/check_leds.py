@@ -37,18 +37,12 @@ def check_leds(
 
     Parameters
     ----------
-    port
-        The controller's serial port; None: found by its USB id.
-    leds
-        Number of LEDs that the controller must have.
-    seconds_each
-        How long each LED is lit.
-    rate_hz
-        Steps of the cycle per second, equal to the camera's frame rate.
-    cycles
-        Number of cycles to run; each ends with a dark step.
-    timeout_s
-        Longest time that an answer may take.
+    port : the controller's serial port; None: found by its USB id
+    leds : number of LEDs that the controller must have
+    seconds_each : how long each LED is lit
+    rate_hz : steps of the cycle per second, equal to the camera's frame rate
+    cycles : number of cycles to run; each ends with a dark step
+    timeout_s : longest time that an answer may take
 
     Returns
     -------

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from tactograph.graph import InputError, TactographError
@@ -63,22 +63,15 @@ class Status:
 
     Attributes
     ----------
-    state
-        "off", "set" or "cycle".
-    led
-        The LED that is lit now, 0 if none.
-    step, cycle
-        Position in the order and number of the cycle, both from 0; -1 outside a cycle.
+    state : "off", "set" or "cycle"
+    led : the LED that is lit now, 0 if none
+    step, cycle : position in the order and number of the cycle, both from 0; -1 outside a cycle
     last_step_us, time_us
         Start of that step, and present time, on the controller's clock in microseconds.
-    bad_lines
-        Number of damaged lines that the controller received.
-    watchdog
-        How often it switched off because the host was silent.
-    burnt_out
-        LEDs through which no current flows; None if the board does not measure it.
-    round_trip_s
-        Time from request to answer.
+    bad_lines : number of damaged lines that the controller received
+    watchdog : how often it switched off because the host was silent
+    burnt_out : LEDs through which no current flows; None if the board does not measure it
+    round_trip_s : time from request to answer
     """
 
     state: str
@@ -107,12 +100,9 @@ def open_controller(
     port
         A serial port (``/dev/ttyACM0``, ``COM3``, a pseudo-terminal); None: the first
         controller found by its USB id.
-    timeout_s
-        Longest time that an answer may take.
-    leds
-        Number of LEDs that are needed.
-    watchdog_s
-        Silence of the host after which the controller switches its LEDs off.
+    timeout_s : longest time that an answer may take
+    leds : number of LEDs that are needed
+    watchdog_s : silence of the host after which the controller switches its LEDs off
 
     Raises
     ------
@@ -144,12 +134,9 @@ class LedController:
 
     Attributes
     ----------
-    port
-        Where it was last found.
-    identity
-        Its identity.
-    recoveries
-        For each loss or reset, the seconds until its state was restored.
+    port : where it was last found
+    identity : its identity
+    recoveries : for each loss or reset, the seconds until its state was restored
     """
 
     port: str
@@ -235,10 +222,6 @@ class LedController:
         """Switch all LEDs off; this ends a cycle."""
         self._do("off", (0,))
 
-    def stop(self) -> None:
-        """End the cycle and switch all LEDs off."""
-        self.off()
-
     def brightness(self, led: int, share: float) -> None:
         """Set an LED's brightness when lit, 0 to 1, in thousandths."""
         level = round(FULL_LEVEL * share)
@@ -260,14 +243,11 @@ class LedController:
 
         Parameters
         ----------
-        order
-            LEDs from 1, one per step; 0 is a step in the dark.
-        step_s
-            Duration of a step: the camera's frame time.
+        order : LEDs from 1, one per step; 0 is a step in the dark
+        step_s : duration of a step: the camera's frame time
         on_s
             How long an LED is lit from the start of its step.  None: until its end.
-        trigger_s
-            Length of the pulse on the trigger output at the start of each step; 0: none.
+        trigger_s : length of the pulse on the trigger output at the start of each step; 0: none
         """
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)
@@ -395,28 +375,21 @@ class LedController:
         self._courses.clear()
 
     def _event(self, event: Event, now: float) -> None:
-        """Handle an event from the reading thread."""
-        with self._counting_damage(), self._known:
-            if event.name == "cycle":
-                began = 1e-6 * whole_number(event.words[1])
-                if self._hear(began, now) and self._courses:
-                    self._courses[-1] = self._courses[-1].moved(began)
-            elif event.name == "ready":
-                self._fail("controller reset", "the LED controller started anew")
-                self._forget()
-                self._woken.set()
-            elif event.name == "watchdog":
-                self._courses.append(Course(1e-6 * whole_number(event.words[0]), (0,)))
-                self._fail("host silent", "the LED controller heard nothing and switched off")
-                self._woken.set()
-
-    @contextlib.contextmanager
-    def _counting_damage(self) -> Iterator[None]:
-        """Count an event that violates the protocol as a bad line."""
-        try:
-            yield
-        except (ValueError, IndexError):
-            with self._known:
+        """Handle an event from the reading thread; one that violates the protocol is a bad line."""
+        with self._known:
+            try:
+                if event.name == "cycle":
+                    began = 1e-6 * whole_number(event.words[1])
+                    if self._hear(began, now) and self._courses:
+                        self._courses[-1] = replace(self._courses[-1], start=began)
+                elif event.name == "ready":
+                    self._was_reset()
+                    self._woken.set()
+                elif event.name == "watchdog":
+                    self._courses.append(Course(1e-6 * whole_number(event.words[0]), (0,)))
+                    self._fail("host silent", "the LED controller heard nothing and switched off")
+                    self._woken.set()
+            except (ValueError, IndexError):
                 self._faults["bad line"] += 1
 
     # Monitoring
@@ -455,10 +428,13 @@ class LedController:
         state = "off" if wanted == ["set", "0"] else wanted[0]
         if status.state == state and (state != "set" or status.led == int(wanted[1])):
             return True
-        self._fail("controller reset", "the LED controller started anew")
-        with self._known:
-            self._forget()
+        self._was_reset()
         return False
+
+    def _was_reset(self) -> None:
+        with self._known:
+            self._fail("controller reset", "the LED controller started anew")
+            self._forget()
 
     def _fail(self, fault: str, line: str) -> None:
         with self._known:
@@ -531,7 +507,8 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
 
 def _status(heard: Heard) -> Status:
     value = heard.values
-    burnt = value["open"]
+    burnt = [] if value["open"] in ("-", "none") else value["open"].split(",")
+    leds = tuple(whole_number(led, 1, MAX_CONTROLLER_LEDS) for led in burnt)
     return Status(
         state=value["state"],
         led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
@@ -541,12 +518,6 @@ def _status(heard: Heard) -> Status:
         time_us=whole_number(value["t"]),
         bad_lines=whole_number(value["bad"]),
         watchdog=whole_number(value["bitten"]),
-        burnt_out=None if burnt == "-" else _leds(burnt),
+        burnt_out=None if value["open"] == "-" else leds,
         round_trip_s=heard.received - heard.sent,
     )
-
-
-def _leds(words: str) -> tuple[int, ...]:
-    if words == "none":
-        return ()
-    return tuple(whole_number(word, 1, MAX_CONTROLLER_LEDS) for word in words.split(","))

@@ -11,16 +11,11 @@ class GuideParams(NamedTuple):
 
     Parameters
     ----------
-    ball_radius_mm
-        The ball's radius.
-    file
-        The calibration to write.
-    width_px, height_px
-        Image size to request from the camera; None keeps the driver's.
-    still_s
-        How long a press must be held still.
-    patience_s
-        How long to wait for the next press.
+    ball_radius_mm : the ball's radius
+    file : the calibration to write
+    width_px, height_px : image size to request from the camera; None keeps the driver's
+    still_s : how long a press must be held still
+    patience_s : how long to wait for the next press
     """
 
     ball_radius_mm: Annotated[float, Gt(0)]

@@ -79,21 +79,22 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
     leds = sorted(led for led in rig.cycle if led)
     while time.monotonic() < end:
         # The first LED is captured again at the end, to detect a touch in between.
-        means = [_mean(rig, led, bits) for led in (0, *leds, leds[0])]
+        means = []
+        for led in (0, *leds, leds[0]):
+            rig.lamps.hold(led)
+            means.append(_mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits))
         taken = [mean for mean in means if mean is not None]
         if len(taken) < len(means):
             continue
-        dark, image, later_dark = taken[0], np.stack(taken[1:-1]), taken[-1]
+        dark, image = taken[0], np.stack(taken[1:-1])
         for led, plane in zip(leds, image, strict=True):
             if float((plane - dark).mean()) < MIN_LED_LIGHT:
                 raise InputError(
                     f"LED {led} gives no light on the film; look at its wires and at the "
                     "exposure ('tactograph run check_leds' lights each in turn)"
                 )
-        if (
-            _change(_cells(image[0], dark), _cells(later_dark, dark), _cells(image[0], dark))
-            < MIN_MOTION
-        ):
+        one, later = (cells(plane) - cells(dark) for plane in (image[0], taken[-1]))
+        if _change(one, later, one) < MIN_MOTION:
             return image, dark
     raise InputError(_restless(patience_s))
 
@@ -109,11 +110,9 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
     end = time.monotonic() + patience_s
     while time.monotonic() < end:
         one, later = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
-        if (
-            one is None
-            or later is None
-            or _change(cells(one), cells(later), cells(one)) > MIN_MOTION
-        ):
+        if one is None or later is None:
+            continue
+        if _change(cells(one), cells(later), cells(one)) > MIN_MOTION:
             continue
         for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
             if float(plane.mean()) < MIN_LED_LIGHT:
@@ -130,12 +129,6 @@ def _restless(patience_s: float) -> str:
         f"the film does not come to rest within {patience_s:g} s; take everything off it, keep "
         "other light out, and turn the camera's automatic exposure off"
     )
-
-
-def _mean(rig: Rig, led: int, bits: int | None) -> F4 | None:
-    """The mean of some frames under one LED; None if the light changes meanwhile."""
-    rig.lamps.hold(led)
-    return _mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits)
 
 
 def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | None:
@@ -163,10 +156,6 @@ def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | No
     return total / np.float32(count)
 
 
-def _cells(plane: F4, dark: F4) -> F4:
-    return cells(plane) - cells(dark)
-
-
 def _change(one: F4, other: F4, rest: F4) -> float:
     """Difference of light, 1 on the film at rest, without the noisiest cells."""
     share = np.abs(one - other) / np.maximum(rest, np.float32(MIN_REST_LIGHT))
@@ -178,14 +167,10 @@ class Watch:
 
     Parameters
     ----------
-    film
-        The untouched film.
-    stream
-        Touches, one per cycle of the LEDs, or per colour frame.
-    still_s
-        Time for which nothing may change.
-    patience_s
-        Longest time to wait.
+    film : the untouched film
+    stream : touches, one per cycle of the LEDs, or per colour frame
+    still_s : time for which nothing may change
+    patience_s : longest time to wait
     """
 
     def __init__(
@@ -219,8 +204,7 @@ class Watch:
     def _next_press(self) -> LiveFrames | None:
         if self._await("untouched", "Let go: the film has to come to rest.") is None:
             return None
-        line = "Press the ball into the film, and hold it still."
-        tell(line)
+        tell(line := "Press the ball into the film, and hold it still.")
         return self._await("pressed", line)
 
     def _await(self, state: State, line: str) -> LiveFrames | None:
@@ -262,10 +246,6 @@ class Watch:
         if any(_change(now, before, film.patterns) > MIN_MOTION for _, before in self._seen):
             return "between"
         departure = _change(now, film.patterns, film.patterns)
-        return (
-            "untouched"
-            if departure < MAX_REST_CHANGE
-            else "pressed"
-            if departure > MIN_PRESS_CHANGE
-            else "between"
-        )
+        if departure < MAX_REST_CHANGE:
+            return "untouched"
+        return "pressed" if departure > MIN_PRESS_CHANGE else "between"

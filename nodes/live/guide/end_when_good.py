@@ -26,18 +26,13 @@ def end_when_good(
     quality
         ``heldout_normal_deg`` and ``heldout_height_um`` from `hold_out_presses`, from two
         presses on; ``film_covered_percent``; ``slopes_covered_percent`` if known.
-    advice
-        What to press next.
-    names
-        Names of all presses so far.
+    advice : what to press next
+    names : names of all presses so far
     held_out_deg
         Largest mean error of normals on held-out presses, in degrees, that counts as good.
-    film_percent
-        Share of the film's parts that must be covered.
-    presses
-        Fewest presses that must be used, because a few that agree prove nothing.
-    presses_at_most
-        Number of presses after which the calibration ends, however good it is.
+    film_percent : share of the film's parts that must be covered
+    presses : fewest presses that must be used, because a few that agree prove nothing
+    presses_at_most : number of presses after which the calibration ends, however good it is
 
     Raises
     ------

@@ -75,17 +75,14 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    sensor
-        As for `read_colour_camera`.
+    sensor : as for `read_colour_camera`
     pixel_size_mm
         mm per px on the film.  None: the sensor's.
-    lights
-        The colours in the calibration's order.
+    lights : the colours in the calibration's order
     warm_up_s
         How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
         none for simulated LEDs.
-    presses_at_most
-        Number of presses after which no more are asked for.
+    presses_at_most : number of presses after which no more are asked for
 
     Returns
     -------
@@ -140,8 +137,10 @@ def _finer_and_finer(
         images.append(press.image)
         circles.append(circle)
         _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
-        advice = _advice(np.array(circles), flat.shape[1:], guide.ball_radius_mm / pixel)
-        tell(f"Press {len(images)} is taken: let go. {advice}")
+        every, size = np.array(circles), (flat.shape[1], flat.shape[2])
+        steepest = rim_slope(every, guide.ball_radius_mm / pixel)
+        advice = advise(presses_per_cell(every, size), size, steepest)
+        tell(f"Press {len(images)} is taken: let go. Next: {advice}.")
         if _is_finer(len(images), fitted):
             fitted = len(images)
             yield _all(images, flat, circles)
@@ -173,12 +172,6 @@ def _is_finer(presses: int, before: int) -> bool:
     return (
         degree_for(presses) > degree_for(before) or presses >= before + REFIT_PRESSES or not before
     )
-
-
-def _advice(circles: F4, shape: tuple[int, ...], radius: float) -> str:
-    size = shape[0], shape[1]
-    sentence = advise(presses_per_cell(circles, size), size, rim_slope(circles, radius))
-    return f"Next: {sentence}."
 
 
 def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresses:

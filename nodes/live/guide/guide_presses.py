@@ -72,17 +72,9 @@ def guide_presses(
 
     Parameters
     ----------
-    port
-        As for `read_camera`; here the LEDs need their controller.
-    pixel_size_mm
-        mm per px on the film.
-    leds
-        Number of LEDs.
-
-    Returns
-    -------
-    GuidedPresses
-        As `read_balls` and `read_flat` return them.
+    port : as for `read_camera`; here the LEDs need their controller
+    pixel_size_mm : mm per px on the film
+    leds : number of LEDs
 
     Raises
     ------

@@ -33,8 +33,7 @@ class SimulatedCamera:
 
     Parameters
     ----------
-    sensor
-        The sensor that it sees.
+    sensor : the sensor that it sees
     lit_between
         The simulated controller's LEDs.  None: all are lit, and `sensor` is a one-shot sensor.
     full_share

@@ -29,25 +29,17 @@ class SimulatedController:
 
     Parameters
     ----------
-    leds
-        Number of LEDs.
-    uid
-        The number of its chip.
-    drift
-        Relative excess speed of its clock.
-    senses
-        Whether the board measures the current through its LEDs.
-    protocol
-        The protocol version that it reports.
-    link
-        A path that always points to its port, like a link made by a udev rule.
+    leds : number of LEDs
+    uid : the number of its chip
+    drift : relative excess speed of its clock
+    senses : whether the board measures the current through its LEDs
+    protocol : the protocol version that it reports
+    link : a path that always points to its port, like a link made by a udev rule
 
     Attributes
     ----------
-    port
-        The pseudo-terminal; another one after `replug`.
-    burnt_out
-        LEDs that give no light.
+    port : the pseudo-terminal; another one after `replug`
+    burnt_out : LEDs that give no light
     garble
         Changes each line on its way to the host.  None: lines arrive unchanged.
     """

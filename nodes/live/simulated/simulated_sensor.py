@@ -132,20 +132,14 @@ class SimulatedSensor:
 
     Attributes
     ----------
-    plugged
-        False: the cable is unplugged; no camera can be opened, and an open one fails.
-    covered, flooded
-        The lens is covered; stray light saturates the camera.
-    frozen
-        The driver hangs: a fetch does not return.
-    strength
-        Brightness of each LED, 1 as calibrated; 0 is burnt out.
+    plugged : False: the cable is unplugged; no camera can be opened, and an open one fails
+    covered, flooded : the lens is covered; stray light saturates the camera
+    frozen : the driver hangs: a fetch does not return
+    strength : brightness of each LED, 1 as calibrated; 0 is burnt out
     size
         Width and height that the camera delivers, whatever is requested.  None: the scene's.
-    exposure_s
-        The scene's exposure, or what its camera's rate allows.
-    faults
-        Faults of the next frames, one each: "double", "lose", "swap", "late" or "none".
+    exposure_s : the scene's exposure, or what its camera's rate allows
+    faults : faults of the next frames, one each: "double", "lose", "swap", "late" or "none"
     """
 
     def __init__(self, scene: Scene, start: float | None = None) -> None:
@@ -211,12 +205,9 @@ class SimulatedSensor:
 
         Parameters
         ----------
-        shares
-            For each LED, from 1: the share of its light that each row receives, length H.
-        moment
-            Time that determines the ball's position.
-        number
-            Selects the noise.
+        shares : for each LED, from 1: the share of its light that each row receives, length H
+        moment : time that determines the ball's position
+        number : selects the noise
         """
         if self.covered:
             return self._recorded(np.zeros_like(self._lens), number, ...)

@@ -58,22 +58,15 @@ class Matcher:
 
     Parameters
     ----------
-    film
-        The film at rest.
-    cycle
-        The LEDs in the order of the cycle, 0 for the ambient step.
-    rate
-        Frames per second.
+    film : the film at rest
+    cycle : the LEDs in the order of the cycle, 0 for the ambient step
+    rate : frames per second
     clock
         The controller's cycle.  None: the image alone decides.
-    full
-        The camera's largest value; 0: that of the frame's type.
-    burnt
-        LEDs that stay dark.
-    usual_reach
-        The `reach` of correct frames: 0 unless the film has changed since the calibration.
-    mean_reach
-        Running mean of the excess over it.
+    full : the camera's largest value; 0: that of the frame's type
+    burnt : LEDs that stay dark
+    usual_reach : the `reach` of correct frames: 0 unless the film has changed since the calibration
+    mean_reach : running mean of the excess over it
     """
 
     film: RestFilm
@@ -110,12 +103,9 @@ class Matcher:
 
         Parameters
         ----------
-        data
-            H x W, the frame.
-        time
-            The end of its exposure as reported by the camera, in s of time.monotonic().
-        light
-            `light_of` the frame, if known.
+        data : H x W, the frame
+        time : the end of its exposure as reported by the camera, in s of time.monotonic()
+        light : `light_of` the frame, if known
         """
         if light is None:
             light = light_of(data, self.full)

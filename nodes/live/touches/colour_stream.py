@@ -149,16 +149,11 @@ class ColourStream(TouchStream):
 
     Parameters
     ----------
-    sensor
-        Not closed here.
-    film
-        The film at rest; each colour counts as an LED.
-    order
-        The channels that are the lights, in the calibration's order.
-    full
-        The camera's largest value; 0: that of the frame's type.
-    state
-        The counters.
+    sensor : not closed here
+    film : the film at rest; each colour counts as an LED
+    order : the channels that are the lights, in the calibration's order
+    full : the camera's largest value; 0: that of the frame's type
+    state : the counters
     """
 
     sensor: ColourSensor

@@ -47,13 +47,11 @@ class FaultLog:
 
     Parameters
     ----------
-    state
-        The counters.
+    state : the counters
     rate
         Frames per second that the camera must deliver, because the LEDs change as often.
         None: any rate.
-    says
-        One line of explanation for every fault.
+    says : one line of explanation for every fault
     """
 
     def __init__(
@@ -63,7 +61,9 @@ class FaultLog:
         self._counted: Counter[str] = Counter()
         self._before: float | None = None
         self._pace: Shot | None = None
-        self._teller = _Teller()
+        self._waiting: dict[str, float] = {}
+        self._told: dict[str, float] = {}
+        self._item = time.monotonic()
 
     def take(self, counted: Counter[str]) -> None:
         """Note the faults that others have counted since the last call."""
@@ -75,15 +75,28 @@ class FaultLog:
         """Count a fault, and report it with the next touch; with `once`, that line only once."""
         self.state.faults[fault] += times
         says = self._says.get(fault, f"the LED controller: {fault}")
-        self._teller.add(once or says.format(led=about), again_s=math.inf if once else REPEAT_S)
+        self.add(once or says.format(led=about), again_s=math.inf if once else REPEAT_S)
 
-    def add(self, line: str) -> None:
-        """Report a line that is not a fault of the stream."""
-        self._teller.add(line)
+    def add(self, line: str, *, again_s: float = REPEAT_S) -> None:
+        """Report a line with the next touch, unless it was reported within `again_s`."""
+        now = time.monotonic()
+        if now - self._told.get(line, -math.inf) >= again_s:
+            self._waiting.setdefault(line, now)
 
     def tell(self, *, with_item: bool) -> None:
         """Report waiting lines: with a touch, or at once if none comes."""
-        self._teller.tell(with_item=with_item)
+        now = time.monotonic()
+        if with_item:
+            self._item = now
+        elif now - self._item < SILENCE_S:
+            return
+        for line in self._waiting:
+            self._told[line] = now
+            if with_item:
+                warn(line)
+            else:
+                LOGGER.warning("warning: %s", line)
+        self._waiting.clear()
 
     def count(self, shot: Shot) -> None:
         """Count a frame, and the frames missing before it."""
@@ -114,35 +127,7 @@ class FaultLog:
         self._pace = shot
         if abs(rate / wanted - 1) > MAX_PACE_ERROR:
             self.state.faults["wrong rate"] += 1
-            self._teller.add(
+            self.add(
                 f"the camera delivers {rate:.1f} frames per second, "
                 f"but the LEDs change {wanted:g} times"
             )
-
-
-class _Teller:
-    """Reports each fault in one line: with the next touch, or at once if none comes."""
-
-    def __init__(self) -> None:
-        self._waiting: dict[str, float] = {}
-        self._said: dict[str, float] = {}
-        self._item = time.monotonic()
-
-    def add(self, line: str, *, again_s: float = REPEAT_S) -> None:
-        now = time.monotonic()
-        if now - self._said.get(line, -math.inf) >= again_s:
-            self._waiting.setdefault(line, now)
-
-    def tell(self, *, with_item: bool) -> None:
-        now = time.monotonic()
-        if with_item:
-            self._item = now
-        elif now - self._item < SILENCE_S:
-            return
-        for line in self._waiting:
-            self._said[line] = now
-            if with_item:
-                warn(line)
-            else:
-                LOGGER.warning("warning: %s", line)
-        self._waiting.clear()

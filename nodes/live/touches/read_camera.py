@@ -52,8 +52,7 @@ def read_camera(
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
-    ambient
-        Whether the cycle has a step with all LEDs off, whose light is subtracted.
+    ambient : whether the cycle has a step with all LEDs off, whose light is subtracted
     motion, motion_limit
         A touch whose light changes by more than the limit (1 is the film at rest) from one
         cycle to the next is counted as "moved", or skipped.
@@ -62,8 +61,7 @@ def read_camera(
         are dropped.
     seconds, items
         Time, or number of touches, after which to end.  None: never.
-    whole
-        Whether frames may remain the camera's integers.
+    whole : whether frames may remain the camera's integers
 
     Returns
     -------

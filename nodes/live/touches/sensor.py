@@ -183,16 +183,11 @@ def open_rig(
 
     Parameters
     ----------
-    driver, port
-        As for `read_camera`.
-    size
-        Width and height to request from the camera; None keeps the driver's.
-    leds
-        Number of LEDs.
-    ambient
-        Whether the cycle has a step with all LEDs off.
-    queue
-        As for `Camera`.
+    driver, port : as for `read_camera`
+    size : width and height to request from the camera; None keeps the driver's
+    leds : number of LEDs
+    ambient : whether the cycle has a step with all LEDs off
+    queue : as for `Camera`
 
     Raises
     ------

@@ -86,17 +86,13 @@ class Stream(TouchStream):
 
     Parameters
     ----------
-    sensor
-        Camera and LEDs; not closed here.
-    film, dark
-        The film at rest, and H x W with all LEDs off.
-    refresh, full, whole
-        As for `Assembler`.
+    sensor : camera and LEDs; not closed here
+    film, dark : the film at rest, and H x W with all LEDs off
+    refresh, full, whole : as for `Assembler`
     motion_limit, skip_moving
         Change of the light within a cycle above which a touch counts as moved, and whether such
         touches are left out.
-    state
-        The counters.
+    state : the counters
     """
 
     sensor: Rig

@@ -50,12 +50,9 @@ def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -
     touch
         Shown are its height; LED 1, or the colours, with the markers' shifts as arrows; and the
         labels over the mean image.
-    top
-        Upper end of the colour scale in mm.
-    footer
-        One line of text.
-    lights
-        "bgr" or "rgb" if the lights are the colours of one picture.
+    top : upper end of the colour scale in mm
+    footer : one line of text
+    lights : "bgr" or "rgb" if the lights are the colours of one picture
     """
     height, image = touch.height, touch.image
     shadow = np.zeros(height.shape, np.uint8) if touch.shadow is None else touch.shadow
@@ -76,7 +73,13 @@ def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -
         draw_arrows(first, markers[:, :2], shift, seen, small / columns)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
-    _place(canvas, _ramp(HEIGHT_PX), GAP_PX + width + GAP_PX, upper)
+    levels = np.linspace(255, 0, HEIGHT_PX).astype(np.uint8)
+    _place(
+        canvas,
+        np.repeat(_colours()[levels][:, None], BAR_PX, axis=1),
+        GAP_PX + width + GAP_PX,
+        upper,
+    )
     _place(canvas, first, right, upper)
     _place(canvas, _labelled(shadow, mean, lights), right, lower)
 
@@ -111,9 +114,13 @@ def round_up(value: float) -> float:
 
 def _grey(image: Light, width: int, height: int) -> Picture:
     mean = np.mean([_resized(plane, width, height) for plane in image], axis=0)
-    white = float(np.quantile(mean[::4, ::4], WHITE_SHARE)) or 1.0
-    plane = cv2.convertScaleAbs(mean, alpha=255 / white)
-    return np.asarray(cv2.cvtColor(plane, cv2.COLOR_GRAY2RGB))
+    return np.asarray(cv2.cvtColor(_bright(mean), cv2.COLOR_GRAY2RGB))
+
+
+def _bright(light: F4) -> NDArray[np.uint8]:
+    """8 bits, of which `WHITE_SHARE` are below white."""
+    white = float(np.quantile(light[::4, ::4], WHITE_SHARE)) or 1.0
+    return np.asarray(cv2.convertScaleAbs(light, alpha=255 / white), np.uint8)
 
 
 def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
@@ -121,8 +128,7 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     rows, columns = like.shape[:2]
     planes = [_resized(plane, columns, rows) for plane in image]
     picture = np.stack(planes if lights == "rgb" else planes[::-1], axis=-1)
-    white = float(np.quantile(picture[::4, ::4], WHITE_SHARE)) or 1.0
-    return np.asarray(cv2.convertScaleAbs(picture, alpha=255 / white), np.uint8)
+    return _bright(picture)
 
 
 def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:
@@ -141,7 +147,7 @@ def _label_colours(lights: Lights) -> Picture:
     colours = [SEVERAL_COLOUR] * LABEL_COUNT
     for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
         colours[1 << k] = colour
-    return np.array([_rgb(colour) for colour in colours], np.uint8)
+    return np.array([[*bytes.fromhex(colour[1:])] for colour in colours], np.uint8)
 
 
 @lru_cache
@@ -150,11 +156,6 @@ def _colours() -> Picture:
     ramp = np.arange(256, dtype=np.uint8)[:, None]
     bgr = cv2.applyColorMap(ramp, cv2.COLORMAP_VIRIDIS)
     return np.asarray(bgr[:, 0, ::-1], np.uint8)
-
-
-def _ramp(rows: int) -> Picture:
-    levels = np.linspace(255, 0, rows).astype(np.uint8)
-    return np.repeat(_colours()[levels][:, None], BAR_PX, axis=1)
 
 
 def _resized(plane: F4, width: int, height: int) -> F4:
@@ -203,8 +204,3 @@ def _legend(
         right -= 16
         pen.rectangle((right, y + 2, right + 11, y + 13), fill=colour, outline=TEXT_RGB)
         right -= 10
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    return red, green, blue

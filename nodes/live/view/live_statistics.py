@@ -47,18 +47,13 @@ def live_statistics(
     Parameters
     ----------
     height : H x W in mm above the film at rest
-    time
-        The end of its newest exposure, in s of ``time.monotonic()``.
-    state
-        The stream's counters.
-    truth
-        H x W in mm, if known: the true height at the newest exposure.
-    contact
-        Figures of the touch, as `measure_contact` and `judge_touch` return them.
+    time : the end of its newest exposure, in s of ``time.monotonic()``
+    state : the stream's counters
+    truth : H x W in mm, if known: the true height at the newest exposure
+    contact : figures of the touch, as `measure_contact` and `judge_touch` return them
     folder
         Folder for ``result.json`` at the end of the stream.  None: it is not written.
-    every_s
-        Time between two lines on the terminal.
+    every_s : time between two lines on the terminal
     """
     statistics = session.keep(lambda: Statistics(folder, every_s))
     statistics.take(height, time, state, truth, provenance, contact)

@@ -51,16 +51,11 @@ def preview(
     touch
         As `join_touch` makes it.  Shown are LED 1, or the colours, markers as arrows over them,
         and the labels over the mean image.
-    lights
-        "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`.
-    where
-        "auto": a window if possible, else files.
-    folder
-        For the PNG files.
-    rate_hz
-        Most pictures per second; touches in between are not drawn.
-    keep
-        Number of latest pictures to keep beside ``latest.png``, named after their touches.
+    lights : "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`
+    where : "auto": a window if possible, else files
+    folder : for the PNG files
+    rate_hz : most pictures per second; touches in between are not drawn
+    keep : number of latest pictures to keep beside ``latest.png``, named after their touches
     top_mm
         Upper end of the height's colour scale.  None: the greatest height so far, rounded up.
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError, Provenance, Session, node, warn
 from tactograph.graph.extras import need
 from tactograph.nodes import BAND_DEVIATIONS, F4, Height, HeightError, Labels, Light, Metrics
+from tactograph.nodes.files.height_files import grid_triangles
 from tactograph.nodes.files.image_files import Lights
 from tactograph.nodes.live.view._live_picture import LIGHT_NAMES, colour_height, round_up
 from tactograph.nodes.stream.touch import MarkerTracks, Touch, now_in_touch
@@ -68,37 +69,26 @@ def view_rerun(
     touch
         As `join_touch` makes it.  Its figures are plotted over time; markers are arrows over the
         image of LED 1; the pose is a transform, with the object's axes as arrows.
-    lights
-        "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one.
+    lights : "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one
     viewer
         "spawn": open a viewer on this screen, or use the one that is open.  "connect": use the
         one at `url`, here or elsewhere.  "none": only the file.
-    url
-        Address of the viewer.
+    url : address of the viewer
     file
         An ``.rrd`` file to write.  None: no file.
-    file_gb
-        Approximate largest size of the file; beyond it, nothing more is sent.
-    rate_hz
-        Most touches per second that are sent.
-    image_step
-        Factor by which the LEDs' images and the labels are reduced.
-    surface_step
-        Spacing in px of the rows and columns whose pixels become vertices of the surface.
+    file_gb : approximate largest size of the file; beyond it, nothing more is sent
+    rate_hz : most touches per second that are sent
+    image_step : factor by which the LEDs' images and the labels are reduced
+    surface_step : spacing in px of the rows and columns whose pixels become vertices of the surface
 
     Raises
     ------
     InputError
         If Rerun is not installed, a viewer cannot be opened, or the file cannot be written.
     """
+    at = None if viewer == "none" else url
     stream = session.keep(
-        lambda: _Stream(
-            _open(viewer, url, file, lights),
-            None if viewer == "none" else url,
-            file,
-            1e9 * file_gb,
-            1 / rate_hz,
-        )
+        lambda: _Stream(_open(viewer, url, file, lights), at, file, 1e9 * file_gb, 1 / rate_hz)
     )
     now = clock.monotonic()
     if not stream.is_due(now):
@@ -306,7 +296,7 @@ class _Stream:
         some = height[::step, ::step]
         rows, columns = some.shape
         if self._shape != some.shape:
-            mesh = rr.Mesh3D.from_fields(triangle_indices=_triangles(rows, columns))
+            mesh = rr.Mesh3D.from_fields(triangle_indices=grid_triangles(rows, columns))
             self.log("film/surface", mesh, static=True)
             self._shape = some.shape
             self.log("film", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -385,13 +375,6 @@ def _classes(count: int, lights: Lights) -> list[Any]:
         colour = colours[leds[0]] if len(leds) == 1 else "#ffffff"
         classes.append(rr.AnnotationInfo(label, name, tuple(bytes.fromhex(colour[1:]))))
     return classes
-
-
-def _triangles(rows: int, columns: int) -> NDArray[np.uint32]:
-    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
-    right, below = corner + 1, corner + columns
-    halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
-    return np.concatenate(halves).astype(np.uint32)
 
 
 def _normals(height: F4, pitch: float) -> F4:

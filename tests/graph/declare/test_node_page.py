@@ -50,7 +50,8 @@ def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
 
 def test_a_page_tells_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
-    assert "`flat` (float32 K x H x W [1]): K x H x W, the untouched film" in page
+    assert "`flat` (float32 K x H x W [1]): Irradiance per LED" in page
+    assert "; K x H x W, the untouched film" in page
     assert "`pixel` (number [mm/px]): Side of a pixel on" in node_page(find_node("find_ball"))
     assert "`floor` (default 0.02, above 0): Smallest value" in page
 
