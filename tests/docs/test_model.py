@@ -18,41 +18,28 @@ SOURCES = [path for part in ("nodes", "kernels") for path in sorted((ROOT / part
 
 LIMITS = {
     "T1": (
-        _light_check.MAX_MEDIAN,
-        _light_check.MAX_QUARTILE,
-        _light_check.MAX_REST,
+        _light_check.MAX_MEDIAN, _light_check.MAX_QUARTILE, _light_check.MAX_REST,
         _light_check.MAX_SHADOW_LIGHT,
     ),
     "T2": (_curl_check.MAX_MEDIAN, _curl_check.MAX_QUARTILE, _curl_check.MAX_PART_SHARE),
     "T3": (
-        _rest_check.MAX_LEVEL,
-        _rest_check.MAX_KEPT_LEVEL,
-        _rest_check.MAX_SPREAD,
-        _rest_check.MAX_SHAPE,
-        _rest_check.MAX_DARK_SHARE,
-        _rest_check.MAX_DEPTH,
-        _rest_check.MAX_TILT,
-        _rest_check.MAX_ADDED,
+        _rest_check.MAX_LEVEL, _rest_check.MAX_KEPT_LEVEL, _rest_check.MAX_SPREAD,
+        _rest_check.MAX_SHAPE, _rest_check.MAX_DARK_SHARE, _rest_check.MAX_DEPTH,
+        _rest_check.MAX_TILT, _rest_check.MAX_ADDED,
     ),
     "T4": (_light_check.DIRTY_CELLS,),
     "T5": (_line_check.MAX_ROW_CHANGE,),
-}
-
-
-def stated(label: str) -> bool:
-    """Whether an equation of the page has this label, at the start of a line of a text block."""
-    return any(re.search(rf"^{label} ", block, re.MULTILINE) for block in _equations())
-
-
-def _equations() -> list[str]:
-    return re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+}  # fmt: skip
+BLOCKS = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+STATED = set(re.findall(r"^([A-Z]\d) ", "".join(BLOCKS), re.MULTILINE))
+"""The labels of the equations: each begins a line of a text block."""
 
 
 @pytest.mark.parametrize(("labels", "files"), ROWS, ids=[labels[0] for labels, _ in ROWS])
 def test_the_files_that_hold_an_equation_cite_it(labels: list[str], files: list[str]) -> None:
     assert files
     for label in labels:
-        assert stated(label), f"the page has no equation {label}"
+        assert label in STATED, f"the page has no equation {label}"
         for name in files:
             text = (ROOT / name).read_text()
             number = int(label[1])
@@ -62,20 +49,19 @@ def test_the_files_that_hold_an_equation_cite_it(labels: list[str], files: list[
 
 
 def test_the_table_names_every_equation_of_the_page() -> None:
-    listed = {label for labels, _ in ROWS for label in labels}
-    assert set(re.findall(r"^([A-Z]\d) ", "".join(_equations()), re.MULTILINE)) == listed
+    assert {label for labels, _ in ROWS for label in labels} == STATED
 
 
 def test_what_code_cites_is_on_the_page() -> None:
     for path in SOURCES:
         if path.suffix in {".py", ".cl", ".clh"}:
             for found in CITED.finditer(path.read_text()):
-                for label in filter(None, found.groups()):
-                    assert stated(label), f"{path} cites equation {label}"
+                cited = {label for label in found.groups() if label}
+                assert cited <= STATED, f"{path} cites equations {cited}"
 
 
 @pytest.mark.parametrize("label", LIMITS)
 def test_the_limits_of_the_checks_are_those_of_the_code(label: str) -> None:
-    (block,) = (block for block in _equations() if block.startswith(label))
+    (block,) = (block for block in BLOCKS if block.startswith(label))
     for limit in LIMITS[label]:
         assert f"/ {limit:g}" in block, f"equation {label} lacks the limit {limit:g}"

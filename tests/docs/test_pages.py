@@ -77,9 +77,8 @@ def wheel(made_once: MadeOnce) -> Path:
         pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
         build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder / "dist")]
         source = folder / "source"
-        ignored = shutil.ignore_patterns(
-            ".*", "tests", "docs", "build", "demo", "out", "*.egg-info"
-        )
+        left_out = (".*", "tests", "docs", "build", "demo", "out", "*.egg-info")
+        ignored = shutil.ignore_patterns(*left_out)
         shutil.copytree(ROOT, source, ignore=ignored, symlinks=True)
         subprocess.run([*pip, *build, str(source)], check=True)
         (built,) = (folder / "dist").glob("tactograph-*.whl")

