@@ -5,6 +5,7 @@ Long because both go through one factor of the same equations.
 
 from typing import Annotated, NamedTuple
 
+import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 
@@ -19,9 +20,11 @@ from tactograph.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.nodes.scan.judge_untouched import MAX_LEAN
 from tactograph.nodes.scan.known_step import KnownStep
 
+MAX_STEEPNESS = 3.0
+"""Square of the steepest slope that a light model measures."""
 NOMINAL_GROWTH = 0.01
 """Share of a height by which it errs, over the square of its slope, in the last part."""
-GROWTH_OF_SCALE = 0.6
+GROWTH_OF_SCALE = 0.7
 """The same of a scan by a model that a known step has found wrong, over what it is wrong by."""
 
 
@@ -42,6 +45,7 @@ def level_scan(
     brightness: Annotated[F4, Port("H W", "1", high=2)],
     residual: Annotated[F4, Port("H W", "1", high=0.1)],
     single: Annotated[F4, Port("H W", "1", high=0.1)],
+    single_slope: Slope,
     model: LightModel,
     pixel: PixelSize,
     known: KnownStep | None = None,
@@ -62,8 +66,9 @@ def level_scan(
     ----------
     slope, brightness, residual
         2 x H x W, H x W, H x W: as `light_model_slope` finds them from the mean light of cells.
-    single
-        The residual of one pixel of every cell.
+    single, single_slope
+        Residual and slope of one pixel of every cell: the mean light of a cell with an edge tells
+        nothing of how steep its wall is.
     model
         The light model on cells.
     pixel
@@ -101,15 +106,17 @@ def level_scan(
     bend = height - integrate_dct(slope, pixel)
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
     bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
-    steepest = float(np.abs(drifting).max())
-    if steepest > MAX_LEAN:
+    lean = float(np.abs(drifting).max())
+    if lean > MAX_LEAN:
         warn(
-            f"the slopes of flat film drift by {steepest:.2g} to the frame's border, which would "
+            f"the slopes of flat film drift by {lean:.2g} to the frame's border, which would "
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
             "(level=plane leaves it)"
         )
     errors, inside = scan_errors(slope, residual, single, levelling, cell, seed)
-    of_walls = levelling.heights(slope * np.sum(slope * slope, axis=0))
+    steepness = (np.sum(each * each, axis=0) for each in (slope, single_slope))
+    steepest = cv2.dilate(np.maximum(*steepness), np.ones((3, 3)))
+    of_walls = levelling.heights(slope * np.minimum(steepest, MAX_STEEPNESS))
     parts = np.concatenate([errors, [NOMINAL_GROWTH * of_walls]]).astype(np.float32)
     factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
