@@ -97,9 +97,10 @@ def measure_step(
         ``step_depth_um`` (the median over the profiles; below 0: a ridge, or a step up),
         ``step_spread_um`` (their standard deviation), ``step_uncertainty_um`` (standard
         uncertainty of the depth: the spread of the mean, and the stated error, which profiles
-        share), ``step_width_mm``, ``wall_1_deg``, ``wall_2_deg`` (steepest part of the walls
-        against the level), ``step_profiles``.  Of a known depth also ``step_scale``, by
-        which heights are to be multiplied, and its standard uncertainty ``step_scale_error``.
+        share; unless a known step settled it, also what edges within a pixel may hide),
+        ``step_width_mm``, ``wall_1_deg``, ``wall_2_deg`` (steepest part of the walls against the
+        level), ``step_profiles``.  Of a known depth also ``step_scale``, by which heights are to
+        be multiplied, and its standard uncertainty ``step_scale_error``.
 
     Raises
     ------
@@ -116,6 +117,8 @@ def measure_step(
     middle, spread = float(np.median(depths)), float(np.std(depths, ddof=1))
     of_mean = spread / np.sqrt(len(depths))
     stated = 1e3 * float(np.sqrt(np.mean([profile.error**2 for profile in profiles])))
+    if error is not None and parts is None:
+        stated = float(np.hypot(stated, 1e3 * _edge_loss(profiles, pixel)))
     if parts is not None:
         depth, *others = depths_with(parts, height, pixel, along, edges)
         stated = 1e3 * float(np.linalg.norm(np.array(others) - depth))
@@ -191,6 +194,17 @@ def parts_within(parts: ErrorParts, crop: Crop | None, shape: tuple[int, ...]) -
     rows = slice(int(y0 * down), int(np.ceil(y1 * down)))
     columns = slice(int(x0 * across), int(np.ceil(x1 * across)))
     return np.asarray(parts[:, rows, columns], np.float32)
+
+
+def _edge_loss(profiles: list[Profile], pixel: float) -> float:
+    """Standard deviation in mm of what edges that lie within a pixel may take off a depth.
+
+    The mean light of level film and of a wall of angle t, half a pixel each, is that of film at
+    t / 2, which rises by tan(t / 2) in place of tan(t) / 2.  A wall has two such edges.  How sharp
+    they are is not known, so the loss lies evenly between 0 and that.
+    """
+    wall = np.radians([profile.walls for profile in profiles])
+    return pixel * float(np.median(np.tan(wall) - 2 * np.tan(wall / 2))) / np.sqrt(3)
 
 
 def _warn_of_wide_walls(figures: Metrics) -> None:

@@ -39,6 +39,7 @@ def known_step(
     pixel: PixelSize,
     light: Metrics,
     *,
+    folder: Path | None = None,
     known_um: KnownDepth | None = None,
     crop: Crop | None = None,
     along: Across = "x",
@@ -60,6 +61,8 @@ def known_step(
     pixel : mm per px
     light
         Figures of `judge_light_model` on the step's scan.
+    folder
+        The step's scan, which messages name.
     known_um, along, edges
         As for `measure_step`.
     crop
@@ -76,19 +79,19 @@ def known_step(
         As `measure_step`; if no depth is given, or the step found is another one.
     """
     if known_um is None:
-        raise InputError("known: a known step needs known_um=DEPTH,UNCERTAINTY")
-    shown = np.ascontiguousarray(cropped(height, crop, Path("known")))
+        raise InputError(f"{folder}: a known step needs known_um=DEPTH,UNCERTAINTY")
+    shown = np.ascontiguousarray(cropped(height, crop, folder or Path("known")))
     cells = parts_within(parts, crop, height.shape)
     try:
         found = measure_step(shown, pixel, 0 * shown, along=along, edges=edges, known_um=known_um)
         depth, *others = depths_with(cells, shown, pixel, along, edges)
     except InputError as error:
-        raise InputError(f"known: {error} (here known_crop=, known_along=, …)") from None
+        raise InputError(f"{folder}: {error} (here known_crop=, known_along=, …)") from None
     scale = found["step_scale"], found["step_scale_error"]
     if not 1 / MAX_STEP_SCALE < scale[0] < MAX_STEP_SCALE:
         raise InputError(
-            f"known: its step is {abs(found['step_depth_um']):.3g} um deep, not {known_um[0]:g}: "
-            "check known_um=, and that known_crop= shows this step alone"
+            f"{folder}: its step is {abs(found['step_depth_um']):.3g} um deep, not "
+            f"{known_um[0]:g}: check known_um=, and that known_crop= shows this step alone"
         )
     shares = np.array(others, np.float32) / np.float32(depth) - 1
     said = dict(zip(("known_scale", "known_scale_error"), scale, strict=True))

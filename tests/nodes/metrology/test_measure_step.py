@@ -98,7 +98,8 @@ def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:
     np.save(tmp_path / "error.npy", np.full_like(z, 1e-3))
     stated = run("measure_step", **given)["step"]
     assert alone["step_uncertainty_um"] < 0.1
-    assert stated["step_uncertainty_um"] == pytest.approx(np.sqrt(2), rel=0.01)
+    of_edges = 1e3 * PIXEL * (1 - 2 * np.tan(np.radians(22.5))) / np.sqrt(3)
+    assert stated["step_uncertainty_um"] == pytest.approx(np.hypot(np.sqrt(2), of_edges), rel=0.02)
 
 
 def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:
