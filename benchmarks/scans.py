@@ -244,7 +244,7 @@ def draw(relief: NDArray[np.float32], file: Path) -> None:
 def show_known(_: Path | None) -> None:
     """Grooves of 246 um by models that are wrong, before and after one of 507 um settles them."""
     head("sensor", "walls / deg", "off / um", "stated / um", "settled: off / um", "stated / um")
-    for device, wall in product(DEVICES, (WALL_DEG, 20)):
+    for device, wall in product(DEVICES, (WALL_DEG, 20, 40)):
         with tempfile.TemporaryDirectory() as folder:
             pairs = [settled(device, wall, seed, Path(folder)) for seed in range(3)]
         numbers = []
