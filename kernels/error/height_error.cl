@@ -422,38 +422,19 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
-// The departure of a pixel's height from its neighbours, beyond what a film bends.
-LANED __kernel void bends(
-    __global const float *restrict height, __global float *restrict bent, const int H, const int W,
-    const float pixel)
-{
-    GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const floats none = 0.0f;
-    const floats found = sqrt(squared_bend(height, y, x, count, H, W)) - RESOLVED_BEND * pixel;
-    store_floats(MORE_OF(found, none), bent + y * W + x, count);
-}
-
 // The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may
 // lie anywhere in it.
 LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
-    __global const float *restrict freed, __global const float *restrict bent,
+    __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float share)
+    const int left, const int H, const int W, const float pixel, const float share)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
-    floats edge = 0.0f;
-    for (int dy = -1; dy <= 1; ++dy) {
-        __global const float *row = bent + clamp(top + y + dy, 0, frame_height - 1) * frame_width;
-        for (int dx = -1; dx <= 1; ++dx) {
-            const int from = left + x + dx;
-            const floats there = load_within_border(row, from, count, frame_width, REPLICATE);
-            edge = MORE_OF(edge, there);
-        }
-    }
-    edge *= share;
+    const floats bend = largest_bend(height, top + y, left + x, count, frame_height, frame_width);
+    const floats beyond = bend - RESOLVED_BEND * pixel, edge = share * MORE_OF(beyond, none);
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
     const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
     const ints free = load_floats(freed + i, count) > 0.0f;

@@ -6,18 +6,13 @@
 LANED __kernel void unresolved_edges(
     __global const float *restrict height,
     const float pixel,
+    const float blur,
     __global uchar *restrict out,
     const int H, const int W,
     const float resolved_px)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    floats largest = 0.0f;
-    for (int dy = -1; dy <= 1; ++dy)
-        for (int dx = -1; dx <= 1; ++dx) {
-            const floats there = squared_bend(height, clamp(y + dy, 0, H - 1), x + dx, count, H, W);
-            largest = MORE_OF(largest, there);
-        }
-    const float most = resolved_px * pixel;
+    const floats edge = largest_bend(height, y, x, count, H, W) * sqrt(1.0f + 12.0f * blur * blur);
     const ints yes = 1, no = 0;
-    store_bytes(sqrt(largest) > most ? yes : no, out + y * W + x, count);
+    store_bytes(edge > resolved_px * pixel ? yes : no, out + y * W + x, count);
 }

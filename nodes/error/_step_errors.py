@@ -76,18 +76,15 @@ def edge_share(blur: float) -> np.float32:
 
 
 def unresolved(height: Height, pixel: float, blur: float = 0.0) -> F4:
-    """Return a share of the height's second difference beyond `RESOLVED_BEND` (`edge_share`).
-
-    The result is the largest of 3 x 3 pixels.
-    """
-    bend = bends(height) - RESOLVED_BEND * np.float32(pixel)
-    beyond = np.maximum(bend, np.float32(0)) * edge_share(blur)
-    return np.asarray(cv2.dilate(beyond, np.ones((3, 3), np.uint8)), np.float32)
+    """Return a share of the height's largest bend beyond `RESOLVED_BEND` (`edge_share`)."""
+    beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
+    return np.asarray(np.maximum(beyond, np.float32(0)) * edge_share(blur), np.float32)
 
 
-def bends(height: Height) -> F4:
-    """Return the height's second differences along both axes, as the root of their squares."""
+def largest_bend(height: Height) -> F4:
+    """Return the largest root of squares of the height's second differences, of 3 x 3 pixels."""
     around = np.pad(height, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
     along = around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
-    return np.asarray(np.sqrt(across * across + along * along))
+    bends = np.sqrt(across * across + along * along)
+    return np.asarray(cv2.dilate(bends, np.ones((3, 3), np.uint8)))

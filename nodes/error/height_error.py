@@ -414,12 +414,12 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out, bent = run.outputs["height_error"], run.scratch(frame)
-    height = run.inputs["height"]
-    run.kernel("bends", run.in_row_lanes(*frame), height, bent, *frame, networks.pixel)
+    out, lies = run.outputs["height_error"], float(edge_share(run.inputs.get("blur") or 0.0))
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
-    lies = float(edge_share(run.inputs.get("blur") or 0.0))
-    run.kernel("deviation", by_rows, total, weight, free, bent, out, *frame, *networks.place, lies)
+    run.kernel(
+        "deviation", by_rows, total, weight, free, run.inputs["height"], out,
+        *frame, *networks.place, networks.pixel, lies,
+    )  # fmt: skip
 
 
 @height_error.example

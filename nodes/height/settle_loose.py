@@ -11,7 +11,7 @@ from tactograph.nodes import F4, Height, SlopeVariance
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6))
 def settle_loose(
-    height: Height, variance: SlopeVariance, *, loose: Annotated[float, Ge(0)] = 0.09
+    height: Height, variance: SlopeVariance, *, loose: Annotated[float, Ge(0)] = 0.2
 ) -> Height:
     """Move loose pixels towards their neighbours.
 

@@ -32,6 +32,10 @@ def test_a_low_step_and_an_even_wall_are_resolved(height: F4) -> None:
     assert not unresolved_edges(height, PIXEL_MM)[:, 2:-2].any()
 
 
+def test_blur_hides_an_edge_of_less_height() -> None:
+    assert unresolved_edges(wall(2.5), PIXEL_MM, 0.5)[6, EDGE - 2 : EDGE + 2].all()
+
+
 def test_the_band_leaves_them_out_and_counts_them() -> None:
     height, error = wall(6.0), np.full((12, 20), 0.01, np.float32)
     truth = np.roll(height, 1, axis=1)
