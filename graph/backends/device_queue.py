@@ -66,6 +66,16 @@ def usual_lanes(device: Device) -> int:
     return 16 if device.kind == "CPU" and device.handle.platform.name not in SCALAR_PLATFORMS else 1
 
 
+def usual_group(device: Device, lanes: int) -> int:
+    """Return the number of work-items of a work-group that does something alone.
+
+    NVIDIA's take as many as a multiprocessor holds; elsewhere a kernel's registers limit them.
+    """
+    if lanes > 1:
+        return 1
+    return min(1024, device.handle.max_work_group_size) if "NVIDIA" in device.name else 128
+
+
 def _array_class() -> type[Array]:
     """pyopencl's arrays, whose module costs time that few need."""
     from pyopencl.array import Array
@@ -78,6 +88,7 @@ class Queue:
 
     `lanes` is the number of elements that a work-item does side by side.  None suits it to the
     device: most CPU compilers do not vectorise across work-items, GPUs want one element each.
+    `group` is the number of work-items of a work-group that works alone.
     """
 
     error: type[Exception] = cl.Error
@@ -88,6 +99,7 @@ class Queue:
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
         self.lanes = lanes or usual_lanes(device)
+        self.group = usual_group(device, self.lanes)
         self.context = context_of(device.handle)
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
