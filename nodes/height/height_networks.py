@@ -28,8 +28,6 @@ ONE_GROUP_PIXELS = 20480
 """Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
 CPU that is one core: it finishes before two cores would have started.  A GPU would wait for the
 host, which takes 15 us for each launch."""
-KNOT_RUN = 16
-"""Pixels whose knots are stored one after another."""
 SUM_PARTS = 1024
 
 
@@ -164,12 +162,12 @@ class HeightNetworks:
         self._finest = run.scratch((self._ties,))
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(levels.member_start), run.put(levels.members)
-        counts = np.bincount(levels.knot_own // KNOT_RUN, minlength=total // KNOT_RUN)
-        starts = np.append(0, np.cumsum(counts))
-        marks = run.scratch((total // run.lanes,), np.uint8)
+        runs = total // run.lanes
+        marks, starts = run.scratch((runs,), np.uint8), run.scratch((runs + 1,), np.int32)
         self.knot_tie, stiffness = run.put(levels.knot_tie), run.scratch(levels.knot_tie.shape)
         own, other = run.put(levels.knot_own), run.put(levels.knot_other)
-        self._knots = marks, run.put(starts.astype(np.int32)), own, other, stiffness
+        run.kernel("find_knots", (runs + 1,), own, starts, runs + 1, *own.shape)
+        self._knots = marks, starts, own, other, stiffness
 
     @property
     def rises(self) -> int:
