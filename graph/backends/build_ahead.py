@@ -1,8 +1,8 @@
 """Programs built ahead by processes of their own, while this one builds those that it needs first.
 
-A driver compiles one program at a time in a process.  A helper starts its compiler while this process
-still plans, goes through a plan's programs, passes over those that another process is at, and keeps
-them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
+A driver compiles one program at a time in a process.  A helper starts its compiler while this
+process still plans, goes through a plan's programs, passes over those that another process is at,
+and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
 """
 
 import os

@@ -1,10 +1,10 @@
 """OpenCL programs, each built once a process.
 
 A build takes hundreds of times as long as a launch.  Programs belong to a context, so all queues of
-a device share one.  PoCL and NVIDIA's driver keep binaries on disk, but still parse each source (60 and
-200 ms), so binaries are kept here too, which takes a fifteenth of that.  For other drivers,
-pyopencl or the driver keeps them.  PoCL compiles every kernel of a program to hand out a binary: set PYOPENCL_NO_CACHE=1 where
-few of them are launched.
+a device share one.  PoCL and NVIDIA's driver keep binaries on disk, but still parse each source
+(PoCL in 60 ms), so binaries are kept here too, which takes a fifteenth of that.  For other drivers,
+pyopencl or the driver keeps them.  PoCL compiles every kernel of a program to hand out a binary:
+set PYOPENCL_NO_CACHE=1 where few of them are launched.
 """
 
 import hashlib
