@@ -1,8 +1,8 @@
 """Programs built ahead by processes of their own, while this one builds those that it needs first.
 
-PoCL compiles one program at a time in a process.  A helper starts its compiler while this process
-still plans, goes through a plan's programs, passes over those that another process is at, and keeps
-them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
+A driver compiles one program at a time in a process.  A helper starts its compiler while this
+process still plans, goes through a plan's programs, passes over those that another process is at,
+and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
 """
 
 import os
@@ -16,7 +16,7 @@ from threading import Thread
 import pyopencl as cl
 
 from tactograph.graph.backends.programs import (
-    POCL_PLATFORM,
+    KEPT_PLATFORMS,
     Recipe,
     ahead,
     build_if_free,
@@ -75,7 +75,7 @@ def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
 def main() -> None:
     """Build what the parent writes into the standard input."""
     parent, name = sys.argv[1:]
-    platforms = (p for p in cl.get_platforms() if p.name == POCL_PLATFORM)
+    platforms = (p for p in cl.get_platforms() if p.name in KEPT_PLATFORMS)
     context = next(context_of(d) for p in platforms for d in p.get_devices() if d.name == name)
     start_compiler(context)
     with suppress(EOFError):  # there was nothing to build

@@ -45,7 +45,7 @@ class Compiled:
         return kernel_source(self.node)
 
     def kernels_with(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
-        """The kernels by name, built on first use with `constants` and LANES as macros.
+        """The kernels by name, built on first use with `constants`, LANES and GROUP as macros.
 
         Raises
         ------
@@ -59,7 +59,7 @@ class Compiled:
 
     def recipe(self, constants: Mapping[str, int]) -> tuple[str, tuple[str, ...]]:
         """The source and the options of the program that holds the kernels."""
-        macros = {"LANES": self._queue.lanes, **constants}
+        macros = {"LANES": self._queue.lanes, "GROUP": self._queue.group, **constants}
         options = (f"-D{name}={value}" for name, value in macros.items())
         return self.source, (*self._queue.options, *options)
 

@@ -156,8 +156,8 @@ def _run_probe(handle: cl.Device) -> str | None:
 
     if handle.platform.name == POCL_PLATFORM:
         pocl_cache.note_crash()
-        if not is_ready(handle, _PROBE_KERNEL, ()):  # nor will anything else be
-            begin_helpers(handle)
+    if not is_ready(handle, _PROBE_KERNEL, ()):  # nor will anything else be
+        begin_helpers(handle)
     context = context_of(handle)
     queue = cl.CommandQueue(context)
     kernel = cl.Kernel(build(context, _PROBE_KERNEL, ()), "probe")

@@ -95,7 +95,17 @@ class Launch:
     @property
     def group(self) -> int:
         """The size of a kernel that is a single work-group: the kernels' GROUP."""
-        return 1 if self.lanes > 1 else 128
+        return self._device.group
+
+    @property
+    def part(self) -> tuple[int] | None:
+        """The work-group of a kernel whose groups do a part each; on a CPU work-items do."""
+        return None if self.lanes > 1 else (self.group,)
+
+    @property
+    def alone(self) -> tuple[int] | None:
+        """The work-group of a kernel that keeps much for each work-item: on a CPU one of them."""
+        return (1,) if self.lanes > 1 else None
 
     @property
     def queue(self) -> cl.CommandQueue:

@@ -1,10 +1,10 @@
 """OpenCL programs, each built once a process.
 
 A build takes hundreds of times as long as a launch.  Programs belong to a context, so all queues of
-a device share one.  PoCL keeps binaries on disk, but still parses each source (60 ms), so binaries
-are kept here too, which takes a fifteenth of that.  For other drivers, pyopencl or the driver keeps
-them.  PoCL compiles every kernel of a program to hand out a binary: set PYOPENCL_NO_CACHE=1 where
-few of them are launched.
+a device share one.  PoCL and NVIDIA's driver keep binaries on disk, but still parse each source
+(PoCL in 60 ms), so binaries are kept here too, which takes a fifteenth of that.  For other drivers,
+pyopencl or the driver keeps them.  PoCL compiles every kernel of a program to hand out a binary:
+set PYOPENCL_NO_CACHE=1 where few of them are launched.
 """
 
 import hashlib
@@ -37,7 +37,8 @@ MAX_PROGRAM_BYTES = 2 * 10**8
 LOCK_DIGITS = 12
 """Digits of a program's key that choose its byte of the file of locks."""
 POCL_PLATFORM = "Portable Computing Language"
-"""The platform whose programs are kept on disk here."""
+KEPT_PLATFORMS = (POCL_PLATFORM, "NVIDIA CUDA")
+"""Platforms whose programs are kept on disk here."""
 
 
 @cache
@@ -144,7 +145,7 @@ def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | No
     """The file for a binary; None where binaries are not kept."""
     folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name != POCL_PLATFORM:
+    if folder is None or unwanted or device.platform.name not in KEPT_PLATFORMS:
         return None
     origin = (
         device.platform.name, device.platform.version, device.name, device.version,

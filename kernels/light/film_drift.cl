@@ -242,13 +242,13 @@ static ONCE void tally(
             mine[CHANCE + k] += weight * chance * chance;
         }
     }
-    for (int j = 0; j < last; ++j) shares[j * GROUP + PLACE_IN_GROUP] = sum_of_lanes(mine[j]);
+    for (int j = 0; j < last; ++j) shares[last * PLACE_IN_GROUP + j] = sum_of_lanes(mine[j]);
     WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
-    for (int j = PLACE_IN_GROUP; j < last; j += GROUP) {
-        float sum = 0.0f;
-        for (int g = 0; g < GROUP; ++g) sum += shares[j * GROUP + g];
-        sums[j] = sum;
+    for (int half_ = last * GROUP / 2; half_ >= last; half_ /= 2) {
+        for (int j = PLACE_IN_GROUP; j < half_; j += GROUP) shares[j] += shares[j + half_];
+        WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
     }
+    for (int j = PLACE_IN_GROUP; j < last; j += GROUP) sums[j] = shares[j];
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
 }
 

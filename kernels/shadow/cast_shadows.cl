@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "border.clh"
 
-#define LINES_PER_ITEM 15
+#define LINES_PER_ITEM (LANES == 1 ? 1 : 15)
 #define QUARTER_COUNT 4
 #define MIN_AWAY_PX 1e-6f
 #define LEAST_OF_NONE 1e30f

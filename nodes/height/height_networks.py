@@ -24,9 +24,10 @@ from tactograph.nodes.height.height_levels import (
 )
 from tactograph.nodes.height.springs import Ties
 
-ONE_GROUP, ONE_GROUP_OF_LANES = 4096, 20480
+ONE_GROUP_PIXELS = 20480
 """Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
-CPU, whose lanes are filled, that is one core: it finishes before two cores would have started."""
+CPU that is one core: it finishes before two cores would have started.  A GPU would wait for the
+host, which takes 15 us for each launch."""
 SUM_PARTS = 1024
 
 
@@ -100,7 +101,6 @@ class HeightNetworks:
         (self.ground,) = self._new_planes(1, total)
         self.planes = self.working_planes(total)
         self.parts = run.scratch((SUM_PARTS,))
-        self.one_group = ONE_GROUP if run.lanes == 1 else ONE_GROUP_OF_LANES
         last = self.levels[-1]
         self.dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
@@ -163,16 +163,20 @@ class HeightNetworks:
         self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(levels.member_start), run.put(levels.members)
         runs = total // run.lanes
-        starts = np.append(0, np.cumsum(np.bincount(levels.knot_own // run.lanes, minlength=runs)))
-        marks = run.scratch((runs,), np.uint8)
+        marks, starts = run.scratch((runs,), np.uint8), run.scratch((runs + 1,), np.int32)
         self.knot_tie, stiffness = run.put(levels.knot_tie), run.scratch(levels.knot_tie.shape)
         own, other = run.put(levels.knot_own), run.put(levels.knot_other)
-        self._knots = marks, run.put(starts.astype(np.int32)), own, other, stiffness
+        run.kernel("find_knots", (runs + 1,), own, starts, runs + 1, *own.shape)
+        self._knots = marks, starts, own, other, stiffness
 
     @property
     def rises(self) -> int:
         """Number of rises with both ends in the window."""
         return self._ties
+
+    def is_small(self, level: Level) -> bool:
+        """Return whether one work-group does the level."""
+        return level.size <= ONE_GROUP_PIXELS
 
     def arguments(self, stack: Stack) -> tuple[DeviceArray, ...]:
         planes = stack.right, stack.down, self.ground, stack.inverse
@@ -240,7 +244,7 @@ class HeightNetworks:
         *planes, marks, starts, own, _, stiffness = network
         number = levels.index(stack.top)
         joined = *planes, marks, starts, own, stiffness
-        while levels[number].size > self.one_group:
+        while not self.is_small(levels[number]):
             fine, coarse = levels[number], levels[number + 1]
             run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.there)
             run.kernel(
@@ -300,8 +304,9 @@ class HeightNetworks:
         run, (first, rows, stride) = self._run, stack.top.there
         parts, energies = run.scratch((loads, SUM_PARTS)), run.scratch((loads,))
         run.kernel(
-            "energy_parts", (loads * SUM_PARTS,), stack.right, stack.down, wants.right, wants.down,
-            parts, first, rows, stack.top.columns, stride, loads,
+            "energy_parts", (loads * SUM_PARTS * run.group,), stack.right, stack.down,
+            wants.right, wants.down, parts, first, rows, stack.top.columns, stride, local=run.part,
         )  # fmt: skip
-        run.kernel("add_energies", (loads,), parts, energies, loads)
+        each = loads * run.group
+        run.kernel("add_energies", (each,), parts, energies, local=(run.group,))
         return energies

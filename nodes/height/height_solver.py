@@ -36,6 +36,7 @@ class HeightSolver:
     def __init__(self, run: Launch, networks: HeightNetworks) -> None:
         self._run, self._networks = run, networks
         self._levels, self._planes, self._parts = networks.levels, networks.planes, networks.parts
+        self._group, self._by_parts = (run.group,), (self._parts.shape[0] * run.group,)
         self._distance = run.scratch((1,))
 
     def _invert(self, stack: Stack) -> None:
@@ -177,16 +178,17 @@ class HeightSolver:
         """A step and the cycle after it; or, as a solution begins, the cycle alone."""
         run, there, planes = self._run, stack.top.there, self._planes
         run.kernel(
-            "turn", self._parts.shape, *self._networks.arguments(stack), planes.height,
-            planes.direction, planes.moved, self._parts, *there, gain,
+            "turn", self._by_parts, *self._networks.arguments(stack), planes.height,
+            planes.direction, planes.moved, self._parts, *there, gain, local=run.part,
         )  # fmt: skip
-        run.kernel("reach", (1,), self._parts, self._distance, gain)
+        group = self._group
+        run.kernel("reach", group, self._parts, self._distance, gain, local=group)
         run.kernel(
             "advance", run.in_lanes(stack.top.size), planes.direction, planes.moved, stack.inverse,
             planes.z, planes.force, planes.lifted, self._distance, *there, gain,
         )  # fmt: skip
         self._cycle(stack, gain)
-        run.kernel("end_step", (1,), self._parts, gain, enough, number)
+        run.kernel("end_step", group, self._parts, gain, enough, number, local=group)
 
     def enough(
         self,
@@ -215,12 +217,12 @@ class HeightSolver:
                 self._small_steps(stack, at, end, gain)
             at = end
         run.kernel(
-            "smooth_and_sum", self._parts.shape, *self._networks.arguments(stack),
-            *self._planes[:3], self._parts, *stack.top.there, gain,
+            "smooth_and_sum", self._by_parts, *self._networks.arguments(stack),
+            *self._planes[:3], self._parts, *stack.top.there, gain, local=run.part,
         )  # fmt: skip
 
     def _is_small(self, step: Step) -> bool:
-        return self._levels[step.level].size <= self._networks.one_group
+        return self._networks.is_small(self._levels[step.level])
 
     def _cycle_there(self, stack: Stack, planes: Planes) -> tuple[Any, ...]:
         """Arguments of the kernels for small levels."""

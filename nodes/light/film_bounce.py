@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 MAX_ALBEDO = 0.95
+CELL_ITEMS, GROUP_CELLS = 8, 32
+"""On a GPU, work-items that share the azimuths of a cell, and cells of a work-group."""
 DEFAULT_MAX_CELLS = 4800
 """Default for the largest number of cells in a frame."""
 
@@ -183,12 +185,13 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     ways = run.keep(
         ("azimuths", grid.azimuths), lambda: run.upload(azimuth_directions(grid.azimuths))
     )
+    shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
     run.kernel(
-        "throw_light", run.in_row_lanes(grid.rows, grid.columns),
+        "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),
         table, sources, bounced, *coat,
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
         camera, ways, grid.azimuths, inputs["film.albedo"], larger,
-        local=(run.group,), constants=constants,
+        local=shared, constants=constants,
     )  # fmt: skip
     return bounced
 

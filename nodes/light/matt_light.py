@@ -130,7 +130,7 @@ def _launch(run: Launch) -> None:
         *film, inputs["pixel"], thrown,
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
-        local=(run.group,),
+        local=run.alone,
     )  # fmt: skip
 
 

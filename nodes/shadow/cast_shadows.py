@@ -133,11 +133,12 @@ def _launch(run: Launch) -> None:
     height, width, count = sizes
     dark, by_rows = run.scratch((count, height, width), np.uint8), run.in_row_lanes(height, width)
     # No quarter needs more lines; what starts beyond its last one returns.
-    blocks = -(-(height + width + max(height, width) + 4) // LINES_PER_ITEM)
+    lines = LINES_PER_ITEM if run.lanes > 1 else 1
+    blocks = -(-(height + width + max(height, width) + 4) // lines)
     work = count * QUARTER_COUNT * blocks
     run.kernel(
         "cast", (work,), inputs["height"], inputs["lights"], dark, *sizes, blocks,
-        float(inputs["pixel"]), local=(run.group,),
+        float(inputs["pixel"]), local=run.alone,
     )  # fmt: skip
     near, reach = inputs.get("seen"), int(run.settings["reach_px"])
     if near is not None:

@@ -72,7 +72,7 @@ def _launch(run: Launch) -> None:
         inputs["slope"], inputs["height"], *film, inputs["pixel"],
         inputs.get("shadow"), run.outputs["film_light"],
         count, height, width,
-        local=(run.group,),
+        local=run.alone,
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ context = cl.Context([choose_device("Portable")[0].handle])
 sources = [kernel_source(n) for n in map(find_node, builtin_names()) if n.has_kernel]
 sources += ["__kernel void unclear(__global int *a) { if (a[0] = 1) a[1] = 2; }"]
 for source in sources:
-    constants = ["-DLANES=16", "-DLEDS=4", "-DTALL=4", "-DCOATED=1", "-DITEM_ROWS=4"]
+    constants = ["-DLANES=16", "-DGROUP=1", "-DLEDS=4", "-DTALL=4", "-DCOATED=1", "-DITEM_ROWS=4"]
     cl.Program(context, source).compile(["-cl-opt-disable", *constants])
 """
 

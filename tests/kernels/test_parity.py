@@ -118,7 +118,7 @@ def test_both_back_ends_agree_in_every_case(
 # cameras have levels too large for a group, and these do if a group does no more than this.
 @pytest.mark.parametrize(
     ("module", "name", "value"),
-    [(parity, "POISON_BYTE", 0xFF), (height_networks, "ONE_GROUP_OF_LANES", 256)],
+    [(parity, "POISON_BYTE", 0xFF), (height_networks, "ONE_GROUP_PIXELS", 256)],
     ids=["what a buffer held before is NaN", "a group does few pixels"],
 )
 @pytest.mark.parametrize("node", ["integrate_weighted", "height_error"])

@@ -19,7 +19,7 @@ import gc
 import json
 import os
 import sys
-from tactograph.graph.backends import compiled_node, launch, opencl, programs
+from tactograph.graph.backends import compiled_node, opencl, programs
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.backends.parity import compare
@@ -28,7 +28,6 @@ from tactograph.nodes.height import height_networks
 from tactograph.nodes.optics import radiosity
 
 # A work-item takes a simulator as long as a pixel: fewer of them race as many do.
-launch.Launch.group = property(lambda run: 1 if run.lanes > 1 else 16)
 height_networks.SUM_PARTS = 64
 radiosity.MAX_RIM_CELLS = 4  # cells of film beyond a frame that has fewer
 FILLS = ("random", "edges", "nan")  # edges hold zeros, too
@@ -38,14 +37,14 @@ simulator = choose_device("oclgrind")[0]
 
 def check(name, lanes, shape, before, after):
     def source(node):
-        smaller = text(node).replace("#define GROUP 128", "#define GROUP 16")
-        smaller = smaller.replace("#define SUM_PARTS 1024", "#define SUM_PARTS 64")
+        smaller = text(node).replace("#define SUM_PARTS 1024", "#define SUM_PARTS 64")
         return smaller.replace(before, after) if before else smaller
 
     compiled_node.kernel_source = source
     # So few steps go no farther, and reads beyond are noticed.
     radiosity.SWEEP_MARGIN_CELLS = 3 + lanes
     device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
+    device.group = min(device.group, 16)
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]
     for case in cases(node, shapes=(shape,))[:1] if shape else small:
