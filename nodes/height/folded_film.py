@@ -20,19 +20,19 @@ def folded_film(
     slope: Slope,
     *,
     cells: Annotated[int, Interval(ge=1, le=100000)] = 4800,
-    least: Annotated[float, Ge(0)] = 0.65,
+    least: Annotated[float, Ge(0)] = 0.5,
 ) -> bool:
     """Return whether the film's light on itself asks for a finer height.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
     light on itself.  So the slopes' squared second differences are compared with their squares, on
-    steep cells (equation B3): 0.1 times as large on a ball, 0.6 on a soft cat, 1 on walls that are
+    steep cells (equation B3): 0.1 times as large on a ball, 0.4 on a soft cat, 1 on walls that are
     two cells wide.
 
     Parameters
     ----------
     slope
-        2 x H x W, mm per mm, on the cells of the last rough pass.
+        2 x H x W, mm per mm, on the cells of a rough pass.
     cells
         Number of cells that `film_bounce` looks at; of more of them, every n-th counts.
     least
