@@ -11,8 +11,9 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
@@ -21,6 +22,7 @@ from tactograph.graph.disk.yaml_errors import in_words
 from tactograph.graph.errors import GraphError, InputError, printable
 
 Path_ = tuple[str | int, ...]
+Entries = TypeVar("Entries", bound=BaseModel)
 MAX_BYTES = 100_000
 MAX_DEPTH = 20
 _YAML_TAG = "tag:yaml.org,2002:"
@@ -71,6 +73,14 @@ class Document:
             data = data[step]
         places = {p[size:]: place for p, place in self.places.items() if p[:size] == path}
         return Document(data, places, self.root + path)
+
+    def checked(self, kind: type[Entries]) -> Entries:
+        """The data as a pydantic model; InputError tells the place of what is wrong."""
+        try:
+            return kind.model_validate(self.data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise InputError(f"{self.place(first['loc'])}: {first['msg'].lower()}") from None
 
 
 def dotted(path: Path_) -> str:

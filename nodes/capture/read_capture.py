@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from annotated_types import Interval, Len
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
@@ -287,15 +287,7 @@ def _lights(folder: Path, layout: Layout) -> Lights:
 
 def read_capture_file(folder: Path) -> CaptureFile:
     file = folder / "capture.yaml"
-    if not file.is_file():
-        return CaptureFile()
-    document = read_yaml(file)
-    try:
-        return CaptureFile.model_validate(document.data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = document.place(tuple(first["loc"]))
-        raise InputError(f"{place}: {first['msg'].lower()}") from None
+    return read_yaml(file).checked(CaptureFile) if file.is_file() else CaptureFile()
 
 
 def _only_image(folder: Path) -> Path:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Interval, Len
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import read_yaml
@@ -64,11 +64,7 @@ def read_preset(sensor: str) -> SensorPreset:
         there = ", ".join(sorted(each.stem for each in PRESET_FOLDER.glob("*.yaml")))
         raise InputError(f"sensor={sensor}: is neither a file (.yaml) nor one of {there}")
     document = read_yaml(file)
-    try:
-        preset = SensorPreset.model_validate(document.data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise InputError(f"{document.place(tuple(first['loc']))}: {first['msg'].lower()}") from None
+    preset = document.checked(SensorPreset)
     left, top, right, bottom = preset.crop
     if left >= right or top >= bottom:
         raise InputError(f"{document.place(('crop',))}: nothing lies between {preset.crop}")

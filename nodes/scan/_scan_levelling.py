@@ -22,6 +22,7 @@ from tactograph.nodes.optics.light_model import (
     LightModel,
     slope_by_light,
 )
+from tactograph.nodes.scan.light_model_slope import ModelSlope
 
 MAX_DRIFT = 0.15
 """Most that the slope of flat film drifts from side to side by a model; a surface that bends more
@@ -39,8 +40,7 @@ class ScanLevelling:
 
     Parameters
     ----------
-    slope, brightness, residual
-        2 x H x W, H x W, H x W, of cells, as `light_model_slope` gives them.
+    found : of cells
     model : on cells
     pixel : side of a cell in mm
     level : as for `level_scan`
@@ -48,15 +48,9 @@ class ScanLevelling:
     """
 
     def __init__(
-        self,
-        slope: F4,
-        brightness: F4,
-        residual: F4,
-        model: LightModel,
-        pixel: float,
-        level: str,
-        cell: int,
+        self, found: ModelSlope, model: LightModel, pixel: float, level: str, cell: int
     ) -> None:
+        slope, brightness, residual, _ = found
         self.shape, self.pixel = slope.shape[1:], pixel
         self.place = (*np.meshgrid(model.u, model.v),)
         self.by_light = slope_by_light(slope, brightness, model, self.place)

@@ -1,13 +1,11 @@
 """Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
 
-from typing import Annotated
-
 import numpy as np
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, Light, Metrics, Slope
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import Light, Metrics, Slope
 from tactograph.nodes.optics.light_model import LightModel
-from tactograph.nodes.scan.light_model_slope import light_model_slope
+from tactograph.nodes.scan.light_model_slope import ModelSlope, light_model_slope
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -29,8 +27,7 @@ MAX_TRIED_SLOPE = 3
 
 @node
 def judge_light_model(
-    brightness: Annotated[F4, Port("H W", "1", high=2)],
-    residual: Annotated[F4, Port("H W", "1", high=0.1)],
+    found: ModelSlope,
     light: Light | None = None,
     model: LightModel | None = None,
     *,
@@ -40,8 +37,7 @@ def judge_light_model(
 
     Parameters
     ----------
-    brightness, residual
-        H x W, as `light_model_slope` gives them for cells, whose noise is small.
+    found : of cells, whose noise is small
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
@@ -60,8 +56,8 @@ def judge_light_model(
         If the residual is above `REFUSED_RESIDUAL`, or above `MAX_RESIDUAL` at a brightness out of
         its range, or if the LEDs in another order explain the light, unless `force`.
     """
-    bright = float(np.median(brightness))
-    left = _left(brightness, residual)
+    bright = float(np.median(found.brightness))
+    left = _left(found)
     if light is not None and model is not None and left > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
     usual = BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]
@@ -81,8 +77,8 @@ def judge_light_model(
     return {"model_residual": left, "model_brightness": bright}
 
 
-def _left(brightness: F4, residual: F4) -> float:
-    return float(np.median(residual)) / max(float(np.median(brightness)), 1e-6)
+def _left(found: ModelSlope) -> float:
+    return float(np.median(found.residual)) / max(float(np.median(found.brightness)), 1e-6)
 
 
 def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
@@ -93,7 +89,7 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     given = np.arange(len(light))
     orders = [np.roll(each, by) for each in (given, given[::-1]) for by in given]
     tried = (light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders)
-    doubt = [_left(each.brightness, each.residual) * _curl(each.slope) for each in tried]
+    doubt = [_left(each) * _curl(each.slope) for each in tried]
     if min(doubt) < MAX_ORDER_RATIO * doubt[0]:
         best = ", ".join(str(led + 1) for led in orders[int(np.argmin(doubt))])
         told = f"the images fit the light model in the order {best} of those listed: sort them"

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import Port, SizeLimit, node, warn
-from tactograph.nodes import F4, UM_PER_MM, Height, HeightError, Metrics, PixelSize, Slope
+from tactograph.graph import SizeLimit, node, warn
+from tactograph.nodes import UM_PER_MM, Height, HeightError, Metrics, PixelSize
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.metrology.measure_step import ErrorParts
 from tactograph.nodes.metrology.scale_height import Scale
@@ -19,6 +19,7 @@ from tactograph.nodes.scan._scan_error import scan_errors
 from tactograph.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.nodes.scan.judge_untouched import MAX_LEAN
 from tactograph.nodes.scan.known_step import KnownStep
+from tactograph.nodes.scan.light_model_slope import ModelSlope
 
 MAX_STEEPNESS = 3.0
 """Square of the steepest slope that a light model measures."""
@@ -41,11 +42,8 @@ class ScanLevel(NamedTuple):
 
 @node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
 def level_scan(
-    slope: Slope,
-    brightness: Annotated[F4, Port("H W", "1", high=2)],
-    residual: Annotated[F4, Port("H W", "1", high=0.1)],
-    single: Annotated[F4, Port("H W", "1", high=0.1)],
-    single_slope: Slope,
+    found: ModelSlope,
+    single: ModelSlope,
     model: LightModel,
     pixel: PixelSize,
     known: KnownStep | None = None,
@@ -64,11 +62,9 @@ def level_scan(
 
     Parameters
     ----------
-    slope, brightness, residual
-        2 x H x W, H x W, H x W: as `light_model_slope` finds them from the mean light of cells.
-    single, single_slope
-        Residual and slope of one pixel of every cell: the mean light of a cell with an edge tells
-        nothing of how steep its wall is.
+    found, single
+        What `light_model_slope` finds from the mean light of cells of H x W, and from one pixel of
+        each: the mean light over an edge tells nothing of how steep its wall is.
     model
         The light model on cells.
     pixel
@@ -101,7 +97,7 @@ def level_scan(
     InputError
         As `level_plane`.
     """
-    levelling = ScanLevelling(slope, brightness, residual, model, pixel, level, cell)
+    levelling, slope = ScanLevelling(found, model, pixel, level, cell), found.slope
     height = levelling.heights(slope)
     bend = height - integrate_dct(slope, pixel)
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
@@ -113,8 +109,8 @@ def level_scan(
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
             "(level=plane leaves it)"
         )
-    errors, inside = scan_errors(slope, residual, single, levelling, cell, seed)
-    steepness = (np.sum(each * each, axis=0) for each in (slope, single_slope))
+    errors, inside = scan_errors(found, single.residual, levelling, cell, seed)
+    steepness = (np.sum(each * each, axis=0) for each in (slope, single.slope))
     steepest = cv2.dilate(np.maximum(*steepness), np.ones((3, 3)))
     of_walls = levelling.heights(slope * np.minimum(steepest, MAX_STEEPNESS))
     parts = np.concatenate([errors, [NOMINAL_GROWTH * of_walls]]).astype(np.float32)

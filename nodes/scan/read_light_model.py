@@ -1,6 +1,6 @@
 """Read the light model that GelSight's software stores with a calibrated sensor."""
 
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Annotated, NamedTuple
 
 import cv2
@@ -12,6 +12,7 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.files.gelsight_scan import (
     DEGREE_BY_ROWS,
     FlatField,
+    Matrix,
     find_light_model,
     is_scan,
     read_light_model_file,
@@ -55,7 +56,8 @@ def read_light_model(
     InputError
         If a file is missing, is no light model, or is damaged.
     """
-    said = read_light_model_file(find_light_model(file) if is_scan(file) else file)
+    file = find_light_model(file) if is_scan(file) else file
+    said = read_light_model_file(file)
     x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
     cropped(np.broadcast_to(np.uint8(0), (said.height, said.width)), crop, file)
     u, v = (
@@ -63,15 +65,15 @@ def read_light_model(
         for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))
     )
     short = np.float32(min(said.width, said.height))
-    degree = max(DEGREE_BY_ROWS[len(said.linear)], DEGREE_BY_ROWS[len(said.quadratic)])
-    gain = None if said.flat is None else _gain(said.flat, (said.width, said.height), crop)
+    degree = max(DEGREE_BY_ROWS[said.linear.rows], DEGREE_BY_ROWS[said.quadratic.rows])
+    gain = None if said.flat is None else _gain(said.flat, file, (said.width, said.height), crop)
     model = LightModel(
         _by_term(said.quadratic, said.leds, MODEL_NUMBERS),
         _by_term(said.linear, said.leds, 4)[:, :3],
         u / short,
         v / short,
         float(degree),
-        np.array(said.black, np.float32),
+        np.array(said.black or said.leds * [0], np.float32),
         gain,
     )
     return ScanLight(model if cell == 1 else on_cells(model, cell), cell * said.pixel_size)
@@ -102,32 +104,32 @@ def check_frame(image: Light, model: LightModel, of: str) -> None:
         )
 
 
-def _by_term(matrix: F4, leds: int, terms: int) -> F4:
+def _by_term(said: Matrix, leds: int, terms: int) -> F4:
     """K x terms x 15 from the file's rows, whose highest degree comes first.
 
     A last term that the file lacks scales the others by 1.
     """
-    rows, columns = matrix.shape
-    degree = DEGREE_BY_ROWS[rows]
+    matrix, degree = np.reshape(said.values, (said.rows, said.cols)), DEGREE_BY_ROWS[said.rows]
     falling = np.repeat(np.arange(degree, -1, -1), np.arange(degree + 1, 0, -1))
     ascending = np.argsort(falling, kind="stable")
     by_term = np.zeros((leds, terms, MAX_MONOMIALS), np.float32)
-    given = columns // leds
-    by_term[:, :given, :rows] = matrix[ascending].T.reshape(leds, given, rows)
+    given = said.cols // leds
+    by_term[:, :given, : said.rows] = matrix[ascending].T.reshape(leds, given, said.rows)
     if given < terms:
         by_term[:, -1, 0] = 1
     return by_term
 
 
-def _gain(flat: FlatField, size: tuple[int, int], crop: Crop | None) -> F4:
+def _gain(flat: FlatField, file: Path, size: tuple[int, int], crop: Crop | None) -> F4:
     """K x H x W: what brings each LED's flat frame to its scale."""
-    sheet = read_image(flat.image)
+    image = file.parent / PureWindowsPath(flat.image).name
+    sheet = read_image(image)
     if sheet.ndim != 2:
-        raise InputError(f"{flat.image}: flat frames are one grey image, three tiles a row")
+        raise InputError(f"{image}: flat frames are one grey image, three tiles a row")
     across, down = TILES_PER_ROW, -(-len(flat.scale) // TILES_PER_ROW)
     if sheet.shape[0] % down or sheet.shape[1] % across:
         raise InputError(
-            f"{flat.image}: is {sheet.shape[1]} x {sheet.shape[0]} px, which are not "
+            f"{image}: is {sheet.shape[1]} x {sheet.shape[0]} px, which are not "
             f"{across} x {down} tiles of one size"
         )
     height, width = sheet.shape[0] // down, sheet.shape[1] // across

@@ -81,7 +81,7 @@ def read_start(
     if len(image) > PIXEL_UNKNOWNS:
         seen = coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX)
         found = light_model_slope(*seen)
-        figures = judge_light_model(found.brightness, found.residual, *seen, force=True)
+        figures = judge_light_model(found, *seen, force=True)
         figures |= judge_untouched(model, folder=flat, crop=crop, cell=CELL_PX)
     rest = rest if model.gain is None else rest / model.gain
     return Start(figures, rest, slants, scan_pixel_size(of_model, stated))

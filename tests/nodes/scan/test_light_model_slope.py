@@ -56,10 +56,10 @@ def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
     for words, refused, images in kinds:
         with collect_warnings([]) as told:
             found = light_model_slope(np.float32(images), model)
-            judge_light_model(found.brightness, found.residual, force=True)
+            judge_light_model(found, force=True)
         assert words in told[0] if words else not told
         with pytest.raises(InputError, match=words) if refused else nullcontext():
-            judge_light_model(found.brightness, found.residual)
+            judge_light_model(found)
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_an_order_turned_or_mirrored_is_refused_and_the_right_one_named(order: l
         found = light_model_slope(images, model)
         sorted_by = ", ".join(str(order.index(led) + 1) for led in range(6))
         with nullcontext() if right else pytest.raises(InputError, match=f"order {sorted_by} of"):
-            judge_light_model(found.brightness, found.residual, images, model)
+            judge_light_model(found, images, model)
 
 
 @pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])
