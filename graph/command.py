@@ -118,7 +118,7 @@ def main() -> None:
     os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
-        importlib.import_module("tactograph.graph.commands.completion")
+        importlib.import_module("tactograph.graph.commands")
     try:
         code: Any = _group.main(standalone_mode=False)
     except SystemExit:
