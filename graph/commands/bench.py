@@ -27,11 +27,7 @@ if TYPE_CHECKING:
     "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write a JSON file as well."
 )
 def command(
-    graph: str,
-    values: tuple[str, ...],
-    options: RunOptions,
-    repeats: int,
-    out: Path | None,
+    graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 

@@ -187,10 +187,7 @@ def _kernel_package(module: str) -> str:
 def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:
     if annotation is None or annotation is type(None):
         return {}, None, False
-    stream = typing.get_origin(annotation) in (
-        collections.abc.Iterator,
-        collections.abc.Generator,
-    )
+    stream = typing.get_origin(annotation) in (collections.abc.Iterator, collections.abc.Generator)
     if stream:
         annotation = typing.get_args(annotation)[0]
     if is_record(annotation):

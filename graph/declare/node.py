@@ -297,10 +297,7 @@ class Node:
 
     @typing.overload
     def opencl(
-        self,
-        *,
-        can_run: CanRun = can_run_anywhere,
-        source: str | os.PathLike[str] | None = None,
+        self, *, can_run: CanRun = can_run_anywhere, source: str | os.PathLike[str] | None = None
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(

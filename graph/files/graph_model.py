@@ -68,9 +68,7 @@ def _whole(value: Any) -> Any:
 
 
 Format = Annotated[
-    Literal[1],
-    BeforeValidator(_whole),
-    Field(description="The version of this file format."),
+    Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
 Names = Annotated[
     list[str],

@@ -191,10 +191,7 @@ def _containers(task: Task) -> list[str]:
 
 
 def _positional(
-    task: Task,
-    host: Mapping[Value, Any],
-    recalled: dict[str, Any],
-    containers: Sequence[str],
+    task: Task, host: Mapping[Value, Any], recalled: dict[str, Any], containers: Sequence[str]
 ) -> list[Any]:
     """The node's positional arguments, of this item and of the one before."""
     inputs = {name: host[value] for name, value in task.reads.items()} | recalled

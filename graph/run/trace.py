@@ -48,8 +48,7 @@ class Trace:
         about = {"graph": self._plan.graph.name, "hash": self._plan.graph.hash}
         with atomic_file(file) as target:
             target.write_text(
-                json.dumps({"traceEvents": [*named, *events], "otherData": about}),
-                encoding="utf-8",
+                json.dumps({"traceEvents": [*named, *events], "otherData": about}), encoding="utf-8"
             )
 
     def _add(self, name: str, lane: str, start: float, end: float) -> None:
