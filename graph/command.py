@@ -5,7 +5,7 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any, TextIO
+from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
@@ -176,14 +176,7 @@ def _end_unheard(error: OSError) -> int:
     return WriteError.exit_code
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     click.echo(f"warning: {printable(' '.join(str(message).split()))}", err=True)
 
 

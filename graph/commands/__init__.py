@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
@@ -158,11 +158,9 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
     """Add the options of every command that plans a graph; they arrive as `options`."""
 
     @wraps(function)
-    def with_options(
-        *, overlays: tuple[str, ...], settings: tuple[str, ...], backend: str | None,
-        device: str | None, strict: bool, **rest: Any,
-    ) -> None:  # fmt: skip
-        function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
+    def with_options(**words: Any) -> None:
+        options = {each.name: words.pop(each.name) for each in fields(RunOptions)}
+        function(options=RunOptions(**options), **words)
 
     decorated: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
+from tactograph.graph.declare.node import Node, Parameter, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import (
     CONDITION_INPUT,
     PortType,
@@ -35,7 +35,7 @@ def node(
     neutral: float | str = ...,
     tolerance: Tolerance = ...,
     sizes: Mapping[str, SizeLimit] = ...,
-    derived: Mapping[str, Parts | SizeRule] = ...,
+    derived: Mapping[str, SizeRule] = ...,
     endless: bool = ...,
     former: Mapping[str, str] = ...,
 ) -> Callable[[Callable[..., Any]], Node]: ...
