@@ -5,7 +5,7 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any, TextIO
+from typing import Any
 
 import click
 from click.exceptions import NoArgsIsHelpError
@@ -118,7 +118,7 @@ def main() -> None:
     os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
-        importlib.import_module("tactograph.graph.commands.completion")
+        importlib.import_module("tactograph.graph.commands")
     try:
         code: Any = _group.main(standalone_mode=False)
     except SystemExit:
@@ -176,14 +176,7 @@ def _end_unheard(error: OSError) -> int:
     return WriteError.exit_code
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     click.echo(f"warning: {printable(' '.join(str(message).split()))}", err=True)
 
 

@@ -81,6 +81,11 @@ def one_line(text: str) -> str:
     return printable(" ".join(start.splitlines())).replace("\t", " ") + more
 
 
+def shortened(text: str, most: int = 60) -> str:
+    """A text that may be long, for a message."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def _is_control(character: str) -> bool:
     """Return whether a character controls a terminal or turns the direction of the text."""
     kind = unicodedata.category(character)

@@ -97,20 +97,17 @@ def _holds_nothing_for(
 def reopen_damaged(store: Store) -> int:
     """Reopen the captures that are marked done but are not whole; return their number."""
     damaged = set(store.damaged())
-    if store.job.folders is not None:
+    folders, below = store.job.folders, store.job.below
+    if folders is not None:
         runs = zip(store.captures, store.statuses, strict=True)
         damaged.update(
             number
             for number, (capture, status) in enumerate(runs)
-            if status == DONE and not _has_results(store.job, capture)
+            # An empty folder holds no results either.
+            if status == DONE and not any(Path(folders, folder_name(capture, below)).glob("*"))
         )
     store.reopen(sorted(damaged))
     return len(damaged)
-
-
-def _has_results(job: Job, capture: str) -> bool:
-    folder = Path(job.folders or "") / folder_name(capture, job.below)
-    return folder.is_dir() and any(folder.iterdir())
 
 
 def open_chunks(place: str, store: Store, *, retry_failed: bool) -> list[Chunk]:

@@ -100,16 +100,13 @@ def _matches(pattern: str) -> tuple[list[str], list[str]]:
         matches = system.glob(path.rstrip("/"), detail=True)
     if not path.rstrip("/").rpartition("/")[2].startswith("."):
         # A killed writer's leftover is no capture.
-        matches = {m: about for m, about in matches.items() if not _is_hidden(str(m))}
+        hidden = {m for m in matches if str(m).rpartition("/")[2].startswith(".")}
+        matches = {m: about for m, about in matches.items() if m not in hidden}
     files = {m for m, about in matches.items() if about["type"] == "file"}
     if len(files) == len(matches):
         files = set()
     named = {m: system.unstrip_protocol(m) if is_url(pattern) else str(m) for m in matches}
     return sorted(named[m] for m in named if m not in files), sorted(named[m] for m in files)
-
-
-def _is_hidden(place: str) -> bool:
-    return place.rpartition("/")[2].startswith(".")
 
 
 @contextmanager

@@ -86,15 +86,12 @@ class Cluster:
         self._client.close()
 
     def _hand_out(self, waiting: deque[Chunk], running: dict[Any, Chunk]) -> None:
-        """Hand out as many chunks as keep every worker busy."""
-        for _ in range(min(self._room() - len(running), len(waiting))):
+        """Hand out as many chunks as keep every worker busy; workers come and go."""
+        threads = sum(self._client.nthreads().values())
+        room = max(CHUNKS_PER_THREAD * threads, 2 * CHUNKS_PER_THREAD)
+        for _ in range(min(room - len(running), len(waiting))):
             running[self._client.submit(do_chunk_elsewhere, waiting[0], pure=False)] = waiting[0]
             waiting.popleft()
-
-    def _room(self) -> int:
-        """The number of chunks that may be out; workers come and go."""
-        threads: dict[str, int] = self._client.nthreads()
-        return max(CHUNKS_PER_THREAD * sum(threads.values()), 2 * CHUNKS_PER_THREAD)
 
     def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
         """Futures that ended, with their tallies or errors.

@@ -20,20 +20,10 @@ from tactograph.graph.plan.draft import Draft
 class Job:
     """The work on a capture.
 
-    Attributes
-    ----------
-    graph
-        The text of the flat graph file.
-    param
-        The graph's parameter that takes a capture.
-    inputs
-        Content hashes of the files that all captures share.
-    folders
-        The folder for result folders; None if maps go into the store.
-    below
-        The folder whose layout the result folders mirror; "" for the root.
-    files
-        What the ``.npz`` files among the inputs say of themselves.
+    `graph` is the text of the flat graph file, and its `param` takes a capture.  `inputs` hash
+    the files that all captures share, `files` what the ``.npz`` files among these say of
+    themselves.  `folders` is the folder for result folders, which mirror the layout of the folder
+    `below`; None if maps go into the store.
     """
 
     graph: str

@@ -44,7 +44,6 @@ class Tally:
 
     done: int = 0
     failed: int = 0
-    reason: str = ""
     fallbacks: tuple[str, ...] = ()
 
 
@@ -112,9 +111,8 @@ def _write(
 ) -> Tally:
     if entries:
         store.write(entries)
-    reasons = [entry.reason for entry in entries.values() if entry.status == FAILED]
-    reason = reasons[0] if reasons else ""
-    return Tally(len(chunk.captures) - len(reasons), len(reasons), reason, fallbacks)
+    failed = sum(entry.status == FAILED for entry in entries.values())
+    return Tally(len(chunk.captures) - failed, failed, fallbacks)
 
 
 def find_map_types(job: Job, place: str) -> dict[str, MapType]:
@@ -130,7 +128,7 @@ def fail_chunk(chunk: Chunk, reason: str) -> Tally:
     store = open_store(chunk.out)
     assert store is not None
     store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
-    return Tally(0, len(chunk.captures), reason)
+    return Tally(0, len(chunk.captures))
 
 
 def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
@@ -172,7 +170,7 @@ def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
             if job.folders is not None:
                 aims["out"] = str(Path(job.folders) / folder_name(place, job.below))
             stream = pipeline.begin(**aims)
-            if stream is not None and stream.read_ahead(2) > 1:
+            if stream is not None and stream.reads_two():
                 # Before any is computed, or written.
                 stream.close()
                 raise InputError(

@@ -30,7 +30,7 @@ from tactograph.graph.plan.draft import Draft
 
 ENGINE_PACKAGE = "tactograph.graph"
 PACKAGE_FOLDERS = ("site-packages", "dist-packages")
-_SCANNER = ModuleFinder()
+_IMPORT_FINDER = ModuleFinder()
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -166,7 +166,7 @@ def _imports(module: str, changed: int) -> list[str]:
         codes = [spec.loader.get_code(module)]
         for code in filter(None, codes):  # a list that grows by the functions and classes in each
             codes += [each for each in code.co_consts if isinstance(each, CodeType)]
-            for kind, found in _SCANNER.scan_opcodes(code):
+            for kind, found in _IMPORT_FINDER.scan_opcodes(code):
                 if kind == "store":
                     continue
                 attributes, name = found[-2:]

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tactograph.graph.backends import BACKENDS
+from tactograph.graph.commands.completion import (
+    WORDS_KEY,
+    complete_graph,
+    complete_overlay,
+    complete_value,
+)
 from tactograph.graph.errors import printable
 
 if TYPE_CHECKING:
@@ -24,17 +30,13 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
-_WORDS_KEY = f"{__name__}.words"
-"""The key of a context's entry for the words after a command."""
-
-
 class GraphCommand(click.Command):
     """A command that runs a graph; after the graph's name, --help lists its params."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
         # --help is handled before the other words.
-        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[_WORDS_KEY]))
+        words, _, _ = self.make_parser(ctx).parse_args(list(ctx.meta[WORDS_KEY]))
         if not isinstance(words.get("graph"), str):
             return
         from tactograph.graph.files.read_graph import read_graph, with_overlays
@@ -50,7 +52,7 @@ class GraphCommand(click.Command):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta[_WORDS_KEY] = [*args]
+        ctx.meta[WORDS_KEY] = [*args]
         return super().parse_args(ctx, args)
 
 
@@ -68,28 +70,7 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        from tactograph.graph.commands.completion import complete_graph
-
         return complete_graph(incomplete, studies=self.studies)
-
-
-def _complete_value(
-    ctx: click.Context, param: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    from tactograph.graph.commands.completion import complete_value
-
-    overlays, values = (ctx.params.get(name) or () for name in ("overlays", "values"))
-    return complete_value(ctx.params.get("graph"), overlays, values, incomplete)
-
-
-def _complete_overlay(
-    ctx: click.Context, param: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    from tactograph.graph.commands.completion import complete_overlay
-
-    # Click takes no word for the graph where an option still lacks its value.
-    graph = next((word for word in ctx.meta.get(_WORDS_KEY, ()) if not word.startswith("-")), None)
-    return complete_overlay(graph, incomplete)
 
 
 graph_argument = click.argument("graph", type=GraphName())
@@ -98,7 +79,7 @@ graph_argument = click.argument("graph", type=GraphName())
 def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
     """Decorate a function as a command that takes a graph and values for its params."""
     values = click.argument(
-        "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=_complete_value
+        "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=complete_value
     )
 
     def make(function: Callable[..., None]) -> click.Command:
@@ -109,7 +90,7 @@ def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None
 
 
 with_option = click.option(
-    "--with", "overlays", multiple=True, metavar="OVERLAY", shell_complete=_complete_overlay,
+    "--with", "overlays", multiple=True, metavar="OVERLAY", shell_complete=complete_overlay,
     help="Lay an overlay, or a variant of the graph, over it; in order, before --set.",
 )  # fmt: skip
 set_option = click.option(
@@ -177,11 +158,9 @@ def run_options(function: Callable[..., None]) -> Callable[..., None]:
     """Add the options of every command that plans a graph; they arrive as `options`."""
 
     @wraps(function)
-    def with_options(
-        *, overlays: tuple[str, ...], settings: tuple[str, ...], backend: str | None,
-        device: str | None, strict: bool, **rest: Any,
-    ) -> None:  # fmt: skip
-        function(options=RunOptions(overlays, settings, backend, device, strict), **rest)
+    def with_options(**words: Any) -> None:
+        options = {each.name: words.pop(each.name) for each in fields(RunOptions)}
+        function(options=RunOptions(**options), **words)
 
     decorated: Callable[..., None] = with_options
     for option in reversed(_RUN_OPTIONS):

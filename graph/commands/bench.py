@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -27,11 +27,7 @@ if TYPE_CHECKING:
     "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write a JSON file as well."
 )
 def command(
-    graph: str,
-    values: tuple[str, ...],
-    options: RunOptions,
-    repeats: int,
-    out: Path | None,
+    graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:
     """Time GRAPH on the values given: milliseconds per node and item, medians.
 
@@ -62,8 +58,8 @@ def command(
         if not results:
             raise InputError(f"{read.name} yielded nothing")
         where = pipeline.plan.device or place.backend or "numpy"
-        _report(where, results, ready)
         rows.append(_row(where, results, ready))
+        _report(rows[-1])
     if out is not None:
         with atomic_file(out) as target:
             target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
@@ -79,43 +75,40 @@ def _places(options: RunOptions) -> list[RunOptions]:
     return [replace(options, backend="numpy"), *devices]
 
 
-def _report(where: str, results: Sequence[Result], ready: float) -> None:
+def _report(row: Mapping[str, Any]) -> None:
     """A table of the steps that run for every item, and the total."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=f"{where}: {len(results)} items")
+    table = Table(title=f"{row['device']}: {row['items']} items")
     table.add_column("step", overflow="fold")
     table.add_column("back end")
     table.add_column("ms", justify="right")
-    for name, backend, ms in _medians(results):
-        table.add_row(name, backend, f"{ms:.3f}")
+    for node in row["nodes"]:
+        table.add_row(node["node"], node["backend"], f"{node['ms']:.3f}")
     Console(markup=False).print(table)
-    total = median(result.total for result in results)
+    ready, total = row["ready_s"], row["ms"]
     rate = 1e3 / total
     say(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
 
 
-def _medians(results: Sequence[Result]) -> list[tuple[str, str, float]]:
-    """Name, back end and milliseconds of the steps that run for every item, sources aside."""
+def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
+    """The figures of a device, of the steps that run for every item, sources aside."""
     plan = results[0].plan
     tasks = [(step, plan.tasks.get(step.name)) for step in plan.steps if step.stream]
-    return [
-        (step.name, step.backend, median(result.times[step.name] for result in results))
-        for step, task in tasks
-        if task is None or not task.node.source
-    ]
-
-
-def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
-    """The figures of `_report`, for a file."""
     return {
         "device": where,
-        "graph": results[0].plan.graph.hash,
+        "graph": plan.graph.hash,
         "items": len(results),
         "ms": median(result.total for result in results),
         "ready_s": ready,
         "nodes": [
-            {"node": name, "backend": backend, "ms": ms} for name, backend, ms in _medians(results)
+            {
+                "node": step.name,
+                "backend": step.backend,
+                "ms": median(result.times[step.name] for result in results),
+            }
+            for step, task in tasks
+            if task is None or not task.node.source
         ],
     }

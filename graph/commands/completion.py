@@ -3,15 +3,22 @@
 A shell's script comes from click: ``eval "$(_TACTOGRAPH_COMPLETE=bash_source tactograph)"``.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import click
 from click.shell_completion import BashComplete, CompletionItem, add_completion_class
 
 from tactograph.graph.errors import TactographError
-from tactograph.graph.files.flat_graph import Graph, Param
-from tactograph.graph.files.graph_places import shipped_overlays, shipped_studies
-from tactograph.graph.files.read_graph import read_graph, shipped_names, with_overlays
+
+if TYPE_CHECKING:
+    from tactograph.graph.files.flat_graph import Graph, Param
+
+WORDS_KEY = f"{__name__}.words"
+"""The key of a context's entry for the words after a command."""
 
 
 class _Bash(BashComplete):
@@ -27,13 +34,22 @@ add_completion_class(_Bash)
 
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
     """The shipped graphs that begin so, with `studies` those too; else files."""
+    from tactograph.graph.files.graph_places import shipped_studies
+    from tactograph.graph.files.read_graph import shipped_names
+
     names = [*shipped_names(), *(shipped_studies() if studies else ())]
     items = [CompletionItem(name) for name in names if name.startswith(begun)]
     return items or [CompletionItem(begun, type="file")]
 
 
-def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
+def complete_overlay(
+    ctx: click.Context, param: click.Parameter, begun: str
+) -> list[CompletionItem]:
     """The variants of a graph, and the overlays that fit it; else files."""
+    from tactograph.graph.files.graph_places import shipped_overlays
+
+    # Click takes no word for the graph where an option still lacks its value.
+    graph = next((word for word in ctx.meta.get(WORDS_KEY, ()) if not word.startswith("-")), None)
     read = _read(graph, ())
     names = {*shipped_overlays(), *(read.variants if read is not None else ())}
     begins = [name for name in sorted(names) if name.startswith(begun)]
@@ -42,14 +58,13 @@ def complete_overlay(graph: str | None, begun: str) -> list[CompletionItem]:
     return items or [CompletionItem(begun, type="file")]
 
 
-def complete_value(
-    graph: str | None, overlays: Sequence[str], said: Sequence[str], begun: str
-) -> list[CompletionItem]:
+def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
     """Completions after the words behind a graph: ``name=``, or a value.
 
     zsh and fish give ``name=begun`` as one word, bash as three.
     """
-    read = _read(graph, overlays)
+    said = ctx.params.get("values") or ()
+    read = _read(ctx.params.get("graph"), ctx.params.get("overlays") or ())
     if read is None:
         return []
     name, equals, text = begun.partition("=")
@@ -76,6 +91,8 @@ def _values(param: Param, begun: str) -> list[CompletionItem]:
 
 
 def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
+    from tactograph.graph.files.read_graph import read_graph, with_overlays
+
     try:
         return None if graph is None else with_overlays(read_graph(graph), overlays)
     except TactographError:

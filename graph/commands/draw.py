@@ -22,12 +22,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @run_options
-def command(
-    graph: str,
-    out: Path | None,
-    every: bool,
-    options: RunOptions,
-) -> None:
+def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError

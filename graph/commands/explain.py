@@ -25,11 +25,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @run_options
 def command(
-    graph: str,
-    values: tuple[str, ...],
-    transfers: bool,
-    place: Path | None,
-    options: RunOptions,
+    graph: str, values: tuple[str, ...], transfers: bool, place: Path | None, options: RunOptions
 ) -> None:
     """Print the plan of GRAPH, how long its steps took before, and what is kept on disk.
 

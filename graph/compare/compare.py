@@ -185,8 +185,10 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
         first = first or result
         for name, figure in result.figures.items():
             figures.setdefault(name, []).append(float(figure))
-        for name, time in _times_of(result).items():
-            times.setdefault(name, []).append(time)
+        # Steps that read, write or rate an item do not count, nor do those that run once.
+        for step in _computing(result):
+            if step.stream:
+                times.setdefault(step.name, []).append(result.times.get(step.name, 0.0))
         row.items += 1
         row.warnings = list(dict.fromkeys([*row.warnings, *result.warnings]))
     if first is None:
@@ -199,14 +201,6 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     row.fallbacks = first.plan.fallbacks
     row.brief_fallbacks = first.plan.brief_fallbacks
     return first
-
-
-def _times_of(result: Result) -> dict[str, float]:
-    """Milliseconds of the steps that make an item.
-
-    Steps that read, write or rate it do not count, nor do those that run once.
-    """
-    return {s.name: result.times.get(s.name, 0.0) for s in _computing(result) if s.stream}
 
 
 def _computing(result: Result) -> list[Step]:

@@ -2,8 +2,8 @@
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -86,14 +86,8 @@ def write_record(record: Record, study: Study, out: Path) -> None:
 def read_record(folder: Path) -> Record:
     """Read what `write_record` wrote.  Raises InputError if there is none, or it is damaged."""
     file = folder / RECORD_FILE
-    try:
+    with _reading(file):
         record = Record(**json.loads(file.read_text()))
-    except OSError as error:
-        raise InputError(
-            f"{file}: {error.strerror or error}; --again wants a report's folder"
-        ) from None
-    except (ValueError, TypeError):
-        raise InputError(f"{file}: damaged, or from another version") from None
     if record.format != RECORD_FORMAT:
         raise InputError(f"{file}: format {record.format}; this version reads {RECORD_FORMAT}")
     return record
@@ -102,10 +96,18 @@ def read_record(folder: Path) -> Record:
 def read_rows(folder: Path) -> list[Row]:
     """Read the runs in ``table.json``.  Raises InputError if there is none, or it is damaged."""
     file = folder / "table.json"
-    try:
+    with _reading(file):
         return [Row(**row) for row in json.loads(file.read_text())]
+
+
+@contextmanager
+def _reading(file: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
-        raise InputError(f"{file}: {error.strerror or error}") from None
+        raise InputError(
+            f"{file}: {error.strerror or error}; --again wants a report's folder"
+        ) from None
     except (ValueError, TypeError):
         raise InputError(f"{file}: damaged, or from another version") from None
 

@@ -37,7 +37,7 @@ def read_sweep(word: str) -> Sweep:
     Raises InputError if the word is not of that form, or the values are fewer than two.
     """
     target, equals, text = word.partition("=")
-    if not equals or not _is_target(target):
+    if not equals or "." not in target or not all(map(str.isidentifier, target.split("."))):
         raise InputError(f"--sweep {word}: {SWEEP_SYNTAX}")
     log = text.startswith("log:")
     try:
@@ -101,11 +101,6 @@ def seed_like(graphs: Iterable[Graph]) -> list[str]:
         if has_parameter(graph, f"{node_id}.seed") and entry.op
     )
     return list(dict.fromkeys(names))
-
-
-def _is_target(target: str) -> bool:
-    parts = target.split(".")
-    return len(parts) > 1 and all(part.isidentifier() for part in parts)
 
 
 def _list(text: str) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ from tactograph.graph.declare.limits import parts_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
-from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.errors import GraphError, InputError, did_you_mean, shortened
 
 NOT_GIVEN = object()
 """Value of a param where only the plan matters, not the data."""
@@ -80,12 +80,12 @@ def _message(
         said = "a path is needed"
     if first["type"] in ("too_long", "too_short"):
         said = said.replace(" after validation", "").partition(", not")[0]
-    value = repr(first["input"])
-    shown = value if len(value) <= 60 else f"{value[:57]}..."
     given = settings.get(name)
     is_pair = isinstance(given, list) and len(given) == 2 and all(type(n) is int for n in given)
     hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
-    return f"{where(name)}: {said[0].lower()}{said[1:]}, not {shown}{hint}"
+    return (
+        f"{where(name)}: {said[0].lower()}{said[1:]}, not {shortened(repr(first['input']))}{hint}"
+    )
 
 
 @cache
@@ -103,7 +103,8 @@ def _lenient(annotation: Any) -> Any:
     """Accept ``160,120`` for a tuple and ``~`` for a home, but no flag for a number."""
     parts = parts_of(annotation)
     if Path in parts:
-        annotation = Annotated[annotation, BeforeValidator(_at_home)]
+        expanded = BeforeValidator(lambda v: at_home(str(v)) if isinstance(v, str | Path) else v)
+        annotation = Annotated[annotation, expanded]
     before = _validator_for(parts)
     return annotation if before is None else Annotated[annotation, BeforeValidator(before)]
 
@@ -122,10 +123,6 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
     if float in parts or (int in parts and bool not in parts):
         return _refuse_bool if {str, Path} & {*parts} else _only_number
     return _only_flag if bool in parts and not {str, int} & {*parts} else None
-
-
-def _at_home(value: Any) -> Any:
-    return at_home(str(value)) if isinstance(value, str | Path) else value
 
 
 def _split_commas(value: Any) -> Any:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter, Parts, SizeLimit, SizeRule
+from tactograph.graph.declare.node import Node, Parameter, SizeLimit, SizeRule
 from tactograph.graph.declare.ports import (
     CONDITION_INPUT,
     PortType,
@@ -35,7 +35,7 @@ def node(
     neutral: float | str = ...,
     tolerance: Tolerance = ...,
     sizes: Mapping[str, SizeLimit] = ...,
-    derived: Mapping[str, Parts | SizeRule] = ...,
+    derived: Mapping[str, SizeRule] = ...,
     endless: bool = ...,
     former: Mapping[str, str] = ...,
 ) -> Callable[[Callable[..., Any]], Node]: ...
@@ -187,10 +187,7 @@ def _kernel_package(module: str) -> str:
 def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:
     if annotation is None or annotation is type(None):
         return {}, None, False
-    stream = typing.get_origin(annotation) in (
-        collections.abc.Iterator,
-        collections.abc.Generator,
-    )
+    stream = typing.get_origin(annotation) in (collections.abc.Iterator, collections.abc.Generator)
     if stream:
         annotation = typing.get_args(annotation)[0]
     if is_record(annotation):

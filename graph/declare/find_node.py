@@ -105,9 +105,10 @@ def _plugin_node(point: EntryPoint, name: str) -> Node:
     node = _checked(loaded, name)
     node.package = _package(point)
     # A plug-in's kernel lies in the package folder of the module that declares the node.
-    is_package = _is_package(point.module)
-    node.kernel_package = point.module if is_package else point.module.rpartition(".")[0]
-    node.kernel_package = node.kernel_package or point.module
+    spec = importlib.util.find_spec(point.module)
+    is_package = spec is not None and spec.submodule_search_locations is not None
+    folder = "" if is_package else point.module.rpartition(".")[0]
+    node.kernel_package = folder or point.module
     return node
 
 
@@ -137,8 +138,3 @@ def _checked(candidate: object, name: str) -> Node:
 
 def _package(point: EntryPoint) -> str:
     return point.dist.name if point.dist else point.module.partition(".")[0]
-
-
-def _is_package(module: str) -> bool:
-    spec = importlib.util.find_spec(module)
-    return spec is not None and spec.submodule_search_locations is not None

@@ -44,35 +44,26 @@ class SizeLimit:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """A size that follows from another: that one divided by a parameter, rounded up."""
-
-    of: str
-    by: str
-
-    def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
-        return -(-sizes[self.of] // int(settings[self.by]))
-
-    def __str__(self) -> str:
-        return f"{self.of} / {self.by}"
-
-
-@dataclass(frozen=True)
 class SizeRule:
     """A size computed from other sizes ("H", or "H W") and one parameter.
 
-    `rule` computes it, and raises InputError where they do not go together.
+    `rule` computes it, and raises InputError where they do not go together.  Without a rule it is
+    the other size divided by the parameter, rounded up.
     """
 
     of: str
     by: str
-    rule: Callable[..., int]
+    rule: Callable[..., int] = lambda size, by: -(-size // int(by))
 
     def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
         return self.rule(*(sizes[symbol] for symbol in self.of.split()), settings[self.by])
 
     def __str__(self) -> str:
         return f"{self.of}, {self.by}"
+
+
+Parts = SizeRule
+"""The name for one without a rule."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +99,7 @@ class Node:
     neutral: float | str | None = None
     tolerance: Tolerance = field(default_factory=Exact)
     sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
-    derived: Mapping[str, Parts | SizeRule] = field(default_factory=dict)
+    derived: Mapping[str, SizeRule] = field(default_factory=dict)
     package: str = "tactograph"
     provenance: str | None = None
     session: str | None = None
@@ -297,10 +288,7 @@ class Node:
 
     @typing.overload
     def opencl(
-        self,
-        *,
-        can_run: CanRun = can_run_anywhere,
-        source: str | os.PathLike[str] | None = None,
+        self, *, can_run: CanRun = can_run_anywhere, source: str | os.PathLike[str] | None = None
     ) -> Callable[[LaunchFunction], LaunchFunction]: ...
 
     def opencl(

@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from tactograph.graph.disk.yaml_errors import in_words
-from tactograph.graph.errors import GraphError, InputError, printable
+from tactograph.graph.errors import GraphError, InputError, printable, shortened
 
 Path_ = tuple[str | int, ...]
 Entries = TypeVar("Entries", bound=BaseModel)
@@ -147,7 +147,7 @@ def parse_scalar(text: str) -> Any:
     try:
         return _scalar(text, _implicit_tag(text, plain=True))
     except ValueError:
-        raise InputError(f"'{_short(text)}' is not a number") from None
+        raise InputError(f"'{shortened(text, 40)}' is not a number") from None
 
 
 def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]) -> Any:
@@ -161,7 +161,7 @@ def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen:
         try:
             return _scalar(node.value, str(node.tag))
         except ValueError:
-            raise GraphError(f"{place}: '{_short(node.value)}' is not a number") from None
+            raise GraphError(f"{place}: '{shortened(node.value, 40)}' is not a number") from None
     if isinstance(node, SequenceNode):
         return [_plain(v, (*path, i), name, places, seen) for i, v in enumerate(node.value)]
     assert isinstance(node, MappingNode)
@@ -221,10 +221,6 @@ def _scalar(text: str, tag: str) -> Any:
     if kind == "float":
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
     return text  # a date is text too: only quoting would tell it from a folder's name
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 _YAML_RESOLVER = YAML(typ="safe", pure=True).resolver

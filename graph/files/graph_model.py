@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from tactograph.graph.backends import Backend
 from tactograph.graph.disk.strict_yaml import Document, Path_
-from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.errors import GraphError, did_you_mean, shortened
 
 GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
@@ -68,9 +68,7 @@ def _whole(value: Any) -> Any:
 
 
 Format = Annotated[
-    Literal[1],
-    BeforeValidator(_whole),
-    Field(description="The version of this file format."),
+    Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
 Names = Annotated[
     list[str],
@@ -311,20 +309,15 @@ def _first_error(error: ValidationError, document: Document, whole: type[BaseMod
         return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), known)}"
     if kind == "missing":
         return f"{place}: '{path[-1]}' is missing"
-    value = first.get("input")
+    value = shortened(repr(first.get("input")))
     if kind == "string_pattern_mismatch":
-        return f"{place}: {_short(value)} is not a name such as 'cal' or 'cal.flat'"
+        return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'"
     if path == ("format",):
-        return f"{place}: this version reads format {GRAPH_FORMAT}, not {_short(value)}"
+        return f"{place}: this version reads format {GRAPH_FORMAT}, not {value}"
     wanted = _WANTED_BY_TYPE.get(kind)
     if wanted is None and kind == "literal_error":
         wanted = f"{first['ctx']['expected']} is needed"
-    return f"{place}: {wanted or first['msg'].lower()}, not {_short(value)}"
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return f"{place}: {wanted or first['msg'].lower()}, not {value}"
 
 
 def _model_at(whole: type[BaseModel], loc: Path_) -> type[BaseModel]:

@@ -26,20 +26,19 @@ MAX_GROUP_DEPTH = 50
 """Far more nodes and uses, and groups in one another, than anybody needs."""
 
 
-def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str = "") -> Graph:
+def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     """Add nodes to a graph; each use of a group becomes the group's nodes.
 
-    They stand in the group that the use `scope` uses, or in the graph itself.  Raises GraphError if
-    a use names no group, gives what the group does not take or leaves out what it needs, a group
-    uses itself, a reference in a group names nothing there, or there are too many nodes, or groups
-    in one another.
+    Raises GraphError if a use names no group, gives what the group does not take or leaves out what
+    it needs, a group uses itself, a reference in a group names nothing there, or there are too many
+    nodes, or groups in one another.
     """
     _count(graph, nodes, len(graph.nodes), {}, 1)
-    added = _uses(graph, nodes, scope, ())
+    added = _uses(graph, nodes, "", ())
     graph = replace(graph, uses={**graph.uses, **{path: use for path, (use, _) in added.items()}})
     for path, (use, around) in added.items():  # the use around another comes first
         graph = replace(graph, uses={**graph.uses, path: _bound(graph, use, around)})
-    return replace(graph, nodes={**graph.nodes, **_taken_apart(graph, nodes, scope)})
+    return replace(graph, nodes={**graph.nodes, **_taken_apart(graph, nodes, "")})
 
 
 def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:

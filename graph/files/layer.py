@@ -7,12 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from tactograph.graph.disk.strict_yaml import Document, Path_, Place, read_yaml
-from tactograph.graph.files.graph_model import (
-    GraphModel,
-    StudyModel,
-    VariantModel,
-    validate,
-)
+from tactograph.graph.files.graph_model import GraphModel, StudyModel, VariantModel, validate
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,7 @@ from typing import Any
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph, Use
-from tactograph.graph.files.groups import (
-    flat_reference,
-    in_scope,
-    meant_nodes,
-    uses_of,
-    with_nodes,
-)
+from tactograph.graph.files.groups import flat_reference, in_scope, meant_nodes, uses_of, with_nodes
 from tactograph.graph.files.patch_verbs import (
     VERB_FUNCTIONS,
     Change,

@@ -62,8 +62,8 @@ def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
     return merged
 
 
-def write_variant(file: Path, base: Graph, source: str, changes: list[Change], title: str) -> Graph:
-    """Write the variant of `base`, which `source` names, and read it back.
+def write_variant(file: Path, source: str, changes: list[Change], title: str) -> Graph:
+    """Write the variant of the graph that `source` names, and read it back.
 
     Raises InputError if nothing was changed, or the file's name is no graph file's; WriteError if
     it cannot be written.

@@ -121,7 +121,8 @@ class HostValues:
             results = task.node.results(made)
         for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]
-            if port.kind == "array" and (result is not None or not self._may_lack(task, port)):
+            unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
+            if port.kind == "array" and not (result is None and (port.optional or unread)):
                 if not (task.id in self._whole and is_whole(result)):
                     result = _as_declared(task, port, result)
                 elif not self._whole[task.id]:
@@ -167,11 +168,6 @@ class HostValues:
             for session in sessions.values():
                 stack.callback(session.close)
 
-    def _may_lack(self, task: Task, port: PortType) -> bool:
-        """Return whether a node may leave out an output."""
-        unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
-        return port.optional or unread
-
 
 def constant(
     task: Task, sizes: Mapping[str, int]
@@ -191,10 +187,7 @@ def _containers(task: Task) -> list[str]:
 
 
 def _positional(
-    task: Task,
-    host: Mapping[Value, Any],
-    recalled: dict[str, Any],
-    containers: Sequence[str],
+    task: Task, host: Mapping[Value, Any], recalled: dict[str, Any], containers: Sequence[str]
 ) -> list[Any]:
     """The node's positional arguments, of this item and of the one before."""
     inputs = {name: host[value] for name, value in task.reads.items()} | recalled
@@ -204,18 +197,12 @@ def _positional(
 
 
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:
-    name = port.name
-    if not isinstance(array, np.ndarray):
-        raise NodeError(
-            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
-            f"but made a {type(array).__name__}"
-        )
-    if array.dtype != port.dtype or array.ndim != len(port.dims):
-        raise NodeError(
-            f"node '{task.id}' ({task.node.name}) declares {port} as '{name}' "
-            f"but made {array.dtype} of shape {array.shape}"
-        )
-    for dim, size in zip(port.dims, array.shape, strict=True):
-        if isinstance(dim, int) and dim != size:
-            raise NodeError(f"node '{task.id}' declares {port} but made shape {array.shape}")
-    return np.ascontiguousarray(array)
+    made = f"a {type(array).__name__}"
+    if isinstance(array, np.ndarray):
+        pairs = zip(port.dims, array.shape, strict=False)
+        fits = array.ndim == len(port.dims) and all(isinstance(d, str) or d == n for d, n in pairs)
+        if fits and array.dtype == port.dtype:
+            return np.ascontiguousarray(array)
+        made = f"{array.dtype} of shape {array.shape}"
+    declared = f"declares {port} as '{port.name}'"
+    raise NodeError(f"node '{task.id}' ({task.node.name}) {declared} but made {made}")

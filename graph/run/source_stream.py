@@ -44,16 +44,15 @@ class SourceStream:
         with Blaming(source):
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
-    def read_ahead(self, count: int = 1) -> int:
-        """Read the first items, `count` at most, and return how many there are.
+    def reads_two(self) -> bool:
+        """Read the first two items, and return whether they are there.
 
         `next` gives them, their warnings and an error, if any.
         """
-        for _ in range(count):
+        self._ahead.append(self._read())
+        if self._ahead[0].item is not None:
             self._ahead.append(self._read())
-            if self._ahead[-1].item is None:
-                break
-        return sum(read.item is not None for read in self._ahead)
+        return self._ahead[-1].item is not None
 
     def next(self) -> Any:
         """The next item, None after the last.  Raises TactographError if it cannot be read."""

@@ -119,11 +119,11 @@ class StandIns:
 
     def item(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         """The item that the nodes would have yielded."""
-        return {name: self._yielded(name, array) for name, array in arrays.items()}
-
-    def _yielded(self, name: str, array: NDArray[Any]) -> Any:
-        record = self._plan.tasks[name].node.output_record
-        return array if record is None else record(array)
+        made: dict[str, Any] = {}
+        for name, array in arrays.items():
+            record = self._plan.tasks[name].node.output_record
+            made[name] = array if record is None else record(array)
+        return made
 
 
 def _takes_images(port: PortType) -> bool:

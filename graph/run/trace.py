@@ -7,7 +7,7 @@ from typing import Any
 
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import warn
-from tactograph.graph.plan.plan import Plan, Step
+from tactograph.graph.plan.plan import Plan
 
 MAX_EVENTS = 200_000
 """The most spans of a trace; an endless stream would fill the memory."""
@@ -48,26 +48,22 @@ class Trace:
         about = {"graph": self._plan.graph.name, "hash": self._plan.graph.hash}
         with atomic_file(file) as target:
             target.write_text(
-                json.dumps({"traceEvents": [*named, *events], "otherData": about}),
-                encoding="utf-8",
+                json.dumps({"traceEvents": [*named, *events], "otherData": about}), encoding="utf-8"
             )
 
     def _add(self, name: str, lane: str, start: float, end: float) -> None:
         if len(self._events) >= MAX_EVENTS:
             warn(f"the trace ends after {MAX_EVENTS} spans")
             return
+        task = self._plan.tasks.get(name)
         self._events.append(
             {
                 "ph": "X",
                 "pid": 1,
                 "tid": self.lanes[lane],
                 "name": name,
-                "cat": self._what(self._steps.get(name)),
+                "cat": task.node.name if task else self._steps[name].kind,
                 "ts": 1e6 * start,
                 "dur": round(1e6 * (end - start), 3),
             }
         )
-
-    def _what(self, step: Step | None) -> str:
-        task = self._plan.tasks.get(step.name) if step is not None else None
-        return task.node.name if task is not None else step.kind if step is not None else ""

@@ -7,7 +7,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-REFUSAL = "tactograph tune: open the address that the terminal shows, with its token\n"
+REFUSAL_TEXT = "tactograph tune: open the address that the terminal shows, with its token\n"
 
 
 class Guard:
@@ -41,7 +41,7 @@ class Guard:
         if is_known and self._is_here(request):
             await self._app(scope, receive, send_with_cookie)
         elif scope["type"] == "http":
-            await PlainTextResponse(REFUSAL, 403)(scope, receive, send)
+            await PlainTextResponse(REFUSAL_TEXT, 403)(scope, receive, send)
         else:
             await WebSocketClose(1008)(scope, receive, send)
 

@@ -72,12 +72,7 @@ class Runner:
         given = self._given if capture is None else {**self._given, CAPTURE_PARAM: str(capture)}
         given = {name: value for name, value in given.items() if name in graph.params}
         opened = open_pipeline(
-            graph,
-            given,
-            backend=self._backend,
-            device=self._device,
-            sinks=False,
-            cache=self._cache,
+            graph, given, backend=self._backend, device=self._device, sinks=False, cache=self._cache
         )
         self.close()
         self.pipeline, self._graph, self._at = opened, graph, (capture, -1)

@@ -78,7 +78,7 @@ class Tuning:
         self.base = read_graph(source)
         self.captures = captures_of(self.base, given)
         other = read_graph(beside) if beside else None
-        self._asked = Asked(self.base, other, 0, 0, None)
+        self.asked = Asked(self.base, other, 0, 0, None)
         self.shown = Shown()
         self.rates: deque[float] = deque()
         self.playing = False
@@ -98,16 +98,12 @@ class Tuning:
         self._thread.start()
 
     @property
-    def asked(self) -> Asked:
-        return self._asked
-
-    @property
     def graph(self) -> Graph:
-        return self._asked.graph
+        return self.asked.graph
 
     @property
     def capture(self) -> Path | None:
-        return self.captures[self._asked.capture] if self.captures else None
+        return self.captures[self.asked.capture] if self.captures else None
 
     def settings(self, node: str) -> dict[str, Any]:
         """A node's parameters as they are now, defaults included."""
@@ -162,9 +158,9 @@ class Tuning:
     def go(self, steps: int) -> None:
         """Go to the next capture or item, or, among captures, to one before."""
         if self.captures:
-            self._ask(capture=(self._asked.capture + steps) % len(self.captures))
+            self._ask(capture=(self.asked.capture + steps) % len(self.captures))
         elif steps > 0:
-            self._ask(item=self._asked.item + 1)
+            self._ask(item=self.asked.item + 1)
 
     def play(self, on: bool) -> None:
         """Run a stream, or pause it."""
@@ -196,7 +192,7 @@ class Tuning:
         if not over_others and self.is_of_others(file):
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
-        saved = write_variant(file, self.base, self.source, self.changes(), title)
+        saved = write_variant(file, self.source, self.changes(), title)
         self._check(saved)
         self._saved[file.resolve()] = stamp([file.resolve()])
         return file
@@ -222,8 +218,8 @@ class Tuning:
             self.base = base
             self._files = files_of(base, {}) | {graph_file(self.source)}
             self._stamp = stamp(self._files)
-            node = self._asked.node if self._asked.node in base.nodes else None
-            self._ask(graph=base, node=node, revision=self._asked.revision + 1)
+            node = self.asked.node if self.asked.node in base.nodes else None
+            self._ask(graph=base, node=node, revision=self.asked.revision + 1)
         return True
 
     def close(self) -> None:
@@ -237,7 +233,7 @@ class Tuning:
         """Wait for the result of the latest request."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            if self.shown.asked is self._asked:
+            if self.shown.asked is self.asked:
                 return self.shown
             time.sleep(0.01)
         raise TimeoutError("no result arrived in time")
@@ -263,7 +259,7 @@ class Tuning:
     def _ask(self, **changed: Any) -> None:
         """Request something else, which the thread then makes."""
         with self._changed:
-            self._asked = replace(self._asked, **changed)
+            self.asked = replace(self.asked, **changed)
             self._changed.notify()
 
     def _check(self, graph: Graph) -> None:
@@ -275,13 +271,13 @@ class Tuning:
         last: Asked | None = None
         while True:
             with self._changed:
-                while not (self._ended or self.playing or self._asked is not last):
+                while not (self._ended or self.playing or self.asked is not last):
                     self._changed.wait()
                 if self._ended:
                     break
-                if self.playing and self._asked is last:
-                    self._asked = replace(self._asked, item=self._asked.item + 1)
-                last = self._asked
+                if self.playing and self.asked is last:
+                    self.asked = replace(self.asked, item=self.asked.item + 1)
+                last = self.asked
             self._run(last)
         for runner in self._runners:
             runner.close()
@@ -328,7 +324,7 @@ class Tuning:
         """Return whether no newer request arrives within a moment."""
         with self._changed:
             newer = self._changed.wait_for(
-                lambda: self._ended or self._asked is not asked, timeout=REST_S
+                lambda: self._ended or self.asked is not asked, timeout=REST_S
             )
         return not newer
 

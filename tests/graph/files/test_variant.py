@@ -38,7 +38,7 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
     turned = changed(graph, "shadow", neutral=not graph.nodes["shadow"].neutral)
     changes = changes_between(graph, turned, DEFAULTS)
     assert len(changes) == 1
-    saved = write_variant(tmp_path / "v.yaml", graph, name, changes, "turned")
+    saved = write_variant(tmp_path / "v.yaml", name, changes, "turned")
     assert saved.nodes["shadow"].neutral == turned.nodes["shadow"].neutral
     assert saved.nodes["shadow"].inputs == turned.nodes["shadow"].inputs
 
@@ -53,7 +53,7 @@ def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
     graph = changed(graph, "pass_2.bounce", neutral=True)
     changes = changes_between(base, graph, {})
     assert changes == [{"set": "pass.label", "with": {"dark": 0}}, {"neutral": "pass_2.bounce"}]
-    saved = write_variant(tmp_path / "v.yaml", base, "reconstruct", changes, "lit")
+    saved = write_variant(tmp_path / "v.yaml", "reconstruct", changes, "lit")
     assert saved.nodes == graph.nodes
     graph = changed(graph, "pass_3.label", settings={"steepest": 4.0, "dark": 1})
     assert [change.get("set") for change in changes_between(base, graph, {})][:2] == [
@@ -68,20 +68,18 @@ def test_a_variant_extends_a_file_by_its_place(tmp_path: Path) -> None:
     file.write_text(
         "format: 1\nextends: paper\npatch:\n  - set: shadow\n    with: {threshold: 5}\n"
     )
-    base = read_graph(file)
     changes = [{"set": "shadow", "with": {"threshold": 6}}]
-    saved = write_variant(tmp_path / "deep" / "v.yaml", base, str(file), changes, "deeper")
+    saved = write_variant(tmp_path / "deep" / "v.yaml", str(file), changes, "deeper")
     assert saved.nodes["shadow"].settings == {"threshold": 6}
     assert "extends: ../mine.yaml" in (tmp_path / "deep" / "v.yaml").read_text()
 
 
 def test_what_cannot_be_a_variant_is_refused(tmp_path: Path) -> None:
-    base = read_graph("paper")
     with pytest.raises(InputError, match="nothing was changed"):
-        write_variant(tmp_path / "v.yaml", base, "paper", [], "same")
+        write_variant(tmp_path / "v.yaml", "paper", [], "same")
     change = [{"neutral": "shadow"}]
     with pytest.raises(InputError, match=r"has to end in \.yaml"):
-        write_variant(tmp_path / "v.txt", base, "paper", change, "text")
+        write_variant(tmp_path / "v.txt", "paper", change, "text")
 
 
 def test_an_entry_without_words_is_put_back_without_words() -> None:
