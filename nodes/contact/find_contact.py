@@ -61,8 +61,7 @@ def find_contact(
 
     Returns
     -------
-    ndarray
-        H x W, 1 on the contact of the largest area, 2 on the next, 0 on free film.
+    H x W, 1 on the contact of the largest area, 2 on the next, 0 on free film.
 
     Raises
     ------

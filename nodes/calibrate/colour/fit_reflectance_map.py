@@ -108,10 +108,9 @@ def fit_reflectance_map(
 
     Returns
     -------
-    MapFit
-        Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the
-        contact's rim above the film at rest in mm; root mean square residual of length K,
-        relative to the film at rest.
+    Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the contact's rim
+    above the film at rest in mm; root mean square residual of length K, relative to the film at
+    rest.
 
     Raises
     ------

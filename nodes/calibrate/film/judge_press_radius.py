@@ -62,8 +62,7 @@ def judge_press_radius(
 
     Returns
     -------
-    RadiusVerdict
-        ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
+    ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]

@@ -131,12 +131,11 @@ def judge_radius(
 
     Returns
     -------
-    RadiusVerdict
-        The figures of `fit_film`; ``light_departure_percent``, what the plain model with the given
-        radius leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius
-        of the first ball that explains the light best, where a plain film does.  One doubt if
-        another radius explains the light better, or as well with a gel as real ones are, and one
-        if the LEDs are found at another distance than given.
+    The figures of `fit_film`; ``light_departure_percent``, what the plain model with the given
+    radius leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius of the
+    first ball that explains the light best, where a plain film does.  One doubt if another radius
+    explains the light better, or as well with a gel as real ones are, and one if the LEDs are found
+    at another distance than given.
 
     Raises
     ------

@@ -143,10 +143,9 @@ def refit_film(
 
     Returns
     -------
-    FilmRefit
-        The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new
-        film; and figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the
-        normals on the check press with the old and the new film, and what has changed.
+    The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new film; and
+    figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the normals on the check
+    press with the old and the new film, and what has changed.
     """
     typed: dict[str, Any] = {
         n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()

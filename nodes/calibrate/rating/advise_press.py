@@ -52,10 +52,9 @@ def advise_press(
 
     Returns
     -------
-    PressAdvice
-        ``film_covered_percent``, the share of the film's nine parts;
-        ``slopes_covered_percent``, the share of the slopes up to 1 in eight directions; and a
-        sentence such as "press at the lower left: no contact reaches there".
+    ``film_covered_percent``, the share of the film's nine parts; ``slopes_covered_percent``, the
+    share of the slopes up to 1 in eight directions; and a sentence such as "press at the lower
+    left: no contact reaches there".
     """
     count, rows, _ = flat.shape
     touched = _touched(mask, rows)

@@ -31,9 +31,8 @@ def judge_contact(
 
     Returns
     -------
-    tuple
-        Mean angle between normals in degrees; root mean square height error without its
-        mean, in um; the same in per cent of the cap's height.
+    Mean angle between normals in degrees; root mean square height error without its mean, in um;
+    the same in per cent of the cap's height.
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]

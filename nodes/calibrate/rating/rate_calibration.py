@@ -109,14 +109,13 @@ def rate_calibration(
 
     Returns
     -------
-    Rating
-        The doubts, each of them also a warning; the verdict, one sentence for people; and the
-        figures: ``entries``; ``steepest_slope`` that the tables cover in every direction;
-        ``residual_percent``, the largest of all LEDs; ``spread_percent``;
-        ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
-        largest of all LEDs; the lowest ``ball_goodness``; and for comparison with the sensor,
-        for each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x
-        (right) towards y (down), ``distance_mm/led1`` from the middle of the image.
+    The doubts, each of them also a warning; the verdict, one sentence for people; and the figures:
+    ``entries``; ``steepest_slope`` that the tables cover in every direction; ``residual_percent``,
+    the largest of all LEDs; ``spread_percent``; ``fully_lit_percent`` of the known pixels;
+    ``near_light_residual_percent``, the largest of all LEDs; the lowest ``ball_goodness``; and for
+    comparison with the sensor, for each LED ``slant_deg/led1`` from the camera's axis,
+    ``azimuth_deg/led1`` from x (right) towards y (down), ``distance_mm/led1`` from the middle of
+    the image.
 
     Raises
     ------

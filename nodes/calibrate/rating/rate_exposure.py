@@ -75,9 +75,8 @@ def rate_exposure(
 
     Returns
     -------
-    ExposureRating
-        ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for
-        each press that differs by more than pressed film and flickering LEDs explain.
+    ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for each
+    press that differs by more than pressed film and flickering LEDs explain.
 
     Raises
     ------

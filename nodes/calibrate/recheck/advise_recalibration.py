@@ -54,10 +54,9 @@ def advise_recalibration(
 
     Returns
     -------
-    Recalibration
-        All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and
-        ``dent_slope``, the largest height and slope of a dent, 0 if there is none;
-        ``full_calibration_due``, 0 or 1.  A warning says if the check press cannot be right.
+    All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and ``dent_slope``,
+    the largest height and slope of a dent, 0 if there is none; ``full_calibration_due``, 0 or 1.  A
+    warning says if the check press cannot be right.
     """
     height, slope = _dent(dent, pixel)
     kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}

@@ -52,8 +52,7 @@ def noise_correlation(
 
     Returns
     -------
-    float
-        1 if the pixels' noise is independent.
+    1 if the pixels' noise is independent.
     """
     if min(flat.shape[1:]) < TILE_PX:
         return 1.0

@@ -86,9 +86,8 @@ def guide_colour_presses(
 
     Returns
     -------
-    GuidedColourPresses
-        After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then
-        after every 10, and at the end.
+    After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then after
+    every 10, and at the end.
 
     Raises
     ------
