@@ -19,9 +19,9 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
-from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE, RadiusVerdict
+from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
+from tactograph.nodes.calibrate.rating.verdict import Judged, of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
@@ -79,7 +79,7 @@ def rate_calibration(
     flat: Light | None = None,
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
-    radius: RadiusVerdict | None = None,
+    radius: Judged | None = None,
     others: list[str] | None = None,
     *,
     force: bool = False,
@@ -125,7 +125,7 @@ def rate_calibration(
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
-    figures, radius_doubts = radius or RadiusVerdict({}, [])
+    figures, radius_doubts = radius or Judged({}, [])
     error = figures.get("film_heldout_deg")
     doubts = (others or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
