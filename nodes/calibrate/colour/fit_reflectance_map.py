@@ -101,8 +101,7 @@ def fit_reflectance_map(
     names : the balls' names, for messages
     circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
     pixel : mm per px
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
     rounds : how often map and centres are updated
 

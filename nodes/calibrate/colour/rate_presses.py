@@ -67,8 +67,7 @@ def rate_presses(
     kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : the doubts of `judge_press_radius` and of `judge_oblong`
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns

@@ -87,16 +87,14 @@ def sample_balls(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
-    most
-        Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
+    most : most samples of all balls together, but at least `MIN_SAMPLES` of each; None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
         B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
         light from film to film grows with the height of their flanks; `by_lift` tells the fit
         how much.
-    rim
-        B contact radii in mm.  None: those of `circle`.
+    rim : B contact radii in mm; None: those of `circle`
     edges
         Whether the light around a ball then determines where the film leaves it
         (`contact_edge`).

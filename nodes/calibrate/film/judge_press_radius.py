@@ -56,8 +56,7 @@ def judge_press_radius(
     image, flat : P x K x H x W presses, levelled, and the K x H x W film at rest
     circle, kept : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
     pixel : mm per px
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns

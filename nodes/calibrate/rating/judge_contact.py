@@ -26,8 +26,7 @@ def judge_contact(
     slope, height : 2 x H x W, and H x W in mm
     circle : x, y, contact radius in px
     radius, pixel : the ball's radius in px, mm per px
-    known
-        H x W, the pixels that are judged.  None: all of the contact.
+    known : H x W, the pixels that are judged; None: all of the contact
 
     Returns
     -------

@@ -61,8 +61,7 @@ class Matcher:
     film : the film at rest
     cycle : the LEDs in the order of the cycle, 0 for the ambient step
     rate : frames per second
-    clock
-        The controller's cycle.  None: the image alone decides.
+    clock : the controller's cycle; None: the image alone decides
     full : the camera's largest value; 0: that of the frame's type
     burnt : LEDs that stay dark
     usual_reach : the `reach` of correct frames: 0 unless the film has changed since the calibration
