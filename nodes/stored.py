@@ -17,8 +17,7 @@ class Stored:
 
     Parameters
     ----------
-    low, high
-        The values of any sensor: beyond them a file is damaged, not unusual.
+    low, high : the values of any sensor: beyond them a file is damaged, not unusual
     older
         The value for files from before it was kept: numbers, repeated to the declared shape, or
         the name of the field that stands for it.  None: every file has it.

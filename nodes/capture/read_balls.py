@@ -70,10 +70,9 @@ def read_balls(
 
     Returns
     -------
-    BallPresses
-        Images K x S x W on a sheet (`sheet`), the first press K x H x W, radii of length
-        P in mm, known circles P x 3 in px, the names of the P folders, marked balls M x 3 in px if
-        there are any, and the pixel size that the first scan states.
+    Images K x S x W on a sheet (`sheet`), the first press K x H x W, radii of length P in mm, known
+    circles P x 3 in px, the names of the P folders, marked balls M x 3 in px if there are any, and
+    the pixel size that the first scan states.
 
     Raises
     ------

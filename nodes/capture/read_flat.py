@@ -38,8 +38,7 @@ def read_flat(
     ----------
     image : K x H x W, the capture whose size the flat frame must have
     estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
-    black
-        H x W, used if `dark` is not given.  None: black.
+    black : H x W, used if `dark` is not given; None: black
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.

@@ -33,8 +33,7 @@ def read_lamps(*, file: Path, folder: Path) -> LightPositions:
 
     Returns
     -------
-    ndarray
-        K x 3; lamps of which only the direction is known stand 100 m away.
+    K x 3; lamps of which only the direction is known stand 100 m away.
 
     Raises
     ------

@@ -58,9 +58,8 @@ def read_presses(
 
     Returns
     -------
-    Presses
-        Images P x K x H x W, flat K x H x W, the names of the P folders, and the contacts that
-        their ``capture.yaml`` give (``ball_center_px``, ``ball_contact_px``), P x 3 in px.
+    Images P x K x H x W, flat K x H x W, the names of the P folders, and the contacts that their
+    ``capture.yaml`` give (``ball_center_px``, ``ball_contact_px``), P x 3 in px.
 
     Raises
     ------

@@ -21,8 +21,7 @@ def read_single(*, folder: Path | None = None, layout: Layout) -> SingleCapture:
 
     Parameters
     ----------
-    folder
-        The capture.  None: what reads it has a condition that does not hold.
+    folder : the capture; None: what reads it has a condition that does not hold
 
     Raises
     ------

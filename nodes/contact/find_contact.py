@@ -46,23 +46,19 @@ def find_contact(
     Parameters
     ----------
     height : H x W in mm above the film at rest
-    error
-        H x W, the height's standard deviation in mm; without it, it is estimated.
+    error : H x W, the height's standard deviation in mm; without it, it is estimated
     enter, leave
         In multiples of the error; `leave` must not exceed `enter`.  A height is the sum of
         noisy slopes: errors of neighbours are alike, and the largest of a frame is 4 to 8
         times their level.
-    least_error_mm
-        Lower bound on the error.
-    least_px
-        Least number of pixels above `enter`, or enclosed by such, in a contact.
+    least_error_mm : lower bound on the error
+    least_px : least number of pixels above `enter`, or enclosed by such, in a contact
     most
         Largest number of contacts.  Of more, the largest are numbered, with a warning.
 
     Returns
     -------
-    ndarray
-        H x W, 1 on the contact of the largest area, 2 on the next, 0 on free film.
+    H x W, 1 on the contact of the largest area, 2 on the next, 0 on free film.
 
     Raises
     ------

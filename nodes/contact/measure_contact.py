@@ -31,11 +31,9 @@ def measure_contact(
     Parameters
     ----------
     height : H x W in mm above the film at rest
-    contact
-        H x W, the number of the contact at each pixel, as `find_contact` gives it.
+    contact : H x W, the number of the contact at each pixel, as `find_contact` gives it
     pixel : mm per px
-    lens
-        Of it only that pixels are not square; None: they are.
+    lens : of it only that pixels are not square; None: they are
     most
         Largest number of contacts that are measured.  Of more, a warning tells.
 

@@ -43,8 +43,7 @@ def doubt_brightness(
 
     Returns
     -------
-    ndarray
-        H x W in mm.
+    H x W in mm.
     """
     if scale is not None:
         factor, uncertain = scale

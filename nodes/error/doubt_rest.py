@@ -48,8 +48,7 @@ def doubt_rest(
 
     Returns
     -------
-    ndarray
-        H x W in mm, never zero.
+    H x W in mm, never zero.
     """
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes

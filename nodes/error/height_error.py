@@ -186,8 +186,7 @@ def height_error(
 
     Returns
     -------
-    ndarray
-        H x W, one standard deviation in mm.
+    H x W, one standard deviation in mm.
     """
     seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
     inside = system.cut(height)

@@ -210,8 +210,7 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
     Parameters
     ----------
     file, about : the calibration, and what it says of itself
-    lights
-        How the images that it is used for hold the lights.  None: not known.
+    lights : how the images that it is used for hold the lights; None: not known
 
     Raises
     ------

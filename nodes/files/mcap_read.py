@@ -63,15 +63,12 @@ class McapFile:
         need_mcap()
         try:
             with self.path.open("rb") as stream:
-                self._check_start(stream)
+                start = stream.read(len(MCAP_MAGIC))
+                if not MCAP_MAGIC.startswith(start) and start.strip(b"\0"):
+                    raise InputError(f"{self.path}: is no MCAP file, or damaged at its start")
                 yield from self._decoded(stream)
         except OSError as error:
             raise InputError(f"{self.path}: {error.strerror or error}") from None
-
-    def _check_start(self, stream: IO[bytes]) -> None:
-        start = stream.read(len(MCAP_MAGIC))
-        if not MCAP_MAGIC.startswith(start) and start.strip(b"\0"):
-            raise InputError(f"{self.path}: is no MCAP file, or damaged at its start")
 
     def _decoded(self, stream: IO[bytes]) -> Iterator[Read]:
         from mcap.records import Channel, Schema

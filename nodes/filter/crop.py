@@ -60,8 +60,7 @@ def crop(
 
     Returns
     -------
-    ndarray
-        K x h x w, with h and w of the window.
+    K x h x w, with h and w of the window.
 
     Raises
     ------

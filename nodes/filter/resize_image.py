@@ -52,8 +52,7 @@ def resize_image(
 
     Returns
     -------
-    ndarray
-        K x h x w, with h = scale H and w = scale W, rounded.
+    K x h x w, with h = scale H and w = scale W, rounded.
     """
     _count, rows, columns = light.shape
     size = _side(columns, scale), _side(rows, scale)

@@ -88,11 +88,10 @@ def drag_to_shear(
 
     Returns
     -------
-    ShearForce
-        Shear 2 x H x W in kPa, and for each contact that has two markers or more its shear force
-        ``contact_shear_x_n/c1``, ``contact_shear_y_n/c1``, its torque about the contact's middle,
-        positive from x to y, ``contact_torque_n_mm/c1``, and their standard deviations
-        ``contact_shear_sd_x_n/c1`` and so on.
+    Shear 2 x H x W in kPa, and for each contact that has two markers or more its shear force
+    ``contact_shear_x_n/c1``, ``contact_shear_y_n/c1``, its torque about the contact's middle,
+    positive from x to y, ``contact_torque_n_mm/c1``, and their standard deviations
+    ``contact_shear_sd_x_n/c1`` and so on.
     """
     markers = marker_places(height, tracks, pixel, view)
     seen = (tracks.seen > 0) & markers.inside

@@ -79,10 +79,9 @@ def press_to_pressure(
 
     Returns
     -------
-    PressForce
-        Pressure H x W in kPa, and for each contact ``contact_force_n/c1``, its standard deviation
-        ``contact_force_sd_n/c1``, the highest pressure ``contact_pressure_kpa/c1``, and the
-        force's centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
+    Pressure H x W in kPa, and for each contact ``contact_force_n/c1``, its standard deviation
+    ``contact_force_sd_n/c1``, the highest pressure ``contact_pressure_kpa/c1``, and the force's
+    centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
     """
     _warn_of_limits(height, contact, thickness_mm)
     numbers = np.unique(contact[contact > 0])

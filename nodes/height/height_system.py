@@ -68,8 +68,7 @@ def height_system(
 
     Returns
     -------
-    HeightSystem
-        T of the rises have both ends inside the window.
+    T of the rises have both ends inside the window.
     """
     states = np.where(rest != 0, np.uint8(STATE_REST), np.uint8(STATE_FREE))
     if mask is not None:

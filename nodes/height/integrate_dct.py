@@ -35,8 +35,7 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
 
     Returns
     -------
-    ndarray
-        H x W in mm, with zero mean.
+    H x W in mm, with zero mean.
     """
     # Where the kernel runs, SciPy need not be loaded.
     from scipy.fft import dctn, idctn

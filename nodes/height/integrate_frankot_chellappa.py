@@ -42,8 +42,7 @@ def integrate_frankot_chellappa(
 
     Returns
     -------
-    ndarray
-        H x W in mm, with zero mean.
+    H x W in mm, with zero mean.
     """
     height = _periodic(slope) if border == "periodic" else _mirrored(slope)
     return np.asarray(height * np.float32(pixel), np.float32)

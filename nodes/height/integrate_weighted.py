@@ -61,8 +61,7 @@ def integrate_weighted(
 
     Returns
     -------
-    ndarray
-        H x W in mm; 0 where pixels do not count.
+    H x W in mm; 0 where pixels do not count.
     """
     height, warm, robust = system.cut(start), False, float(system.scales[2])
     if before is not None:

@@ -56,8 +56,7 @@ def level_height(
 
     Returns
     -------
-    ndarray
-        H x W in mm.
+    H x W in mm.
     """
     cell = cell_side(height.shape[0], height.shape[1], cell)
     rows, columns = (

@@ -39,8 +39,7 @@ def calm_film(
 
     Returns
     -------
-    ndarray
-        H x W, 1 where the film looks untouched.
+    H x W, 1 where the film looks untouched.
     """
     width, level = 2 * radius_px + 1, _level(level, correlation, radius_px)
     calm = np.ones(light.shape[1:], bool)

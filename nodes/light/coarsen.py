@@ -31,8 +31,7 @@ def coarsen(
 
     Returns
     -------
-    ndarray
-        K x h x w, with h = H / factor and w = W / factor, rounded up.
+    K x h x w, with h = H / factor and w = W / factor, rounded up.
     """
     _count, rows, columns = light.shape
     factor = cell_side(rows, columns, factor)

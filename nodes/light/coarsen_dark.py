@@ -17,7 +17,6 @@ def coarsen_dark(dark: Dark, *, factor: CellSide = 4) -> CoarseDark:
 
     Returns
     -------
-    ndarray
-        h x w, with h = H / factor and w = W / factor, rounded up.
+    h x w, with h = H / factor and w = W / factor, rounded up.
     """
     return coarsen(dark[None], factor=factor)[0]

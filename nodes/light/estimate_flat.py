@@ -32,8 +32,7 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
 
     Returns
     -------
-    ndarray
-        K x H x W, the light that the film at rest would give.
+    K x H x W, the light that the film at rest would give.
     """
     height, width = image.shape[1:]
     v = np.linspace(-1, 1, height)

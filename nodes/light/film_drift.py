@@ -98,9 +98,8 @@ def film_drift(
 
     Returns
     -------
-    ndarray
-        K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the
-        middle of the image divided by half its width.
+    K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the middle of the
+    image divided by half its width.
     """
     if bounced is not None:
         light = light - bounced

@@ -33,8 +33,7 @@ def rest_mask(
 
     Returns
     -------
-    ndarray
-        H x W, 1 on the film at rest.
+    H x W, 1 on the film at rest.
     """
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     # A flood fill from a ring around the frame reaches all calm film that touches the border.

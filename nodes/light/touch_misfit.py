@@ -87,8 +87,7 @@ def touch_misfit(
 
     Returns
     -------
-    ndarray
-        The misfit of this touch.  A warning is given if the light departs clearly more.
+    The misfit of this touch.  A warning is given if the light departs clearly more.
     """
     total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
     return _widened(misfit, total, known)

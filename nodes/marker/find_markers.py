@@ -35,8 +35,7 @@ def find_markers(
 
     Returns
     -------
-    ndarray
-        M x 3: x, y, radius in px; rows from the top of the frame down.
+    M x 3: x, y, radius in px; rows from the top of the frame down.
     """
     rows, columns = darkness.shape
     _, labels, stats, _ = cv2.connectedComponentsWithStats(

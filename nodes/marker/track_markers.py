@@ -57,10 +57,9 @@ def track_markers(
 
     Returns
     -------
-    Tracks
-        The markers; their shifts M x 2 in px; which of them are seen; as figures ``markers``,
-        how many there are, ``markers_seen_percent``, ``marker_shift_mm``, the longest, and
-        ``marker_shift_mean_mm``.
+    The markers; their shifts M x 2 in px; which of them are seen; as figures ``markers``, how many
+    there are, ``markers_seen_percent``, ``marker_shift_mm``, the longest, and
+    ``marker_shift_mean_mm``.
     """
     spots = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
     places = markers[:, :2].astype(np.float64)

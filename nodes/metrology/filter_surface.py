@@ -49,8 +49,7 @@ def filter_surface(
 
     Returns
     -------
-    SLSurface
-        H x W in mm; ``form_degree``, and ``s_filter_mm`` and ``l_filter_mm`` where there is one.
+    H x W in mm; ``form_degree``, and ``s_filter_mm`` and ``l_filter_mm`` where there is one.
 
     Raises
     ------

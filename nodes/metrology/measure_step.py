@@ -76,20 +76,15 @@ def measure_step(
 
     Parameters
     ----------
-    height
-        H x W in mm; unknown film (NaN) is left out.
+    height : H x W in mm; unknown film (NaN) is left out
     pixel : mm per px
     error
         Standard deviation of the height in mm; then the uncertainty holds that of both levels.
         Without it a warning says so.
-    parts
-        The parts of the error, on cells: then the uncertainty holds what the depth has of them.
-    along
-        Axis of the profiles: they cross the groove.
-    edges
-        2: groove or ridge; 1: step.
-    known_um
-        Depth that is certified, and its standard uncertainty, both in um.
+    parts : the parts of the error, on cells: then the uncertainty holds what the depth has of them
+    along : axis of the profiles: they cross the groove
+    edges : 2: groove or ridge; 1: step
+    known_um : depth that is certified, and its standard uncertainty, both in um
 
     Returns
     -------

@@ -83,10 +83,9 @@ def find_slip(
 
     Returns
     -------
-    Slip
-        Figures ``contact_slip/c1`` (0: stuck, 1: partly, 2: wholly slipping),
-        ``contact_slip_share/c1`` of its markers, ``contact_slip_mm/c1``, the median way, and
-        ``contact_slip_markers/c1``, how many tell it.
+    Figures ``contact_slip/c1`` (0: stuck, 1: partly, 2: wholly slipping), ``contact_slip_share/c1``
+    of its markers, ``contact_slip_mm/c1``, the median way, and ``contact_slip_markers/c1``, how
+    many tell it.
     """
     markers = marker_places(height, tracks, pixel, view)
     rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)

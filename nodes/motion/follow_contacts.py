@@ -66,9 +66,8 @@ def follow_contacts(
 
     Returns
     -------
-    FollowedContacts
-        Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
-        ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
+    Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
+    ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
     """
     known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
     numbers = np.unique(contact[contact > 0])

@@ -90,12 +90,10 @@ def stitch(
 
     Returns
     -------
-    StitchedSurface
-        In the frame of the touch that has the most pairs; figures ``stitched_touches``,
-        ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_difference`` (of touches, in
-        multiples of their errors), ``stitched_left_mm`` and ``stitched_top_mm`` (of the first
-        cell, from that touch's middle), and the poses: ``stitched_x_mm/NAME``,
-        ``stitched_turn_z_deg/NAME`` and so on.
+    In the frame of the touch that has the most pairs; figures ``stitched_touches``,
+    ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_difference`` (of touches, in multiples of
+    their errors), ``stitched_left_mm`` and ``stitched_top_mm`` (of the first cell, from that
+    touch's middle), and the poses: ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and so on.
 
     Raises
     ------

@@ -98,13 +98,12 @@ def track_pose(
 
     Returns
     -------
-    TrackedPose
-        The pose 6 and its covariance 6 x 6, and figures: ``pose_x_mm``, ``pose_turn_x_deg``,
-        ``pose_sd_x_mm`` and so on; ``pose_open``, how many motions are open, and which, as
-        ``pose_open/turn_x``; ``pose_overlap``; ``pose_sure``, 0 where frame and key frame differ
-        by more than both err, which is also told; ``pose_pressed``, the share of the raised film
-        that curves down, as film does that an object holds: below 0.25 the film is so tight that
-        it hides tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
+    The pose 6 and its covariance 6 x 6, and figures: ``pose_x_mm``, ``pose_turn_x_deg``,
+    ``pose_sd_x_mm`` and so on; ``pose_open``, how many motions are open, and which, as
+    ``pose_open/turn_x``; ``pose_overlap``; ``pose_sure``, 0 where frame and key frame differ by
+    more than both err, which is also told; ``pose_pressed``, the share of the raised film that
+    curves down, as film does that an object holds: below 0.25 the film is so tight that it hides
+    tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
     """
     heights, pressed = held_film(height, contact, margin_px)
     stated, inside = 0.0, np.isfinite(heights[1, ::SPARSE_PX, ::SPARSE_PX])

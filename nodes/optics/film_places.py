@@ -75,28 +75,21 @@ def on_even_grid(
 
     def seen(stretch: Places) -> tuple[Places, Places]:
         du, dv = seen_offset(lens.astype(np.float64), u * stretch, v * stretch)
-        return (
-            (u * stretch + du) * half + (columns - 1) / 2,
-            (v * stretch + dv) * half + (rows - 1) / 2,
-        )
-
-    def beyond(stretch: Places) -> Places:
-        x, y = seen(stretch)
-        return stretch * (1 - camera * _linear(height, x, y)) - 1
+        x, y = (u * stretch + du) * half, (v * stretch + dv) * half
+        return x + (columns - 1) / 2, y + (rows - 1) / 2
 
     low = np.full(u.shape, 1 / (1 - camera * min(float(height.min()), 0.0)))
     high = np.full(u.shape, 1 / (1 - camera * max(float(height.max()), 0.0)))
     for _ in range(BISECTION_STEPS if camera else 0):
         middle = (low + high) / 2
-        is_beyond = beyond(middle) > 0
+        is_beyond = middle * (1 - camera * _linear(height, *seen(middle))) - 1 > 0
         low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
     x, y = seen((low + high) / 2)
     inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
     heights = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
     nowhere = np.float32(np.nan)
-    return np.where(inside, heights, nowhere), [
-        np.where(inside, np.float32(_linear(other, x, y)), nowhere) for other in others
-    ]
+    maps = [np.float32(_linear(other, x, y)) for other in others]
+    return np.where(inside, heights, nowhere), [np.where(inside, m, nowhere) for m in maps]
 
 
 def _linear(plane: F4, x: Places, y: Places) -> Places:

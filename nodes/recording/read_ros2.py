@@ -49,8 +49,7 @@ def read_ros2(
     node_name, namespace : its name in ROS
     lights : for a one-shot sensor: the calibration's order of the colours
     bits : bit depth, if the camera uses fewer bits than its 16-bit images hold
-    seconds, items
-        Time, or number of touches, after which to end.  None: never.
+    seconds, items : time, or number of touches, after which to end; None: never
 
     Returns
     -------

@@ -70,8 +70,7 @@ def light_model_slope(
 
     Returns
     -------
-    ModelSlope
-        Slope 2 x H x W; brightness, residual and shadow H x W.
+    Slope 2 x H x W; brightness, residual and shadow H x W.
     """
     leds, rows, columns = light.shape
     image = light.reshape(leds, -1)

@@ -57,9 +57,8 @@ def read_start(
 
     Returns
     -------
-    Start
-        Figures of `judge_light_model` and `judge_untouched`, of four LEDs or more; the light of
-        level film by the model, K x H x W; K x 2; mm per px.
+    Figures of `judge_light_model` and `judge_untouched`, of four LEDs or more; the light of level
+    film by the model, K x H x W; K x 2; mm per px.
 
     Raises
     ------

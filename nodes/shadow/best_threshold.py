@@ -25,8 +25,7 @@ def best_threshold(
 
     Returns
     -------
-    float
-        lambda, for `shadow_linear` as its `spread` with `threshold=1`.
+    lambda, for `shadow_linear` as its `spread` with `threshold=1`.
 
     Raises
     ------

@@ -72,9 +72,8 @@ def label_highlights(
 
     Returns
     -------
-    Highlights
-        H x W, bit k-1 set where LED k is mirrored; K x H x W, `sigma`, raised to 1000 there,
-        so that `label_lights` ignores that light without calling it a shadow.
+    H x W, bit k-1 set where LED k is mirrored; K x H x W, `sigma`, raised to 1000 there, so that
+    `label_lights` ignores that light without calling it a shadow.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     near = np.cos(np.deg2rad(np.float32(lobe_deg)))

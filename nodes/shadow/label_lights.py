@@ -220,13 +220,12 @@ def label_lights(
 
     Returns
     -------
-    Labelled
-        ``slope``, 2 x H x W, zero where fewer than two LEDs reach; ``twin``, the other slope
-        that a pair of LEDs allows (else the slope again); ``variance`` of the slope from that
-        of the light, 1e12 where not known; ``used``, bit k-1 set where the slope rests on LED
-        k; ``shadow``, bit k-1 set where LED k does not light the pixel (not used, and less
-        than half of what the slope predicts); ``misfit``, the sum of squares of the chosen
-        subset.  NumPy makes all, ``wanted`` or not; a kernel leaves out what nobody reads.
+    ``slope``, 2 x H x W, zero where fewer than two LEDs reach; ``twin``, the other slope that a
+    pair of LEDs allows (else the slope again); ``variance`` of the slope from that of the light,
+    1e12 where not known; ``used``, bit k-1 set where the slope rests on LED k; ``shadow``, bit k-1
+    set where LED k does not light the pixel (not used, and less than half of what the slope
+    predicts); ``misfit``, the sum of squares of the chosen subset.  NumPy makes all, ``wanted`` or
+    not; a kernel leaves out what nobody reads.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
 

@@ -72,8 +72,7 @@ def shadow_confidence(
 
     Returns
     -------
-    ndarray
-        H x W, 0 to 1.
+    H x W, 0 to 1.
     """
     vectors = light_vectors(lights, height, pixel)
     expected = np.maximum(expected_light(vectors, slope), MIN_EXPECTED_LIGHT)

@@ -95,8 +95,7 @@ def shadow_constraints(
 
     Returns
     -------
-    ShadowRises
-        C measurements; none where nothing casts a shadow.
+    C measurements; none where nothing casts a shadow.
     """
     known = np.bitwise_count(used) >= 2
     measurements = []

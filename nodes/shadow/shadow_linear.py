@@ -44,8 +44,7 @@ def shadow_linear(
 
     Returns
     -------
-    ndarray
-        H x W, bit k-1 set where LED k is shadowed.
+    H x W, bit k-1 set where LED k is shadowed.
     """
     lights, level = light.reshape(len(light), -1), np.float32(threshold) * np.float32(spread)
     labels = np.empty(lights.shape[1], np.uint8)

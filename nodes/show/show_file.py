@@ -28,8 +28,7 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     file
         A calibration or a lens (``.npz``), a recording (``.mcap``), a batch's store (``.zarr``),
         or a result: its folder or its ``result.json``.
-    folder
-        Where the pictures go.  None: none are drawn.
+    folder : where the pictures go; None: none are drawn
 
     Raises
     ------

@@ -3,13 +3,15 @@
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Gt, Interval, Len
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, LightPositions
+from tactograph.graph import node
+from tactograph.nodes import LightPositions
 
 MAX_LIGHTS = 8
 """A label is a byte with one bit per LED."""
+Place = tuple[float, float, Annotated[float, Gt(0)]]
+"""x, y, z of an LED in mm, in front of the film: z points towards the camera."""
 
 
 @node
@@ -19,7 +21,7 @@ def light_ring(
     slant_deg: Annotated[float, Interval(ge=0, lt=90)] = 28.0,
     first_azimuth_deg: float = 45.0,
     distance_mm: Annotated[float, Gt(0)] = 380.0,
-    positions_mm: list[tuple[float, float, float]] | None = None,
+    positions_mm: Annotated[list[Place], Len(3, MAX_LIGHTS)] | None = None,
 ) -> LightPositions:
     """Return LED positions evenly spaced on a circle around the camera (figure 1).
 
@@ -40,14 +42,9 @@ def light_ring(
     Returns
     -------
     K x 3, mm; the origin is the centre of the image, pixel ((W-1)/2, (H-1)/2).
-
-    Raises
-    ------
-    InputError
-        If explicit positions are too few, too many, or not in front of the film.
     """
     if positions_mm is not None:
-        return _checked(positions_mm)
+        return np.asarray(positions_mm, np.float32)
     azimuth = np.deg2rad(first_azimuth_deg + 360.0 / count * np.arange(count))
     slant = np.deg2rad(slant_deg)
     direction = [
@@ -56,17 +53,3 @@ def light_ring(
         np.full(count, np.cos(slant)),
     ]
     return np.asarray(distance_mm * np.stack(direction, axis=1), np.float32)
-
-
-def _checked(positions: list[tuple[float, float, float]]) -> F4:
-    if not 3 <= len(positions) <= MAX_LIGHTS:
-        raise InputError(
-            f"light_ring: positions_mm holds {len(positions)} LEDs; give 3 to {MAX_LIGHTS}"
-        )
-    for k, (_, _, z) in enumerate(positions, start=1):
-        if z <= 0:
-            raise InputError(
-                f"light_ring: LED {k} in positions_mm stands at z = {z:g} mm, not in front of "
-                "the film; z points towards the camera and must be above 0"
-            )
-    return np.asarray(positions, np.float32)

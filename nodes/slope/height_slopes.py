@@ -28,8 +28,7 @@ def height_slopes(
 
     Returns
     -------
-    KnownSlopes
-        Slope 2 x H x W and the mask of pixels where it can be trusted.
+    Slope 2 x H x W and the mask of pixels where it can be trusted.
     """
     p = difference(height, 1) / np.float32(pixel)
     q = difference(height, 0) / np.float32(pixel)

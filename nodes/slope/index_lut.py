@@ -74,8 +74,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
 
     Returns
     -------
-    LutIndex
-        A table that no pixel belongs to has no tops.
+    A table that no pixel belongs to has no tops.
     """
     count = light.shape[1]
     # Sorting releases the interpreter's lock, so threads help.

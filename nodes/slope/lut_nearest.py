@@ -52,8 +52,7 @@ def lut_nearest(
 
     Returns
     -------
-    ndarray
-        Slope 2 x H x W; zero where the table needed is empty.
+    Slope 2 x H x W; zero where the table needed is empty.
     """
     # SciPy's trees take a fifth of a second to load; a look-up on a device need not wait for them.
     from scipy.spatial import cKDTree

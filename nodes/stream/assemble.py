@@ -50,9 +50,14 @@ class Assembler:
     def add(self, frame: RawFrame, light: F4 | None = None) -> None:
         """Take a frame; LED 0 means ambient light.  `light` is its `light_of`, if known already."""
         if frame.led == 0:
-            self._take_ambient(frame.data * self._scale(frame))
+            plane, before = frame.data * self._scale(frame) - self.dark, self._ambient
+            self._ambient = plane if before is None else before + AMBIENT_SHARE * (plane - before)
             return
-        self._measure(frame.led, light_of(frame.data, self.full) if light is None else light)
+        light = light_of(frame.data, self.full) if light is None else light
+        if frame.led in self._cells:
+            change = np.abs(light - self._cells[frame.led]) / self.film.scale[frame.led - 1]
+            self._changes[frame.led] = float(change.max())
+        self._cells[frame.led] = light
         self._frames[frame.led] = frame
         self._new.add(frame.led)
 
@@ -104,16 +109,3 @@ class Assembler:
         """Forget all frames except the ambient light."""
         for kept in (self._frames, self._cells, self._changes, self._new):
             kept.clear()
-
-    def _take_ambient(self, plane: F4) -> None:
-        plane -= self.dark
-        before = self._ambient
-        self._ambient = plane if before is None else before + AMBIENT_SHARE * (plane - before)
-
-    def _measure(self, led: int, light: F4) -> None:
-        """Compare a frame's cells with those of the same LED's previous frame."""
-        before = self._cells.get(led)
-        self._cells[led] = light
-        if before is not None:
-            change = np.abs(light - before) / self.film.scale[led - 1]
-            self._changes[led] = float(change.max())

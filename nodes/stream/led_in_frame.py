@@ -250,8 +250,7 @@ def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
 
     Returns
     -------
-    float
-        Share of the light, positive for the next LED.
+    Share of the light, positive for the next LED.
     """
     numbers = [led, *(other for other in dict.fromkeys((before, after)) if other not in (0, led))]
     scale = np.float32(1) / patterns[led - 1].ravel()

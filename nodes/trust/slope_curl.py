@@ -63,9 +63,8 @@ def slope_curl(
 
     Returns
     -------
-    ndarray
-        h x w: between a cell and those right of and below it; -1 in the last row and column, on
-        film that is level, and where an edge passes.
+    h x w: between a cell and those right of and below it; -1 in the last row and column, on film
+    that is level, and where an edge passes.
     """
     side = cell_side(slope.shape[1], slope.shape[2], factor)
     p, q = coarsen(slope, factor=side)

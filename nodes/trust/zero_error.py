@@ -21,8 +21,7 @@ def zero_error(evidence: TouchEvidence) -> ZeroError:
 
     Returns
     -------
-    float
-        In mm: the height's range where less than a fifth of the image is at rest, else 0.
+    In mm: the height's range where less than a fifth of the image is at rest, else 0.
     """
     _, film, _ = evidence.read()
     return 0.0 if film.calm >= MIN_CALM else film.highest - film.lowest

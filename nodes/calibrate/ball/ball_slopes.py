@@ -43,8 +43,7 @@ def ball_slopes(
 
     Returns
     -------
-    KnownBall
-        Slope 2 x H x W, mask of the contact, height H x W in mm; all zero outside the contact.
+    Slope 2 x H x W, mask of the contact, height H x W in mm; all zero outside the contact.
     """
     height, width = light.shape[1:]
     y, x = np.mgrid[:height, :width].astype(np.float32)

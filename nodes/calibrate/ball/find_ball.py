@@ -92,11 +92,10 @@ def find_ball(
 
     Returns
     -------
-    Ball
-        Centre x, y in px, where the ball is highest (pixel centres lie at integers); radius of
-        the contact circle in px; and the goodness: the share of the light's variance in and
-        around the contact, beyond a quadratic in x and y, that a ball on a plane explains.
-        1 is a perfect ball on an untouched film, 0 anything smooth.
+    Centre x, y in px, where the ball is highest (pixel centres lie at integers); radius of the
+    contact circle in px; and the goodness: the share of the light's variance in and around the
+    contact, beyond a quadratic in x and y, that a ball on a plane explains.  1 is a perfect ball on
+    an untouched film, 0 anything smooth.
 
     Raises
     ------
@@ -149,8 +148,7 @@ def oblong_of(light: F4, ball: Circle, radius: float, least: float) -> tuple[flo
 
     Returns
     -------
-    tuple
-        Logarithm of a pixel's width over its length, and 0 to 1, where 1 leaves no residual.
+    Logarithm of a pixel's width over its length, and 0 to 1, where 1 leaves no residual.
     """
     reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     start, limit = ball.on(shrink), radius / shrink

@@ -61,9 +61,8 @@ def find_balls(
 
     Returns
     -------
-    FoundBalls
-        x, y and contact radius in px (pixel centres lie at integers), goodness from 0 to 1,
-        radius in mm and press of each ball.
+    x, y and contact radius in px (pixel centres lie at integers), goodness from 0 to 1, radius in
+    mm and press of each ball.
 
     Raises
     ------

@@ -84,8 +84,7 @@ def camera_blur(
 
     Returns
     -------
-    CameraBlur
-        In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
+    In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
     """
     scale = np.float32(binned / pixel)
     found = np.flatnonzero(circle[:, 2] > 0)

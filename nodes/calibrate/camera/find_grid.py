@@ -49,9 +49,8 @@ def find_grid(
 
     Returns
     -------
-    GridMarks
-        N x 2 positions in px, N x 2 columns and rows of the lattice, the pattern found, and the
-        number of whole dots that are not on it and of places inside it that show no whole mark.
+    N x 2 positions in px, N x 2 columns and rows of the lattice, the pattern found, and the number
+    of whole dots that are not on it and of places inside it that show no whole mark.
 
     Raises
     ------

@@ -66,9 +66,8 @@ def fit_lens(
 
     Returns
     -------
-    LensFit
-        The lens, the pixel size in mm per px at the image's middle, the root mean square
-        distance of the marks from the fit in px, the departures N x 2 in px, and figures.
+    The lens, the pixel size in mm per px at the image's middle, the root mean square distance of
+    the marks from the fit in px, the departures N x 2 in px, and figures.
 
     Raises
     ------

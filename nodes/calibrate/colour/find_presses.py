@@ -60,9 +60,8 @@ def find_presses(
 
     Returns
     -------
-    FoundPresses
-        x, y and contact radius in px per ball (pixel centres lie at integers), the goodness of
-        each, 0 to 1, the press that it is in, and its name for messages.
+    x, y and contact radius in px per ball (pixel centres lie at integers), the goodness of each, 0
+    to 1, the press that it is in, and its name for messages.
 
     Raises
     ------

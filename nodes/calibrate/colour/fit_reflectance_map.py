@@ -101,17 +101,15 @@ def fit_reflectance_map(
     names : the balls' names, for messages
     circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
     pixel : mm per px
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
     rounds : how often map and centres are updated
 
     Returns
     -------
-    MapFit
-        Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the
-        contact's rim above the film at rest in mm; root mean square residual of length K,
-        relative to the film at rest.
+    Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the contact's rim
+    above the film at rest in mm; root mean square residual of length K, relative to the film at
+    rest.
 
     Raises
     ------

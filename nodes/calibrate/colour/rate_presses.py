@@ -67,19 +67,16 @@ def rate_presses(
     kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : the doubts of `judge_press_radius` and of `judge_oblong`
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns
     -------
-    PressRating
-        ``heldout_normal_deg``, mean angle between normals in the contact;
-        ``heldout_height_um``, root mean square error of the height there without its mean,
-        because the height of the ball's rim is unknown; ``heldout_height_percent`` of the
-        cap; ``presses`` kept; ``residual_percent``; ``film_covered_percent``;
-        ``steepest_slope``, the median slope at the contacts' rims; ``rim_um``; one
-        sentence of advice; the doubts, each of them also a warning; and the verdict.
+    ``heldout_normal_deg``, mean angle between normals in the contact; ``heldout_height_um``, root
+    mean square error of the height there without its mean, because the height of the ball's rim is
+    unknown; ``heldout_height_percent`` of the cap; ``presses`` kept; ``residual_percent``;
+    ``film_covered_percent``; ``steepest_slope``, the median slope at the contacts' rims;
+    ``rim_um``; one sentence of advice; the doubts, each of them also a warning; and the verdict.
     """
     chosen = np.flatnonzero(kept)
     degree, errors = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT), []

@@ -86,10 +86,9 @@ def refit_reflectance_map(
 
     Returns
     -------
-    MapRefit
-        Coefficients K x 9 x 15; ``check_deg/before`` and ``check_deg/held_out``, the mean angle
-        between normals on the check press with the old and the new map; ``check_um``, the error
-        of the height there; ``gain_percent/...`` of each light.
+    Coefficients K x 9 x 15; ``check_deg/before`` and ``check_deg/held_out``, the mean angle between
+    normals on the check press with the old and the new map; ``check_um``, the error of the height
+    there; ``gain_percent/...`` of each light.
     """
     kept = circle[:, 2] > 0
     if not names or radius_mm is None or not kept.any():

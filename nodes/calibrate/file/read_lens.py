@@ -21,8 +21,7 @@ def read_lens(
     Parameters
     ----------
     image : K x H x W, the image to undistort; only its size is used
-    file
-        The camera.  None: an ideal lens, eight zeros.
+    file : the camera; None: an ideal lens, eight zeros
     pixel_mm
         mm per px; x, y of pixels that are not square, which are a lens where no `file` is given.
 

@@ -1,6 +1,5 @@
 """Samples of balls pressed into a film, to which a film's model is fitted."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
+from tactograph.nodes.calibrate.film._light_pattern import MEDIAN_OF_SQUARES
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, ball_height, sunk
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
@@ -87,16 +87,14 @@ def sample_balls(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
-    most
-        Most samples of all balls together, but at least `MIN_SAMPLES` of each.  None: all pixels.
+    most : most samples of all balls together, but at least `MIN_SAMPLES` of each; None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
         B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
         light from film to film grows with the height of their flanks; `by_lift` tells the fit
         how much.
-    rim
-        B contact radii in mm.  None: those of `circle`.
+    rim : B contact radii in mm; None: those of `circle`
     edges
         Whether the light around a ball then determines where the film leaves it
         (`contact_edge`).
@@ -246,11 +244,27 @@ def _thrown_on(
         nothing = np.zeros_like(press)
         return _Press(press, nothing, nothing, nothing)
     circle, radius, shifts = balls
+    size = press.shape[1:]
+    v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
-        places = shifts + lift * radius[:, None] * np.array([0, 0, 1])
-        given = press, sigma, circle, radius, places, film, pixel
-        return _unit_bounce(*given, partial(bounce, cells=cells))
+        """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
+        height = np.zeros(size)
+        lifted = shifts + lift * radius[:, None] * np.array([0, 0, 1])
+        for each, r, shift in zip(circle, radius, lifted, strict=True):
+            cx, cy, cz = _centre(each, r, shift, size, pixel)
+            z = ball_height(u, v[:, None], (cx, cy, cz), r, film.camera)
+            nearer = 1 - film.camera * z
+            away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
+            height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, 0))
+        seen = (height / (1 - film.camera * height)).astype(np.float32)
+        light = bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
+        # Balls are not film at rest, although little light is reflected onto their tops.
+        shown = np.where(seen > 0, press, 1 + light)
+        drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+        level = (drift_gain(drift, size) - 1) * press
+        whole, taken = light / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
+        return _Thrown(whole, whole - taken)
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
@@ -266,37 +280,6 @@ def _thrown_on(
     if film.albedo > 0:
         press = _levelled(press, sigma, bounced, film.albedo)
     return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
-
-
-def _unit_bounce(
-    press: F4,
-    sigma: F4,
-    circle: F4,
-    radius: F4,
-    shifts: F8,
-    film: Film,
-    pixel: float,
-    bounce: NodeCall,
-) -> _Thrown:
-    """The light that a film of albedo 1, with balls in it, reflects onto itself."""
-    rows, columns = press.shape[1:]
-    u = places(columns, np.float32(pixel)).astype(np.float64)
-    v = places(rows, np.float32(pixel)).astype(np.float64)[:, None]
-    height = np.zeros((rows, columns))
-    for each, size, shift in zip(circle, radius, shifts, strict=True):
-        cx, cy, cz = _centre(each, size, shift, (rows, columns), pixel)
-        z = ball_height(u, v, (cx, cy, cz), size, film.camera)
-        nearer = 1 - film.camera * z
-        away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
-        height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * size**2, z, 0))
-    seen = (height / (1 - film.camera * height)).astype(np.float32)
-    thrown = bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel)
-    # Balls are not film at rest, although little light is reflected onto their tops.
-    shown = np.where(seen > 0, press, 1 + thrown)
-    drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
-    level = (drift_gain(drift, seen.shape) - 1) * press
-    whole, taken = thrown / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
-    return _Thrown(whole, whole - taken)
 
 
 def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
@@ -317,6 +300,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = np.median(np.square(left / balls.reference_light)) / 0.455
+    variance = np.median(np.square(left / balls.reference_light)) / MEDIAN_OF_SQUARES
     alone = np.median(camera / balls.reference_light**2)
     return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

@@ -12,7 +12,6 @@ from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     MIN_PATTERN,
-    RadiusVerdict,
     as_given,
     doubt_of_diffuse,
     doubt_of_pattern,
@@ -20,6 +19,7 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     try_gammas,
     try_radii,
 )
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.film import matt_film
 
@@ -45,7 +45,7 @@ def judge_press_radius(
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
-) -> RadiusVerdict:
+) -> Judged:
     """Fit a plain film under point lights with other radii, as `judge_radius` does.
 
     A reflectance map takes any radius for right, because its coefficients have no scale; lights
@@ -56,14 +56,12 @@ def judge_press_radius(
     image, flat : P x K x H x W presses, levelled, and the K x H x W film at rest
     circle, kept : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
     pixel : mm per px
-    of
-        Length B, the press that each ball is in.  None: every press has one ball.
+    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns
     -------
-    RadiusVerdict
-        ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
+    ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
@@ -86,7 +84,7 @@ def judge_press_radius(
     is_grid = of is not None and np.bincount(of[used]).max() > 1
     if not doubts and not is_grid:
         doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm)
-    return RadiusVerdict({"diffuse_percent": 100 * given.diffuse}, doubts)
+    return Judged({"diffuse_percent": 100 * given.diffuse}, doubts)
 
 
 def _directions(balls: Balls) -> F4:

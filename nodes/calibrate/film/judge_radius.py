@@ -28,6 +28,7 @@ from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.film import matt_film
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
@@ -71,13 +72,6 @@ DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 
 
-class RadiusVerdict(NamedTuple):
-    """Figures, and evidence against the radius, a sentence each."""
-
-    quality: Metrics
-    doubts: list[str]
-
-
 class Tried(NamedTuple):
     """A radius, relative to the given one, and the fit of a plain film with it.
 
@@ -115,7 +109,7 @@ def judge_radius(
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
-) -> RadiusVerdict:
+) -> Judged:
     """Fit a plain film with other radii; doubt the given one if another explains the light better.
 
     Parameters
@@ -131,12 +125,11 @@ def judge_radius(
 
     Returns
     -------
-    RadiusVerdict
-        The figures of `fit_film`; ``light_departure_percent``, what the plain model with the given
-        radius leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius
-        of the first ball that explains the light best, where a plain film does.  One doubt if
-        another radius explains the light better, or as well with a gel as real ones are, and one
-        if the LEDs are found at another distance than given.
+    The figures of `fit_film`; ``light_departure_percent``, what the plain model with the given
+    radius leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius of the
+    first ball that explains the light best, where a plain film does.  One doubt if another radius
+    explains the light better, or as well with a gel as real ones are, and one if the LEDs are found
+    at another distance than given.
 
     Raises
     ------
@@ -172,7 +165,7 @@ def judge_radius(
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
-    return RadiusVerdict(quality, doubts)
+    return Judged(quality, doubts)
 
 
 def try_radii(

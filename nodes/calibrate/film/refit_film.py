@@ -143,10 +143,9 @@ def refit_film(
 
     Returns
     -------
-    FilmRefit
-        The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new
-        film; and figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the
-        normals on the check press with the old and the new film, and what has changed.
+    The `Film`; its misfit, no less than the old one's; the camera's pixel size on the new film; and
+    figures: ``check_deg/before`` and ``check_deg/held_out``, the error of the normals on the check
+    press with the old and the new film, and what has changed.
     """
     typed: dict[str, Any] = {
         n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()
@@ -265,12 +264,6 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     )
 
 
-def _scaled(balls: Balls, by: float) -> Balls:
-    """The samples' positions on a film that is farther from the camera, scaled by `by`."""
-    scaled = {name: getattr(balls, name) * by for name in ("u", "v", "centre", "rim")}
-    return replace(balls, **scaled)
-
-
 def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
     film, count = known.film, len(balls.centre)
@@ -293,9 +286,12 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
 
     def left(values: F8) -> F8:
         tried = at(values)
+        # On a film that is farther from the camera, positions are scaled.
         scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
+        farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
+        light = predicted(replace(balls, **farther), tried.fitted)
         parts = [
-            ((balls.light - predicted(_scaled(balls, scale), tried.fitted)) / whole).ravel(),
+            ((balls.light - light) / whole).ravel(),
             np.tile((values - usual) / spread / np.sqrt(PRIOR_COPIES), PRIOR_COPIES),
         ]
         if names and known.fall.x.size:
@@ -308,9 +304,10 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
     low = np.concatenate([-10 * places, [each.low for each in opened]])
     high = np.concatenate([10 * places, [each.high for each in opened]])
     margin = 1e-6 * spread
+    begin_at = np.concatenate([np.zeros(3 * count), begin])
     solved = least_squares(
         left,
-        np.clip(np.concatenate([np.zeros(3 * count), begin]), low + margin, high - margin),
+        np.clip(begin_at, low + margin, high - margin),
         bounds=(low, high),
         x_scale=spread,
         loss="huber",

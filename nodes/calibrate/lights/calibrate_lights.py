@@ -69,11 +69,10 @@ def calibrate_lights(
 
     Returns
     -------
-    LightsFit
-        Positions K x 3 in mm from the middle of the image; strength K, the light of the film
-        at rest in the middle of the image, if the flat frame is missing (else 1); root mean
-        square residual on the objects, K; eight sets of LED positions sampled from the
-        uncertainty of the fit, 8 x K x 3 in mm.
+    Positions K x 3 in mm from the middle of the image; strength K, the light of the film at rest in
+    the middle of the image, if the flat frame is missing (else 1); root mean square residual on the
+    objects, K; eight sets of LED positions sampled from the uncertainty of the fit, 8 x K x 3 in
+    mm.
 
     Raises
     ------

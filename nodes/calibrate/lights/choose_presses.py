@@ -84,10 +84,9 @@ def choose_presses(
 
     Returns
     -------
-    ChosenPresses
-        Mask S x W, empty where a press is left out; 1 for each of the P presses that is used;
-        root mean square residual of the light of each press (0 for a single press, and for
-        presses that were not compared).
+    Mask S x W, empty where a press is left out; 1 for each of the P presses that is used; root mean
+    square residual of the light of each press (0 for a single press, and for presses that were not
+    compared).
 
     Raises
     ------

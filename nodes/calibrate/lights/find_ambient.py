@@ -79,10 +79,9 @@ def find_ambient(
 
     Returns
     -------
-    WithoutAmbient
-        The flat frame minus the ambient light; the dark image, which is that light everywhere;
-        ``ambient_percent`` of full scale.  Ambient light that was found is a doubt: it is a guess,
-        and a wrong radius or gamma looks alike.
+    The flat frame minus the ambient light; the dark image, which is that light everywhere;
+    ``ambient_percent`` of full scale.  Ambient light that was found is a doubt: it is a guess, and
+    a wrong radius or gamma looks alike.
     """
     nothing = WithoutAmbient(flat, dark, {}, [])
     if taken is not None or rest_of(flat, pixel) is None:

@@ -1,12 +1,10 @@
 """Report what the presses cover and what to press next."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, F8, U1, Light, Metrics
-from tactograph.nodes.calibrate.rating.verdict import advice_after
+from tactograph.nodes import F4, F8, U1, Light
+from tactograph.nodes.calibrate.rating.verdict import Advice, advice_after
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
@@ -27,13 +25,6 @@ FULL_SLOPE = 1.0
 """Slope up to which every direction should be covered."""
 
 
-class PressAdvice(NamedTuple):
-    """Figures for programs, and one sentence for people."""
-
-    quality: Metrics
-    advice: str
-
-
 @node
 def advise_press(
     flat: Light,
@@ -41,7 +32,7 @@ def advise_press(
     mask: SheetMask,
     lit: SheetLabels,
     doubts: list[str] | None = None,
-) -> PressAdvice:
+) -> Advice:
     """Measure how much of the film and of the slopes the presses cover, and name what is missing.
 
     Parameters
@@ -52,10 +43,9 @@ def advise_press(
 
     Returns
     -------
-    PressAdvice
-        ``film_covered_percent``, the share of the film's nine parts;
-        ``slopes_covered_percent``, the share of the slopes up to 1 in eight directions; and a
-        sentence such as "press at the lower left: no contact reaches there".
+    ``film_covered_percent``, the share of the film's nine parts; ``slopes_covered_percent``, the
+    share of the slopes up to 1 in eight directions; and a sentence such as "press at the lower
+    left: no contact reaches there".
     """
     count, rows, _ = flat.shape
     touched = _touched(mask, rows)
@@ -65,7 +55,7 @@ def advise_press(
         "film_covered_percent": float(100 * (touched >= MIN_TOUCHED_SHARE).mean()),
         "slopes_covered_percent": float(100 * (np.minimum(steep, FULL_SLOPE) / FULL_SLOPE).mean()),
     }
-    return PressAdvice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
+    return Advice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
 
 
 def _touched(mask: U1, rows: int) -> F8:

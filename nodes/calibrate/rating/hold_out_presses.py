@@ -91,13 +91,11 @@ def hold_out_presses(
 
     Returns
     -------
-    HeldOut
-        For each press, over the inner nine tenths of its contact, where all LEDs but one reach
-        and the ball is not steeper than 3: the mean angle between normals in degrees,
-        and the root mean square error of the height in um without its mean, because the height
-        of the ball's rim is unknown.  The number of ``presses`` used, and from two presses on
-        the means ``heldout_normal_deg``, ``heldout_height_um`` and ``heldout_height_percent``
-        of the cap.
+    For each press, over the inner nine tenths of its contact, where all LEDs but one reach and the
+    ball is not steeper than 3: the mean angle between normals in degrees, and the root mean square
+    error of the height in um without its mean, because the height of the ball's rim is unknown.
+    The number of ``presses`` used, and from two presses on the means ``heldout_normal_deg``,
+    ``heldout_height_um`` and ``heldout_height_percent`` of the cap.
     """
     rows = flat.shape[1]
     presses = presses_of(light, slope, mask, height, lit, rows)

@@ -26,14 +26,12 @@ def judge_contact(
     slope, height : 2 x H x W, and H x W in mm
     circle : x, y, contact radius in px
     radius, pixel : the ball's radius in px, mm per px
-    known
-        H x W, the pixels that are judged.  None: all of the contact.
+    known : H x W, the pixels that are judged; None: all of the contact
 
     Returns
     -------
-    tuple
-        Mean angle between normals in degrees; root mean square height error without its
-        mean, in um; the same in per cent of the cap's height.
+    Mean angle between normals in degrees; root mean square height error without its mean, in um;
+    the same in per cent of the cap's height.
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]

@@ -72,9 +72,8 @@ def judge_labels(
 
     Returns
     -------
-    LabelGain
-        ``turn`` for `label_lights`; on a film that diffuses light ``labels_gain_deg``, by how
-        much nearer the normals of the balls' heights are with labels.
+    ``turn`` for `label_lights`; on a film that diffuses light ``labels_gain_deg``, by how much
+    nearer the normals of the balls' heights are with labels.
     """
     found = np.flatnonzero(balls.circle[:, 2] > 0)
     if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not found.size:

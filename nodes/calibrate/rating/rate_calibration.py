@@ -19,9 +19,9 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
-from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE, RadiusVerdict
+from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-from tactograph.nodes.calibrate.rating.verdict import of_heldout_error, verdict_of
+from tactograph.nodes.calibrate.rating.verdict import Judged, of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
@@ -79,7 +79,7 @@ def rate_calibration(
     flat: Light | None = None,
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
-    radius: RadiusVerdict | None = None,
+    radius: Judged | None = None,
     others: list[str] | None = None,
     *,
     force: bool = False,
@@ -109,14 +109,13 @@ def rate_calibration(
 
     Returns
     -------
-    Rating
-        The doubts, each of them also a warning; the verdict, one sentence for people; and the
-        figures: ``entries``; ``steepest_slope`` that the tables cover in every direction;
-        ``residual_percent``, the largest of all LEDs; ``spread_percent``;
-        ``fully_lit_percent`` of the known pixels; ``near_light_residual_percent``, the
-        largest of all LEDs; the lowest ``ball_goodness``; and for comparison with the sensor,
-        for each LED ``slant_deg/led1`` from the camera's axis, ``azimuth_deg/led1`` from x
-        (right) towards y (down), ``distance_mm/led1`` from the middle of the image.
+    The doubts, each of them also a warning; the verdict, one sentence for people; and the figures:
+    ``entries``; ``steepest_slope`` that the tables cover in every direction; ``residual_percent``,
+    the largest of all LEDs; ``spread_percent``; ``fully_lit_percent`` of the known pixels;
+    ``near_light_residual_percent``, the largest of all LEDs; the lowest ``ball_goodness``; and for
+    comparison with the sensor, for each LED ``slant_deg/led1`` from the camera's axis,
+    ``azimuth_deg/led1`` from x (right) towards y (down), ``distance_mm/led1`` from the middle of
+    the image.
 
     Raises
     ------
@@ -126,7 +125,7 @@ def rate_calibration(
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
-    figures, radius_doubts = radius or RadiusVerdict({}, [])
+    figures, radius_doubts = radius or Judged({}, [])
     error = figures.get("film_heldout_deg")
     doubts = (others or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)

@@ -1,15 +1,15 @@
 """Tell presses that were taken under other light than the flat frame."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Light, Metrics
+from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
 from tactograph.nodes.trust.added_light import added_share
@@ -36,13 +36,6 @@ _VENDORS_FLAT = (
 """The other frame of the comparison, and the advice."""
 
 
-class ExposureRating(NamedTuple):
-    """The figure, and what speaks against the presses, a sentence each."""
-
-    quality: Metrics
-    doubts: list[str]
-
-
 @node
 def rate_exposure(
     light: SheetLight,
@@ -54,7 +47,7 @@ def rate_exposure(
     *,
     start: Path | None = None,
     folder: Path | None = None,
-) -> ExposureRating:
+) -> Judged:
     """Return the difference of the presses' untouched film from the flat frame; doubt it.
 
     Heights follow from light relative to the flat frame, so exposure, gain and LED currents have
@@ -75,9 +68,8 @@ def rate_exposure(
 
     Returns
     -------
-    ExposureRating
-        ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for
-        each press that differs by more than pressed film and flickering LEDs explain.
+    ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for each
+    press that differs by more than pressed film and flickering LEDs explain.
 
     Raises
     ------
@@ -110,7 +102,7 @@ def rate_exposure(
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
                 "keep other light out, or take an image with all LEDs off (dark=FILE)"
             )
-    return ExposureRating({"rest_departure_percent": 100 * worst}, doubts)
+    return Judged({"rest_departure_percent": 100 * worst}, doubts)
 
 
 def _free(press: F4, circles: F4) -> NDArray[np.bool_]:

@@ -1,7 +1,25 @@
 """Doubts and verdicts that both kinds of calibration share."""
 
+from typing import NamedTuple
+
+from tactograph.nodes import Metrics
+
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
+
+
+class Judged(NamedTuple):
+    """Figures, and what speaks against a calibration, a sentence each."""
+
+    quality: Metrics
+    doubts: list[str]
+
+
+class Advice(NamedTuple):
+    """Figures for programs, and one sentence for people."""
+
+    quality: Metrics
+    advice: str
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:

@@ -1,11 +1,12 @@
 """Report what a new film changes, the remaining error, and whether to calibrate fully."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Height, Metrics, PixelSize
+from tactograph.nodes.calibrate.rating.verdict import Advice
 
 REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
 """Figures that hold a full calibration's error on held-out presses, in degrees."""
@@ -26,13 +27,6 @@ MIN_DENT_SLOPE = 0.02
 """Slope from which a departure is a dent; smooth differences between films are less steep."""
 
 
-class Recalibration(NamedTuple):
-    """The figures, and one sentence."""
-
-    quality: Metrics
-    advice: str
-
-
 @node
 def advise_recalibration(
     strength: Annotated[F4, Port("K", "1")],
@@ -40,7 +34,7 @@ def advise_recalibration(
     pixel: PixelSize,
     refitted: Metrics,
     before: Metrics,
-) -> Recalibration:
+) -> Advice:
     """Report what has changed in figures, and what to do in one sentence.
 
     Parameters
@@ -54,10 +48,9 @@ def advise_recalibration(
 
     Returns
     -------
-    Recalibration
-        All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and
-        ``dent_slope``, the largest height and slope of a dent, 0 if there is none;
-        ``full_calibration_due``, 0 or 1.  A warning says if the check press cannot be right.
+    All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and ``dent_slope``,
+    the largest height and slope of a dent, 0 if there is none; ``full_calibration_due``, 0 or 1.  A
+    warning says if the check press cannot be right.
     """
     height, slope = _dent(dent, pixel)
     kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}
@@ -70,7 +63,7 @@ def advise_recalibration(
         | kept
         | {"full_calibration_due": float(bool(reasons))}
     )
-    return Recalibration(quality, _sentence(reasons, refitted, full))
+    return Advice(quality, _sentence(reasons, refitted, full))
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, float]:

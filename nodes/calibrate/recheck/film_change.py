@@ -78,9 +78,8 @@ def film_change(
 
     Returns
     -------
-    FilmChange
-        Strengths K; ambient light; shift (x, y) in px; albedo H x W; dent H x W in mm,
-        positive where the film has risen, median 0.
+    Strengths K; ambient light; shift (x, y) in px; albedo H x W; dent H x W in mm, positive where
+    the film has risen, median 0.
 
     Raises
     ------

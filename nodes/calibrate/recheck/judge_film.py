@@ -59,11 +59,9 @@ def judge_film(
 
     Returns
     -------
-    Verdicts
-        Five sentences, which begin with "right" where nothing is wrong; ``light_percent/...``
-        of each LED; ``ambient_percent`` of full scale; ``shift_px``; ``dent_um``; the depth in
-        per cent of the strongest mark in the film and on the lens; ``wrong``, the number of
-        causes found.
+    Five sentences, which begin with "right" where nothing is wrong; ``light_percent/...`` of each
+    LED; ``ambient_percent`` of full scale; ``shift_px``; ``dent_um``; the depth in per cent of the
+    strongest mark in the film and on the lens; ``wrong``, the number of causes found.
     """
     scratch, dirt = _marks(albedo)
     deepest, where = _dent(dent, pixel)

@@ -1,20 +1,12 @@
 """Provide the film at rest at the camera's resolution after a calibration on binned images."""
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, CoarseLight, Dark, Light
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-
-
-class Rest(NamedTuple):
-    """The film at rest, and the image with all LEDs off."""
-
-    flat: Light
-    dark: Dark
+from tactograph.nodes.capture.read_flat import Flat
 
 
 @node
@@ -25,7 +17,7 @@ def full_rest(
     binned_dark: CoarseDark,
     *,
     as_taken: bool = False,
-) -> Rest:
+) -> Flat:
     """Return the flat frame and the dark image at the camera's resolution.
 
     Parameters
@@ -39,12 +31,12 @@ def full_rest(
         it keeps details that `binned` lacks, such as markers that were filled in.
     """
     if binned.shape == flat.shape and not as_taken:
-        return Rest(binned, binned_dark)
+        return Flat(binned, binned_dark)
     rows, columns = dark.shape
     ambient = np.float32(np.median(binned_dark) - np.median(dark))
     if is_uniform(flat):
         size = (columns, rows)
         model = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in binned]
-        return Rest(np.stack(model), dark + ambient)
+        return Flat(np.stack(model), dark + ambient)
     above = flat - ambient
-    return Rest(np.maximum(above, np.float32(0), out=above), dark + ambient)
+    return Flat(np.maximum(above, np.float32(0), out=above), dark + ambient)

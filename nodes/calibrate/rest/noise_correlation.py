@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import Grain, Light, Noise, NoiseCorrelation
+from tactograph.nodes import F4, Grain, Light, Noise, NoiseCorrelation
 from tactograph.nodes.calibrate.rest._immerkaer import responses, variances
 from tactograph.nodes.calibrate.rest.estimate_noise import LIGHT_LEVELS
 from tactograph.nodes.light.coarsen import coarsen
@@ -52,8 +52,7 @@ def noise_correlation(
 
     Returns
     -------
-    float
-        1 if the pixels' noise is independent.
+    1 if the pixels' noise is independent.
     """
     if min(flat.shape[1:]) < TILE_PX:
         return 1.0
@@ -62,24 +61,28 @@ def noise_correlation(
     for press in cut(image, flat.shape[1]):
         for seen, rest in zip(press[:, None], flat[:, None], strict=True):
             (relative,), (camera,) = flat_field(seen, rest, black), light_noise(seen, rest, noise)
-            lit = _in_tiles(
-                (seen[0] > LIGHT_LEVELS[0]) & (seen[0] < LIGHT_LEVELS[-1]), TILE_PX
-            ).all(axis=1)
+            is_lit = (seen[0] > LIGHT_LEVELS[0]) & (seen[0] < LIGHT_LEVELS[-1])
+            lit = _in_tiles(is_lit, TILE_PX).all(axis=1)
             asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MAX_TILES]
             alone = camera**2 + (grain * relative) ** 2
             expected = _in_tiles(alone, TILE_PX)[asked].mean(axis=1)
-            # The mask's taps are spaced apart, since neighbouring cells share noise, too.
-            rows, columns = (size // TILE_PX * TILE_PX for size in relative.shape)
-            cells = coarsen(relative[None, :rows, :columns], factor=CELL_PX)[0]
-            left = _in_tiles(responses(cells, CELL_DISTANCE), TILE_PX // CELL_PX)
-            of_pixels = variances(left) * CELL_PX**2
-            ratios.append(of_pixels[asked] / np.maximum(expected, MIN_VARIANCE))
+            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, MIN_VARIANCE))
     ratios_of_tiles = np.concatenate(ratios)
     if ratios_of_tiles.size < MIN_TILES:
         return 1.0
     return float(
         np.clip(np.quantile(ratios_of_tiles, CALM_SHARE) / CALM_QUANTILE, 1, MAX_CORRELATION)
     )
+
+
+def _of_cells(light: F4) -> NDArray[Any]:
+    """Pixel variance that would explain the noise of the cells, for each tile.
+
+    The mask's taps are spaced apart, since neighbouring cells share noise, too.
+    """
+    rows, columns = (size // TILE_PX * TILE_PX for size in light.shape)
+    cells = coarsen(light[None, :rows, :columns], factor=CELL_PX)[0]
+    return variances(_in_tiles(responses(cells, CELL_DISTANCE), TILE_PX // CELL_PX)) * CELL_PX**2
 
 
 def _in_tiles(plane: NDArray[Any], side: int) -> NDArray[Any]:

@@ -39,8 +39,7 @@ def carry_tables(
 
     Returns
     -------
-    TablePixels
-        Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
+    Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
     p, q = lut_slope.T.astype(np.float64)
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)

@@ -32,8 +32,7 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
 
     Returns
     -------
-    NullFit
-        Unit vector of length K, and the robust standard deviation of a.I.
+    Unit vector of length K, and the robust standard deviation of a.I.
 
     Raises
     ------

@@ -29,8 +29,7 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
 
     Returns
     -------
-    ReflectanceFit
-        Coefficients K x 9 in the order of `harmonics`, residual of length K.
+    Coefficients K x 9 in the order of `harmonics`, residual of length K.
 
     Raises
     ------

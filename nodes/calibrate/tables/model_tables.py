@@ -27,8 +27,7 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
 
     Returns
     -------
-    TablePixels
-        Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
+    Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
     ny, nx = (
         MAX_SINE * np.linspace(-1, 1, TABLE_SIDE)[index]

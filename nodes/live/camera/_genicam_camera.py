@@ -72,14 +72,9 @@ def genicam_cameras() -> list[NamedCamera]:
         If harvesters is not installed, or there is no producer.
     """
     with _lock:
-        return [
-            NamedCamera(
-                f"{GENICAM_PREFIX}{each.serial_number}",
-                f"{each.vendor} {each.model}",
-                str(each.serial_number),
-            )
-            for each in _updated().device_info_list
-        ]
+        devices = _updated().device_info_list
+        found = [(f"{each.vendor} {each.model}", str(each.serial_number)) for each in devices]
+    return [NamedCamera(GENICAM_PREFIX + serial, name, serial) for name, serial in found]
 
 
 def check_genicam(camera: str) -> None:
@@ -209,16 +204,13 @@ class GenicamCapture:
 
     def _start(self) -> None:
         feature = self._feature("PixelFormat")
-        if feature is not None and not self._suits(str(feature.value)):
-            suitable = [each for each in self._preferred if each in self.formats]
-            if suitable:
-                feature.value = suitable[0]
+        name = "" if feature is None else str(feature.value)
+        is_grey, is_known = name.startswith("Mono"), PIXEL_FORMAT.fullmatch(name) is not None
+        suitable = [each for each in self._preferred if each in self.formats]
+        if feature is not None and suitable and (not is_known or is_grey == self._colour):
+            feature.value = suitable[0]
         self._acquirer.start()
         self._streaming = True
-
-    def _suits(self, name: str) -> bool:
-        """Tell if a pixel format is supported, and colour or grey as requested."""
-        return bool(PIXEL_FORMAT.fullmatch(name)) and name.startswith("Mono") != self._colour
 
     def _take(self, buffer: Any) -> bool:
         come = time.monotonic()
@@ -339,10 +331,8 @@ def _created(harvester: Any, serial: str) -> Any:
 
 
 def _producers() -> list[Path]:
-    folders = [
-        Path(each) for each in os.environ.get(PRODUCER_VARIABLE, "").split(os.pathsep) if each
-    ]
-    producers = [file for folder in folders for file in sorted(folder.glob("*.cti"))]
+    folders = filter(None, os.environ.get(PRODUCER_VARIABLE, "").split(os.pathsep))
+    producers = [file for folder in folders for file in sorted(Path(folder).glob("*.cti"))]
     if not producers:
         raise InputError(
             f"GenICam cameras need their maker's GenTL producer: {PRODUCER_VARIABLE} names no "

@@ -58,7 +58,13 @@ def check_leds(
         If the controller is not found, does not answer, or is lost during the test.
     """
     with open_controller(port, timeout_s=timeout_s, leds=leds) as controller:
-        conducts = _light_each(controller, leds, seconds_each)
+        conducts = {}
+        for led in range(1, leds + 1):
+            controller.set(led)
+            time.sleep(seconds_each)
+            open_leds = controller.status().burnt_out
+            if open_leds is not None:  # the board measures the current
+                conducts[led] = led not in open_leds
         figures = {"leds": float(controller.identity.leds)}
         figures |= _flash(controller, leds, 1 / rate_hz, cycles)
         for led, flows in conducts.items():
@@ -67,22 +73,8 @@ def check_leds(
         if figures["bad_lines"]:
             warn(f"{figures['bad_lines']:.0f} lines came damaged; check the cable and its shield")
         figures |= {f"conducts/led{led}": float(flows) for led, flows in conducts.items()}
-        identity = controller.identity
-        return LedCheck(
-            f"firmware {identity.firmware}, id {identity.uid}, at {controller.port}", figures
-        )
-
-
-def _light_each(controller: LedController, leds: int, seconds: float) -> dict[int, bool]:
-    """Tell for each LED if it draws current; empty if the board does not measure it."""
-    conducts = {}
-    for led in range(1, leds + 1):
-        controller.set(led)
-        time.sleep(seconds)
-        open_leds = controller.status().burnt_out
-        if open_leds is not None:
-            conducts[led] = led not in open_leds
-    return conducts
+        firmware, uid = controller.identity.firmware, controller.identity.uid
+        return LedCheck(f"firmware {firmware}, id {uid}, at {controller.port}", figures)
 
 
 def _flash(controller: LedController, leds: int, step_s: float, cycles: int) -> Metrics:

@@ -51,7 +51,6 @@ MAX_CONTROLLER_LEDS = 255
 class Identity:
     """Identity of a controller: `uid` is its chip's unique number, `firmware` its release."""
 
-    protocol: int
     firmware: str
     leds: int
     uid: str
@@ -115,13 +114,10 @@ def open_controller(
     ports = find_ports()
     if not ports:
         raise no_controller()
-    for i, candidate in enumerate(ports):
-        try:
+    for candidate in ports[:-1]:
+        with contextlib.suppress(InputError):
             return LedController(candidate, timeout_s, leds, watchdog_s)
-        except InputError:
-            if i == len(ports) - 1:
-                raise
-    raise AssertionError
+    return LedController(ports[-1], timeout_s, leds, watchdog_s)
 
 
 class LedController:
@@ -401,8 +397,13 @@ class LedController:
             if self._closed.is_set():
                 return
             with self._commands:
-                if self._look_after():
-                    self._mended()
+                if self._look_after() and self._failed_at is not None:
+                    with self._known:
+                        took = time.monotonic() - self._failed_at
+                        self._failed_at = None
+                        self.recoveries.append(took)
+                        back = f"{self.port}: the LED controller is back after {took:.2f} s"
+                        self._news.append(back)
 
     def _look_after(self) -> bool:
         """Check the controller, restore or find it if needed; whether it then is in order."""
@@ -443,14 +444,6 @@ class LedController:
                 self._faults[fault] += 1
                 self._news.append(line)
 
-    def _mended(self) -> None:
-        with self._known:
-            if self._failed_at is not None:
-                took = time.monotonic() - self._failed_at
-                self._failed_at = None
-                self.recoveries.append(took)
-                self._news.append(f"{self.port}: the LED controller is back after {took:.2f} s")
-
 
 @contextlib.contextmanager
 def _intelligible() -> Iterator[None]:
@@ -486,7 +479,7 @@ def _identified(link: Link, port: str, timeout_s: float) -> Identity:
         )
     try:
         leds = whole_number(values["leds"], 1, MAX_CONTROLLER_LEDS)
-        return Identity(PROTOCOL_VERSION, values["firmware"], leds, values["uid"])
+        return Identity(values["firmware"], leds, values["uid"])
     except (KeyError, ValueError):
         raise InputError(f"{port}: the controller does not say who it is") from None
 

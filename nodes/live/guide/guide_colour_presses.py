@@ -76,8 +76,7 @@ def guide_colour_presses(
     Parameters
     ----------
     sensor : as for `read_colour_camera`
-    pixel_size_mm
-        mm per px on the film.  None: the sensor's.
+    pixel_size_mm : mm per px on the film; None: the sensor's
     lights : the colours in the calibration's order
     warm_up_s
         How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
@@ -86,9 +85,8 @@ def guide_colour_presses(
 
     Returns
     -------
-    GuidedColourPresses
-        After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then
-        after every 10, and at the end.
+    After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then after
+    every 10, and at the end.
 
     Raises
     ------

@@ -127,17 +127,15 @@ class SimulatedCamera:
         if self._released.wait(max(end - now, 0)) or not self.isOpened():
             return False
         middle = end - 0.5 * (self.sensor.exposure_s + scene.readout_s)
-        image = self._picture(end, middle)
+        if isinstance(self.sensor, SimulatedColourSensor):
+            image = self.sensor.picture(middle, self.number)
+        else:
+            image = self.sensor.image(self._shares(end), middle, self.number)
         if self.sensor.size is not None:
             image = np.asarray(cv2.resize(image, self.sensor.size), np.uint8)
         self._last = end, image
         self._held.append(self._last)
         return True
-
-    def _picture(self, end: float, middle: float) -> NDArray[np.uint8]:
-        if isinstance(self.sensor, SimulatedColourSensor):
-            return self.sensor.picture(middle, self.number)
-        return self.sensor.image(self._shares(end), middle, self.number)
 
     def _shares(self, end: float) -> list[F4]:
         """The share of every LED's light that each row receives."""

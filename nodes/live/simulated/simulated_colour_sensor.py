@@ -80,7 +80,9 @@ class SimulatedColourSensor(SimulatedSensor):
             return self._developed(np.zeros_like(self._flat), number, ())
         if self.flooded:
             return np.full((*self._lens.shape, COLOUR_COUNT), MAX_BYTE, np.uint8)
-        warmth = self._warmth(moment)
+        # The LEDs' brightness, 1 when warm.
+        pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
+        warmth = np.asarray(1 + self.scene.warm_up * np.exp(-pace), np.float32)
         recorded = self._at_rest_all(warmth, number).copy()
         under = [self._pressed_light(k, moment) for k in range(COLOUR_COUNT)]
         part, bright = under[0][1], self._press(moment).bright
@@ -106,8 +108,3 @@ class SimulatedColourSensor(SimulatedSensor):
         mixed = np.tensordot(self._mix, light, axes=1)
         channels = [self._recorded(plane, number + c, part) for c, plane in enumerate(mixed)]
         return np.stack(channels, axis=-1)
-
-    def _warmth(self, moment: float) -> F4:
-        """The LEDs' brightness, 1 when warm."""
-        pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
-        return np.asarray(1 + self.scene.warm_up * np.exp(-pace), np.float32)

@@ -40,8 +40,7 @@ class SimulatedController:
     ----------
     port : the pseudo-terminal; another one after `replug`
     burnt_out : LEDs that give no light
-    garble
-        Changes each line on its way to the host.  None: lines arrive unchanged.
+    garble : changes each line on its way to the host; None: lines arrive unchanged
     """
 
     def __init__(

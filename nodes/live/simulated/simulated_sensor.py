@@ -136,8 +136,7 @@ class SimulatedSensor:
     covered, flooded : the lens is covered; stray light saturates the camera
     frozen : the driver hangs: a fetch does not return
     strength : brightness of each LED, 1 as calibrated; 0 is burnt out
-    size
-        Width and height that the camera delivers, whatever is requested.  None: the scene's.
+    size : width and height that the camera delivers, whatever is requested; None: the scene's
     exposure_s : the scene's exposure, or what its camera's rate allows
     faults : faults of the next frames, one each: "double", "lose", "swap", "late" or "none"
     """

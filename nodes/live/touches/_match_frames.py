@@ -61,8 +61,7 @@ class Matcher:
     film : the film at rest
     cycle : the LEDs in the order of the cycle, 0 for the ambient step
     rate : frames per second
-    clock
-        The controller's cycle.  None: the image alone decides.
+    clock : the controller's cycle; None: the image alone decides
     full : the camera's largest value; 0: that of the frame's type
     burnt : LEDs that stay dark
     usual_reach : the `reach` of correct frames: 0 unless the film has changed since the calibration
@@ -131,23 +130,16 @@ class Matcher:
             return Verdict(None, "covered")
         led = sight.led if sight.kind == "one" else due
         assert led is not None
-        overlap = self._overlap(light, led) if sight.kind == "one" else 0.0
-        if abs(overlap) > MIN_REACH:
-            other = self._neighbours(led)[overlap > 0]
-            return Verdict(None, "mixed", led, other, abs(overlap))
+        overlap = 0.0
+        if sight.kind == "one":  # the excess over the usual reach
+            place, film = self.cycle.index(led), self.film
+            neighbours = self.cycle[place - 1], self.cycle[(place + 1) % len(self.cycle)]
+            overlap = reach(light - film.dark, film.scale, led, *neighbours) - self.usual_reach
+            if abs(overlap) > MIN_REACH:
+                return Verdict(None, "mixed", led, neighbours[overlap > 0], abs(overlap))
         self.mean_reach += REACH_SHARE * (overlap - self.mean_reach)
         verdict = self._agreed(led, due, time, certain=sight.kind == "one")
         return verdict._replace(gain=sight.gain) if sight.kind == "one" else verdict
-
-    def _overlap(self, light: F4, led: int) -> float:
-        """Excess of a frame's `reach` over the usual one."""
-        film = self.film
-        mixed_share = reach(light - film.dark, film.scale, led, *self._neighbours(led))
-        return mixed_share - self.usual_reach
-
-    def _neighbours(self, led: int) -> tuple[int, int]:
-        place = self.cycle.index(led)
-        return self.cycle[place - 1], self.cycle[(place + 1) % len(self.cycle)]
 
     def _learn_ambient(self, light: F4) -> Verdict:
         """Take the darkest frame of the first cycle as that of the ambient step."""

@@ -26,7 +26,7 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
     SimulatedColourSensor,
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
-from tactograph.nodes.live.touches.fault_log import FaultLog
+from tactograph.nodes.live.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.nodes.live.touches.sensor import START_S
 from tactograph.nodes.live.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
 from tactograph.nodes.stream.colour_planes import Order, planes_of
@@ -40,16 +40,10 @@ from tactograph.nodes.stream.led_in_frame import (
 )
 
 COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
-COLOUR_FAULTS = {
-    "saturated": "a frame is saturated: discarded; shorten the exposure or keep other light out",
+COLOUR_FAULTS = FAULT_LINES | {
     "covered": "a frame is dark: discarded; is the lens covered, or are the LEDs off?",
-    "doubled": "the camera delivered a frame twice: discarded",
     "brightness": "{led} is not as bright as calibrated: followed, but look at the LEDs and the "
     "camera's exposure",
-    "wrong size": "the camera delivers another size than the calibration's: opening it again",
-    "lost": "frames are missing",
-    "dropped": "frames come faster than they are reconstructed: the oldest are dropped",
-    "camera lost": "the camera is gone: looking for it until it is back",
 }
 """One line of explanation for every fault."""
 
@@ -92,7 +86,11 @@ def open_colour_sensor(
     once = False
     wanted = driver.wanted(*size, colour=True)
     if driver.is_simulated:
-        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, _film_of(preset)))
+        film: dict[str, float] = {}
+        if preset is not None:  # image and pixel size of a sensor of this kind
+            width, height = preset.size
+            film = {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, film))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
         once = check_camera(driver.camera, driver.library)
@@ -105,14 +103,6 @@ def open_colour_sensor(
         source.close()
         raise
     return ColourSensor(source, table)
-
-
-def _film_of(preset: SensorPreset | None) -> dict[str, float]:
-    """Image and pixel size of a simulated sensor of this kind."""
-    if preset is None:
-        return {}
-    width, height = preset.size
-    return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
 
 
 def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
@@ -199,10 +189,8 @@ class ColourStream(TouchStream):
             return "wrong size"
         # A few rows detect saturation as well as all rows.
         sample = data[::5].copy()
-        if (
-            np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
-            > MAX_SATURATED_SHARE * sample.size
-        ):
+        saturated = np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
+        if saturated > MAX_SATURATED_SHARE * sample.size:
             return "saturated"
         before, self._before = self._before, sample
         if before is not None and np.array_equal(sample, before):
@@ -211,7 +199,8 @@ class ColourStream(TouchStream):
 
     def _judge_brightness(self, data: Plane) -> str:
         """Discard a dark frame; report a changed colour, but keep its frame."""
-        light = np.moveaxis(cells(self._ordered(data)), -1, 0) / np.float32(top_of(data, self.full))
+        ordered = data if self.order == "bgr" else data[..., ::-1]
+        light = np.moveaxis(cells(ordered), -1, 0) / np.float32(top_of(data, self.full))
         share = light / self.film.scale
         gains = np.median(share.reshape(len(share), -1), axis=1)
         if gains.max() < MAX_DARK_LIGHT:
@@ -233,6 +222,3 @@ class ColourStream(TouchStream):
             replace(self.state, faults=Counter(self.state.faults)),
             self.sensor.truth(newest.time),
         )
-
-    def _ordered(self, data: Plane) -> Plane:
-        return data if self.order == "bgr" else data[..., ::-1]

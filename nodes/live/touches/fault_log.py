@@ -101,20 +101,18 @@ class FaultLog:
     def count(self, shot: Shot) -> None:
         """Count a frame, and the frames missing before it."""
         self.state.frames += 1
-        if self._rate is not None:
-            self._count_gap(shot.time, self._rate)
-            self._check_pace(shot, self._rate)
+        if self._rate is None:
+            return
+        if self._before is not None:
+            missing = round((shot.time - self._before) * self._rate) - 1
+            if missing > 0:
+                self.note("lost", times=missing)
+        self._before = shot.time
+        self._check_pace(shot, self._rate)
 
     def restart(self) -> None:
         """Forget the time of the last frame, because the camera was reconnected."""
         self._before = self._pace = None
-
-    def _count_gap(self, moment: float, rate: float) -> None:
-        if self._before is not None:
-            missing = round((moment - self._before) * rate) - 1
-            if missing > 0:
-                self.note("lost", times=missing)
-        self._before = moment
 
     def _check_pace(self, shot: Shot, wanted: float) -> None:
         """Compare the camera's rate with the LEDs' every few seconds."""
@@ -127,7 +125,5 @@ class FaultLog:
         self._pace = shot
         if abs(rate / wanted - 1) > MAX_PACE_ERROR:
             self.state.faults["wrong rate"] += 1
-            self.add(
-                f"the camera delivers {rate:.1f} frames per second, "
-                f"but the LEDs change {wanted:g} times"
-            )
+            delivered = f"the camera delivers {rate:.1f} frames per second"
+            self.add(f"{delivered}, but the LEDs change {wanted:g} times")

@@ -59,8 +59,7 @@ def read_camera(
     queue
         Most frames that wait; when the reconstruction is slower than the camera, the oldest
         are dropped.
-    seconds, items
-        Time, or number of touches, after which to end.  None: never.
+    seconds, items : time, or number of touches, after which to end; None: never
     whole : whether frames may remain the camera's integers
 
     Returns

@@ -46,8 +46,7 @@ def read_colour_camera(
     queue
         Most frames that wait; when the reconstruction is slower than the camera, the oldest
         are dropped.
-    seconds, items
-        Time, or number of touches, after which to end.  None: never.
+    seconds, items : time, or number of touches, after which to end; None: never
 
     Returns
     -------

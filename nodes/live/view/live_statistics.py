@@ -51,8 +51,7 @@ def live_statistics(
     state : the stream's counters
     truth : H x W in mm, if known: the true height at the newest exposure
     contact : figures of the touch, as `measure_contact` and `judge_touch` return them
-    folder
-        Folder for ``result.json`` at the end of the stream.  None: it is not written.
+    folder : folder for ``result.json`` at the end of the stream; None: it is not written
     every_s : time between two lines on the terminal
     """
     statistics = session.keep(lambda: Statistics(folder, every_s))

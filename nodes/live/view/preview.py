@@ -56,8 +56,7 @@ def preview(
     folder : for the PNG files
     rate_hz : most pictures per second; touches in between are not drawn
     keep : number of latest pictures to keep beside ``latest.png``, named after their touches
-    top_mm
-        Upper end of the height's colour scale.  None: the greatest height so far, rounded up.
+    top_mm : upper end of the height's colour scale; None: the greatest height so far, rounded up
 
     Raises
     ------

@@ -74,8 +74,7 @@ def view_rerun(
         "spawn": open a viewer on this screen, or use the one that is open.  "connect": use the
         one at `url`, here or elsewhere.  "none": only the file.
     url : address of the viewer
-    file
-        An ``.rrd`` file to write.  None: no file.
+    file : an ``.rrd`` file to write; None: no file
     file_gb : approximate largest size of the file; beyond it, nothing more is sent
     rate_hz : most touches per second that are sent
     image_step : factor by which the LEDs' images and the labels are reduced

@@ -1,11 +1,13 @@
 """LEDs stand where the sensor's drawing says."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tactograph.graph import InputError
+from tactograph.graph import InputError, load
 from tactograph.nodes.simulate.light_ring import light_ring
 
 
@@ -39,14 +41,15 @@ def test_papers_prototype_and_its_finger():
     np.testing.assert_allclose(finger[:, 2], 5, rtol=1e-3)
 
 
-def test_explicit_positions_stand_instead_of_the_ring_if_they_can():
+def test_explicit_positions_stand_instead_of_the_ring_if_they_can(tmp_path: Path) -> None:
     places = [(1.0, 2.0, 3.0), (-1.0, 2.0, 3.0), (0.0, -2.0, 4.0)]
     np.testing.assert_array_equal(light_ring(positions_mm=places), np.float32(places))
-    behind = [(1.0, 2.0, 3.0), (1.0, 2.0, -3.0), (0.0, 0.0, 3.0)]
+    graph = {"format": 1, "extends": "simulate", "outputs": {"light": "scene.light"}}
+    pipeline = load(graph, out=tmp_path)
     for wrong, message in (
-        (behind, r"LED 2 .* z = -3 mm"),
-        (2 * [(0.0, 0.0, 10.0)], "holds 2 LEDs"),
-        (9 * [(0.0, 0.0, 10.0)], "holds 9 LEDs"),
+        ([*places, (1.0, 2.0, -3.0)], "positions_mm: .* greater than 0, not -3"),
+        (places[:2], "at least 3 items"),
+        (3 * places, "at most 8 items"),
     ):
         with pytest.raises(InputError, match=message):
-            light_ring(positions_mm=wrong)
+            pipeline.set("lights", positions_mm=wrong)

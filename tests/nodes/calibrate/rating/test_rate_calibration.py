@@ -8,9 +8,9 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.film.judge_radius import RadiusVerdict
 from tactograph.nodes.calibrate.rating.join_doubts import join_doubts
 from tactograph.nodes.calibrate.rating.rate_calibration import LedFit, rate_calibration
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.simulate.light_ring import light_ring
 
 LIGHTS = light_ring(distance_mm=80.0)
@@ -26,7 +26,7 @@ def told(
     noise: float = 0.0,
     flat: F4 = FLAT,
     pixel: float | None = None,
-    radius: RadiusVerdict | None = None,
+    radius: Judged | None = None,
     others: list[str] | None = None,
     force: bool = False,
     **film: Any,
@@ -105,7 +105,7 @@ def test_what_is_forced_is_doubtful() -> None:
 
 
 def test_a_large_held_out_error_leads() -> None:
-    notes = told(POOR, noise=0.001, radius=RadiusVerdict({"film_heldout_deg": 25.0}, []))
+    notes = told(POOR, noise=0.001, radius=Judged({"film_heldout_deg": 25.0}, []))
     assert "25.0 degrees off" in notes[0]
 
 
