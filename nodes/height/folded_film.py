@@ -31,12 +31,9 @@ def folded_film(
 
     Parameters
     ----------
-    slope
-        2 x H x W, mm per mm, on the cells of a rough pass.
-    cells
-        Number of cells that `film_bounce` looks at; of more of them, every n-th counts.
-    least
-        Squared bend over squared slope from which on film is folded.
+    slope : 2 x H x W, mm per mm, on the cells of a rough pass
+    cells : number of cells that `film_bounce` looks at; of more of them, every n-th counts
+    least : squared bend over squared slope from which on film is folded
     """
     step = max(round(math.sqrt(slope[0].size / cells)), 1)
     slope = slope[:, ::step, ::step]

@@ -71,14 +71,10 @@ def film_bounce(
 
     Parameters
     ----------
-    light
-        K x H x W, as seen, 1 on the film at rest.
-    height
-        H x W in mm, as the camera sees it (`view_slope`).
-    film
-        The LEDs' and the film's properties; `albedo` is at most 0.95.
-    pixel
-        mm per px of `light` and `height`.
+    light : K x H x W, as seen, 1 on the film at rest
+    height : H x W in mm, as the camera sees it (`view_slope`)
+    film : the LEDs' and the film's properties; `albedo` is at most 0.95
+    pixel : mm per px of `light` and `height`
     before
         K x H x W, the result of the previous round, if height and bounce are computed
         alternately.
@@ -88,8 +84,7 @@ def film_bounce(
     cells
         Largest number of cells.  They are squares of whole pixels, and the result is
         interpolated between them.  A quarter of the number makes them twice as wide.
-    azimuths
-        Number of azimuths that a cell looks along under a coat; half as many on a matt film.
+    azimuths : number of azimuths that a cell looks along under a coat; half as many on a matt film
     share
         Relaxation factor: result = before + share (new - before).  Below 1 it damps
         oscillation; above 1 it speeds up slow convergence.
@@ -99,8 +94,7 @@ def film_bounce(
 
     Returns
     -------
-    ndarray
-        K x H x W; None if the albedo is 0.
+    K x H x W; None if the albedo is 0.
 
     Raises
     ------

@@ -68,26 +68,18 @@ def matt_light(
 
     Parameters
     ----------
-    light, sigma
-        K x H x W, relative to the film at rest, and its standard deviation.
-    slope, height
-        2 x H x W and H x W in mm, as far as known.
-    film
-        The LEDs' and the film's properties.
+    light, sigma : K x H x W, relative to the film at rest, and its standard deviation
+    slope, height : 2 x H x W and H x W in mm, as far as known
+    film : the LEDs' and the film's properties
     pixel : mm per px
-    bounced
-        K x H x W, the light that the film throws on itself, as `film_bounce` gives it.
-    finer
-        K x H x W, the same of a finer pass, in place of `bounced` where such a pass has run.
-    steps
-        Gauss-Newton steps of the normal on a coated film.
-    uncoated_steps
-        The same on a film without a coat, whose harmonics vary gently.
+    bounced : K x H x W, the light that the film throws on itself, as `film_bounce` gives it
+    finer : K x H x W, the same of a finer pass, in place of `bounced` where such a pass has run
+    steps : Gauss-Newton steps of the normal on a coated film
+    uncoated_steps : the same on a film without a coat, whose harmonics vary gently
 
     Returns
     -------
-    MattLight
-        Both K x H x W; the standard deviation includes the film's grain.
+    Both K x H x W; the standard deviation includes the film's grain.
     """
     thrown = bounced if finer is None else finer
     direct = light if thrown is None else light - thrown

@@ -65,32 +65,26 @@ def level_scan(
     found, single
         What `light_model_slope` finds from the mean light of cells of H x W, and from one pixel of
         each: the mean light over an edge tells nothing of how steep its wall is.
-    model
-        The light model on cells.
-    pixel
-        Side of a cell in mm.
+    model : the light model on cells
+    pixel : side of a cell in mm
     known
         What a known step settles: heights will be scaled, so each part of the error is less what
         the step's depth has of it, and the factor's uncertainty is one more.  A model that the step
         found wrong is wrong by another factor on walls of another slope: that is one part more.
-    scale
-        As for `scale_height`, instead of a known step.
+    scale : as for `scale_height`, instead of a known step
     level
         ``flat``: most of the surface is a plane, which tells drift and plane.  ``plane``: most of
         it is level, but may bend; nothing but a plane is taken off.  ``rest``: the frame's border
         is at rest.  Else an image of the scan's size, not 0 where the surface is flat and level.
         Film that is known over less than half of the frame's width or height tells a plane only.
-    cell
-        Side of a cell in pixels.
-    seed
-        Seed of the error's random draws.
+    cell : side of a cell in pixels
+    seed : seed of the error's random draws
 
     Returns
     -------
-    ScanLevel
-        H x W in mm; the standard deviation of the height, H x W in mm; ``level_bow_um``, from the
-        lowest to the highest place of the bow that the drift would be, and the known step's
-        figures; the parts of the error, E x H x W.
+    H x W in mm; the standard deviation of the height, H x W in mm; ``level_bow_um``, from the
+    lowest to the highest place of the bow that the drift would be, and the known step's figures;
+    the parts of the error, E x H x W.
 
     Raises
     ------

@@ -52,21 +52,16 @@ def cast_shadows(
 
     Parameters
     ----------
-    height
-        H x W in mm; beyond the frame nothing casts a shadow.
+    height : H x W in mm; beyond the frame nothing casts a shadow
     lights : K x 3 in mm
     pixel : mm per px
-    seen
-        H x W, the shadows in the image; without it the height alone decides.
-    reach_px
-        Largest distance in px, along each axis, at which the image may show the shadow.
-    attached
-        Whether surface that faces away from an LED, by central differences, is in shadow too.
+    seen : H x W, the shadows in the image; without it the height alone decides
+    reach_px : largest distance in px, along each axis, at which the image may show the shadow
+    attached : whether surface that faces away from an LED, by central differences, is in shadow too
 
     Returns
     -------
-    ndarray
-        H x W, bit k-1 set where LED k does not light the pixel.
+    H x W, bit k-1 set where LED k does not light the pixel.
     """
     labels = np.zeros(height.shape, np.uint8)
     window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
