@@ -4,10 +4,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Interval
+from annotated_types import Ge
 
 from tactograph.graph import node
 from tactograph.nodes import Slope
+from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS
 
 MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
@@ -16,12 +17,7 @@ MIN_STEEP_CELLS = 20
 
 
 @node
-def folded_film(
-    slope: Slope,
-    *,
-    cells: Annotated[int, Interval(ge=1, le=100000)] = 4800,
-    least: Annotated[float, Ge(0)] = 0.5,
-) -> bool:
+def folded_film(slope: Slope, *, least: Annotated[float, Ge(0)] = 0.5) -> bool:
     """Return whether the film's light on itself asks for a finer height.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
@@ -31,11 +27,12 @@ def folded_film(
 
     Parameters
     ----------
-    slope : 2 x H x W, mm per mm, on the cells of a rough pass
-    cells : number of cells that `film_bounce` looks at; of more of them, every n-th counts
+    slope
+        2 x H x W, mm per mm, on the cells of a rough pass.  Where they are more than those of
+        `film_bounce`, every n-th row and column counts.
     least : squared bend over squared slope from which on film is folded
     """
-    step = max(round(math.sqrt(slope[0].size / cells)), 1)
+    step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
     slope = slope[:, ::step, ::step]
     squared = np.square(slope).sum(axis=0)
     steep = squared > MIN_SLOPE * MIN_SLOPE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.height.folded_film import folded_film
+from tactograph.nodes.light.folded_film import folded_film
 from tests.nodes.scenes import ball
 
 SHAPE = 60, 80
