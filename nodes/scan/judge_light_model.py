@@ -89,10 +89,12 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     given = np.arange(len(light))
     orders = [np.roll(each, by) for each in (given, given[::-1]) for by in given]
     tried = (light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders)
-    doubt = [_left(each) * _curl(each.slope) for each in tried]
-    if min(doubt) < MAX_ORDER_RATIO * doubt[0]:
-        best = ", ".join(str(led + 1) for led in orders[int(np.argmin(doubt))])
-        told = f"the images fit the light model in the order {best} of those listed: sort them"
+    left = [(_left(each), _curl(each.slope)) for each in tried]
+    doubt = np.prod(left, axis=1)
+    best = int(np.argmin(doubt))
+    if doubt[best] < MAX_ORDER_RATIO * doubt[0] and left[best][0] < MAX_RESIDUAL:
+        order = ", ".join(str(led + 1) for led in orders[best])
+        told = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
             raise InputError(f"{told}, or force=true goes on all the same")
         warn(told)

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, node
+from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Height, Metrics, PixelSize
 from tactograph.nodes.files.image_files import Crop, cropped
 from tactograph.nodes.metrology.measure_step import (
@@ -19,8 +19,9 @@ from tactograph.nodes.metrology.measure_step import (
 )
 from tactograph.nodes.metrology.scale_height import StepScale
 
-MAX_STEP_SCALE = 1.25
-"""Factor by which a known step may be deeper than a light model makes it, or it is another one."""
+USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
+"""Factors by which a known step is deeper or shallower than a light model makes it: that films
+rarely reach (1.06), and from which on it is another step."""
 
 
 class KnownStep(NamedTuple):
@@ -78,9 +79,9 @@ def known_step(
     InputError
         As `measure_step`; if no depth is given, or the step found is another one.
     """
-    if known_um is None:
-        raise InputError(f"{folder}: a known step needs known_um=DEPTH,UNCERTAINTY")
-    shown = np.ascontiguousarray(cropped(height, crop, folder or Path("known")))
+    if folder is None or known_um is None:
+        raise InputError("a known step needs both: known=SCAN known_um=DEPTH,UNCERTAINTY")
+    shown = np.ascontiguousarray(cropped(height, crop, folder))
     cells = parts_within(parts, crop, height.shape)
     try:
         found = measure_step(shown, pixel, 0 * shown, along=along, edges=edges, known_um=known_um)
@@ -88,11 +89,15 @@ def known_step(
     except InputError as error:
         raise InputError(f"{folder}: {error} (here known_crop=, known_along=, …)") from None
     scale = found["step_scale"], found["step_scale_error"]
-    if not 1 / MAX_STEP_SCALE < scale[0] < MAX_STEP_SCALE:
-        raise InputError(
+    ratio = max(scale[0], 1 / scale[0])
+    if ratio > USUAL_STEP_SCALE:
+        told = (
             f"{folder}: its step is {abs(found['step_depth_um']):.3g} um deep, not "
             f"{known_um[0]:g}: check known_um=, and that known_crop= shows this step alone"
         )
+        if ratio > MAX_STEP_SCALE:
+            raise InputError(told)
+        warn(told)
     shares = np.array(others, np.float32) / np.float32(depth) - 1
     said = dict(zip(("known_scale", "known_scale_error"), scale, strict=True))
     said["known_residual"] = light["model_residual"]

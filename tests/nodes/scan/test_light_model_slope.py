@@ -51,6 +51,7 @@ def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
         ("in the order of its LEDs", True, light[[1, 0, 2, 3, 4, 5]]),
         ("is it this sensor's", False, faint),
         ("is it this sensor's", True, 1.5 * faint),
+        ("is it this sensor's", True, (faint**3)[[1, 2, 3, 4, 5, 0]]),
         ("1.5 times as bright", False, 1.5 * light),
     ]
     for words, refused, images in kinds:
@@ -59,7 +60,7 @@ def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
             judge_light_model(found, force=True)
         assert words in told[0] if words else not told
         with pytest.raises(InputError, match=words) if refused else nullcontext():
-            judge_light_model(found)
+            judge_light_model(found, np.float32(images), model)
 
 
 @pytest.mark.slow
