@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -113,6 +113,20 @@ def _write(
         store.write(entries)
     failed = sum(entry.status == FAILED for entry in entries.values())
     return Tally(len(chunk.captures) - failed, failed, fallbacks)
+
+
+class Serial:
+    """Does one chunk after the other in this process."""
+
+    name = "this process"
+
+    def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
+        """Answer a question here."""
+        return question(*about)
+
+    def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
+        """Do every chunk, and yield the tally of each."""
+        return do_chunks(chunks)
 
 
 def find_map_types(job: Job, place: str) -> dict[str, MapType]:

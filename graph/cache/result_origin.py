@@ -6,7 +6,7 @@ import importlib.util
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -111,7 +111,8 @@ def _closure(node: Node) -> set[Path]:
             continue
         files.add(file)
         if spec.submodule_search_locations is not None:
-            files |= set(_data_files(file.parent))
+            source = (".py", ".pyc", ".cl", ".clh")
+            files |= {f for f in file.parent.iterdir() if f.is_file() and f.suffix not in source}
         parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
         for name in (*parents, *_imports(spec.name, file.stat().st_mtime_ns)):
             if _belongs(name, module):
@@ -173,13 +174,6 @@ def _imports(module: str, changed: int) -> list[str]:
                 base = resolve_name("." * found[0] + name, package) if len(found) == 3 else name
                 names |= dict.fromkeys([base, *(f"{base}.{each}" for each in attributes or ())])
     return list(names)
-
-
-def _data_files(folder: Path) -> Iterator[Path]:
-    """The files of a package besides source."""
-    for file in folder.iterdir():
-        if file.is_file() and file.suffix not in (".py", ".pyc", ".cl", ".clh"):
-            yield file
 
 
 def _hash(file: Path) -> str:

@@ -130,7 +130,7 @@ def command(
         chunks = open_chunks(place, store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         say(f"{_before(store, retry_failed=retry_failed)}; {who.name}")
-        _show(_with_fallbacks(run_batch(store, chunks, who)), to_do)
+        _show(run_batch(store, chunks, who), to_do)
     failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
     if failed:
         raise SystemExit(1)
@@ -185,7 +185,7 @@ def _here(
     backends = [job.backend] if job.backend else graph.backends
     number = number or worker_count(backends, job.device, captures)
     if number == 1:
-        from tactograph.graph.batch.serial import Serial
+        from tactograph.graph.batch.worker import Serial
 
         return Serial()
     from tactograph.graph.batch.processes import Processes
@@ -197,19 +197,8 @@ def _here(
     return workers
 
 
-def _with_fallbacks(tallies: Iterator[Tally]) -> Iterator[Tally]:
-    """Report each fallback of a worker once."""
-    told: set[str] = set()
-    for tally in tallies:
-        for line in tally.fallbacks:
-            if line not in told:
-                say(f"fallback: {line}", err=True)
-        told.update(tally.fallbacks)
-        yield tally
-
-
 def _show(tallies: Iterator[Tally], total: int) -> None:
-    """Show a bar with rate and time left; without a terminal, a line now and then."""
+    """Show a bar with rate and time left, without a terminal a line now and then, and fallbacks."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
@@ -221,9 +210,13 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
     )  # fmt: skip
     start = said = time.monotonic()
     finished = failed = 0
+    told: set[str] = set()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         bar = progress.add_task("", total=total, rate=0.0, failed=0)
         for tally in tallies:
+            for line in {*tally.fallbacks} - told:
+                say(f"fallback: {line}", err=True)
+            told.update(tally.fallbacks)
             finished, failed = finished + tally.done, failed + tally.failed
             now = time.monotonic()
             rate = (finished + failed) / max(now - start, 1e-9)

@@ -14,7 +14,6 @@ from tactograph.graph.cache.cache import Cache
 from tactograph.graph.cache.result_origin import digest, find_origin, named_files
 from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
-from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
@@ -204,14 +203,11 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
 
 
 def _computing(result: Result) -> list[Step]:
-    tasks = result.plan.tasks
-    return [s for s in result.plan.steps if s.name not in tasks or _computes(tasks[s.name].node)]
-
-
-def _computes(node: Node) -> bool:
-    if node.source or node.sink:
-        return False
-    return any(port.kind != "object" for port in node.outputs.values())
+    """The transfers, and the nodes that make arrays or numbers of others."""
+    nodes = {name: task.node for name, task in result.plan.tasks.items()}
+    kinds = {name: {port.kind for port in node.outputs.values()} for name, node in nodes.items()}
+    others = {name for name, node in nodes.items() if node.source or kinds[name] <= {"object"}}
+    return [step for step in result.plan.steps if step.name not in others]
 
 
 def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:

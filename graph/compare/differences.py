@@ -19,7 +19,8 @@ class Difference:
 
 def differences(base: Graph, other: Graph) -> list[Difference]:
     """The changes that turn `base` into `other`."""
-    changes = [_removed(n, e) for n, e in base.nodes.items() if n not in other.nodes]
+    gone = {n: entry for n, entry in base.nodes.items() if n not in other.nodes}
+    changes = [Difference(n, "removed", _described(entry), "") for n, entry in gone.items()]
     for node_id, entry in other.nodes.items():
         if node_id not in base.nodes:
             changes.append(Difference(node_id, "added", "", _described(entry)))
@@ -31,10 +32,6 @@ def differences(base: Graph, other: Graph) -> list[Difference]:
     if base.prefer != other.prefer:
         changes.append(Difference("prefer", "", ", ".join(base.prefer), ", ".join(other.prefer)))
     return changes
-
-
-def _removed(node_id: str, entry: Entry) -> Difference:
-    return Difference(node_id, "removed", _described(entry), "")
 
 
 def _changed(node_id: str, before: Entry, after: Entry) -> Iterator[Difference]:

@@ -69,7 +69,11 @@ class Section:
 def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -> Path:
     """Write ``report.html`` into the folder of the runs, whose views are drawn; return its path."""
     lines = make_lines(rows)
-    page = _template().render(
+    source = resources.files("tactograph.graph.compare").joinpath("report.html.j2")
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    page = environment.from_string(source.read_text("utf-8")).render(
         title=", ".join(graph.name for graph in study.graphs),
         record=record,
         out=out.name or out.resolve().name,
@@ -86,13 +90,6 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
     with atomic_file(out / REPORT_FILE) as file:
         file.write_text(page, encoding="utf-8")
     return out / REPORT_FILE
-
-
-def _template() -> Any:
-    text = resources.files("tactograph.graph.compare").joinpath("report.html.j2").read_text("utf-8")
-    return Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(text)
 
 
 def _variant(graph: Any, study: Study) -> dict[str, Any]:
@@ -137,7 +134,8 @@ def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
     timed = _thinned(timed)
     names = dict.fromkeys(name for line in timed for name in line.rows[0].milliseconds)
     cells = [{"name": name, "cells": [_step_cell(line, name) for line in timed]} for name in names]
-    return {"capture": first, "lines": [_label(line, lines) for line in timed], "rows": cells}
+    labels = [_label(line.variant, line.backend, line.sweep, lines) for line in timed]
+    return {"capture": first, "lines": labels, "rows": cells}
 
 
 def _step_cell(line: Line, name: str) -> str:
@@ -147,11 +145,11 @@ def _step_cell(line: Line, name: str) -> str:
     return f"{row.milliseconds[name]:.2f} {row.backends[name]}"
 
 
-def _label(line: Line, lines: Iterable[Line]) -> str:
-    """The run in a few words: only those that distinguish it from the others."""
+def _label(variant: str, backend: str, sweep: Mapping[str, Any], lines: Iterable[Line]) -> str:
+    """A run in a few words: only those that distinguish it from the others."""
     several = len({other.backend for other in lines}) > 1
-    swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in line.sweep.items()]
-    return ", ".join([line.variant, *swept, *([line.backend] if several else [])])
+    swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in sweep.items()]
+    return ", ".join([variant, *swept, *([backend] if several else [])])
 
 
 def _curves(sweep: Sweep, lines: Sequence[Line]) -> list[Picture]:
@@ -176,7 +174,7 @@ def _curves_of(name: str, sweep: Sweep, lines: Sequence[Line]) -> dict[str, Curv
         if name not in line.figures:
             continue
         rest = {target: v for target, v in line.sweep.items() if target != sweep.target}
-        label = _label(Line(line.variant, "", line.backend, rest, line.rows, {}), lines)
+        label = _label(line.variant, line.backend, rest, lines)
         values, estimates = curves.setdefault(label, ([], []))
         estimates.append(line.figures[name])
         if sweep.target in line.sweep:
@@ -197,17 +195,13 @@ def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
         first: dict[str, Job] = {}
         for job in jobs:
             if job.capture_name == capture:
-                first.setdefault(_job_label(job, lines), job)
+                backend = job.backend or "preferred"
+                first.setdefault(_label(job.graph.name, backend, job.point, lines), job)
         drawn = dict(_thinned(list(first.items())))
         views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
         pictures = _pictures({label: view for label, view in views.items() if view})
         sections.append(Section(capture, len(first) - len(drawn), pictures))
     return sections
-
-
-def _job_label(job: Job, lines: Sequence[Line]) -> str:
-    backend = job.backend or "preferred"
-    return _label(Line(job.graph.name, "", backend, job.point, (), {}), lines)
 
 
 def _thinned(items: list[Any]) -> list[Any]:

@@ -21,8 +21,10 @@ from tactograph.graph.declare.ports import (
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.tolerance import Tolerance
 
-_ENGINE_ARGUMENTS: tuple[Any, ...] = (Provenance, Session, Wanted, Whole)
-"""Types of the arguments that the engine gives."""
+_ENGINE_ARGUMENTS = (
+    ("provenance", Provenance), ("session", Session), ("wanted", Wanted), ("whole", Whole)
+)  # fmt: skip
+"""The arguments that the engine gives: the field of a node that names each, and its type."""
 
 
 @typing.overload
@@ -83,7 +85,7 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
     repeated: PortType | None = None
     parameters: dict[str, Parameter] = {}
     parameter_records: dict[str, type] = {}
-    by_engine: dict[Any, str] = {}
+    by_engine: dict[str, Any] = {}
     calls: dict[str, Node] = {}
     for name, argument in _arguments(function, hints):
         annotation = hints.get(name)
@@ -92,8 +94,8 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
         if name == CONDITION_INPUT:
             raise TypeError(f"{function.__name__}: every node has an input '{name}' already")
         if argument.kind is argument.KEYWORD_ONLY:
-            if any(annotation is kind for kind in _ENGINE_ARGUMENTS):
-                by_engine[annotation] = name
+            if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation is kind), ""):
+                by_engine[field] = name
             elif annotation is NodeCall:
                 if not isinstance(argument.default, Node):
                     raise TypeError(
@@ -129,13 +131,10 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
         outputs=outputs,
         output_record=record,
         stream=stream,
-        provenance=by_engine.get(Provenance),
-        session=by_engine.get(Session),
-        wanted=by_engine.get(Wanted),
-        whole=by_engine.get(Whole),
         calls=calls,
         optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
+        **by_engine,
         **about,
     )
     declared.__doc__ = function.__doc__

@@ -30,20 +30,10 @@ def make_plan(
     Raises GraphError if the graph does not verify; the message says where; InputError if arrays are
     to stay on a device that no node uses.
 
-    Parameters
-    ----------
-    given
-        Values of the graph's params.
-    device
-        The device in use, or None with the reason in `no_device`.
-    sinks
-        Whether nodes that only write (files, pictures) are part of the run.
-    stand_ins
-        Source nodes whose items the caller will hand in as arrays.
-    outputs
-        References by name, to put out in place of the graph's own outputs.
-    stays
-        Whether arrays among the outputs are left on the device.
+    `given` are values of the graph's params.  Without a `device`, `no_device` says why.  `sinks`
+    tells whether nodes that only write (files, pictures) are part of the run.  `stand_ins` are
+    source nodes whose items the caller will hand in as arrays.  `outputs` are references, by name,
+    to put out in place of the graph's own; with `stays`, arrays among them are left on the device.
     """
     draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     if stays:

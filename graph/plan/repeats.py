@@ -2,7 +2,7 @@
 
 from itertools import combinations
 
-from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.plan import Plan
 
 
@@ -30,8 +30,3 @@ def _alike(task: Task, other: Task) -> bool:
         inputs[name].optional and (name in theirs or inputs[name].kind == "number")
         for name in ours.keys() ^ theirs.keys()
     )
-
-
-def differing(task: Task, other: Task) -> list[Value]:
-    """What one of two nodes alone reads."""
-    return [value for _, value in task.reads.items() ^ other.reads.items()]

@@ -11,7 +11,7 @@ from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode
 from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.repeats import differing, first_alike
+from tactograph.graph.plan.repeats import first_alike
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
@@ -137,7 +137,8 @@ class DeviceValues:
     def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
         """The outputs of the node that this one repeats; None if it does more."""
         first = self._plan.tasks[self._first[task.id]]
-        if first.settings != task.settings or any(map(self._counts, differing(first, task))):
+        differing = [value for _, value in first.reads.items() ^ task.reads.items()]
+        if first.settings != task.settings or any(map(self._counts, differing)):
             return None
         made, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
         return made if all(n in made for n in task.node.outputs if n in wanted) else None

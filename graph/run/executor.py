@@ -69,14 +69,16 @@ class Executor:
     def end(self) -> None:
         """End an item that was computed and written."""
         # Not at the start of the next item: by then a caller may have refilled its arrays.
-        self._runner.remember()
+        for side in self._runner.sides:
+            side.remember()
 
     def changed(self, node: str) -> None:
         """Take note that the settings of a node changed."""
 
     def forget(self) -> None:
         """Let the next item be a first one."""
-        self._runner.forget()
+        for side in self._runner.sides:
+            side.forget()
 
     def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
         known = self._runner.execute(step, known, given)

@@ -12,6 +12,7 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.cache.cache import Cache, Kept, Run
 from tactograph.graph.cache.keys import content_key, key_of
 from tactograph.graph.errors import collect_warnings, warn
@@ -61,7 +62,7 @@ class OnlyChanged(Executor):
                     spot.value: self._here.get(spot) or content_key(object())
                     for spot in self._recalled
                 }
-                self._runner.remember()
+                super().end()
             self._has_item = False
             self._outside = {n: key for n, key in self._outside.items() if not tasks[n].stream}
             self._of_source = list(self._runner.notes)
@@ -114,7 +115,8 @@ class OnlyChanged(Executor):
         plan = self._plan
         if value not in plan.inspected:
             plan.inspected.add(value)
-            self._runner.want(value.node)
+            for side in self._runner.sides:
+                side.want(value.node)
         on_host = Spot(value, "host")
         spot = on_host if on_host in self._maker else Spot(value, "device")
         with collect_warnings([]):
@@ -123,7 +125,8 @@ class OnlyChanged(Executor):
         # On the device it was released at once if nothing in the graph reads it.
         kept = Kept(self._keys[value.node], value.port, spot.side)
         content = self._cache.take(kept) if kept in self._cache else self._held(spot)
-        content = self._runner.to_host(content)
+        if isinstance(content, DeviceArray) and self._runner.device is not None:
+            content = self._runner.device.download(content)
         self._settle()
         return lent(in_fractions(plan.tasks[value.node], content))
 
@@ -137,7 +140,8 @@ class OnlyChanged(Executor):
         """
         begin = 0
         for end, step in enumerate(steps, start=1):
-            if not self._looks_outside(step):
+            task = self._plan.tasks.get(step.name)
+            if task is None or not task.looks_outside:
                 continue
             self._derive_keys(steps[begin : end - 1])
             if step.name not in self._outside:
@@ -260,10 +264,6 @@ class OnlyChanged(Executor):
             if step.name in self._keys and step.name in self._runs:
                 for warning in self._runs[step.name].warnings:
                     warn(warning)
-
-    def _looks_outside(self, step: Step) -> bool:
-        task = self._plan.tasks.get(step.name)
-        return task is not None and task.looks_outside
 
     def _derive_keys(self, steps: Iterable[Step]) -> None:
         """Find the keys of nodes that compute, and the known runs with these keys."""

@@ -117,11 +117,9 @@ def open_pipeline(
     strict: bool = False,
     sinks: bool = True,
     cache: Cache | None = None,
-    stand_ins: frozenset[str] = frozenset(),
-    outputs: Mapping[str, str] | None = None,
-    stays: bool = False,
+    **wanted: Any,
 ) -> Pipeline:
-    """Read, plan and compile a graph; see `load` and `make_plan`.
+    """Read, plan and compile a graph; see `load`, and `make_plan` for what may be `wanted`.
 
     Raises InputError also if `strict` and a node would fall back to another back end.
     """
@@ -137,16 +135,7 @@ def open_pipeline(
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, given)
-    plan = make_plan(
-        graph,
-        given,
-        device=opened,
-        no_device=reason,
-        sinks=sinks,
-        stand_ins=stand_ins,
-        outputs=outputs,
-        stays=stays,
-    )
+    plan = make_plan(graph, given, device=opened, no_device=reason, sinks=sinks, **wanted)
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
     return Pipeline(plan, opened, cache)

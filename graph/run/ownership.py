@@ -1,10 +1,8 @@
 """Ownership of memory: values that others are handed, and those that the engine keeps."""
 
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 
 def lent(value: Any) -> Any:
@@ -21,7 +19,3 @@ def own(value: Any) -> Any:
     kept = value.copy()
     kept.flags.writeable = False
     return kept
-
-
-def shares(array: NDArray[Any], others: Iterable[NDArray[Any]]) -> bool:
-    return any(np.may_share_memory(array, other) for other in others)

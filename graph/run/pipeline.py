@@ -20,7 +20,7 @@ from tactograph.graph.run.items import Items
 from tactograph.graph.run.keep_freed import keep_freed
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
-from tactograph.graph.run.ownership import own, shares
+from tactograph.graph.run.ownership import own
 from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result, joined
 from tactograph.graph.run.source_stream import SourceStream, in_thread
@@ -130,8 +130,9 @@ class Pipeline:
             raise_warnings(self._runner.notes, self._raised)
         # An array that a node passed on is still the caller's own memory.
         for name, value in result.outputs.items():
-            if isinstance(value, np.ndarray) and shares(value, arrays.values()):
-                result.outputs[name] = own(value)
+            if isinstance(value, np.ndarray):
+                shares = any(np.may_share_memory(value, array) for array in arrays.values())
+                result.outputs[name] = own(value) if shares else value
         result.item = {}
         self._has_run = True
         return result

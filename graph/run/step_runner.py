@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.errors import DeviceError, InputError
@@ -29,8 +28,7 @@ class StepRunner:
         self.host = HostValues(plan)
         self.device = None if device is None else DeviceValues(plan, device, self.host)
         self._calls = {} if device is None else _calls(plan, device)
-        self._sides: list[HostValues | DeviceValues] = [self.host]
-        self._sides += [] if self.device is None else [self.device]
+        self.sides: list[HostValues | DeviceValues] = [self.host, *filter(None, [self.device])]
         library = () if device is None else (device.error,)
         self._device_errors: tuple[type[Exception], ...] = (DeviceError, *library)
         self.times: dict[str, float] = {}
@@ -124,32 +122,11 @@ class StepRunner:
         sized = self._sized.get(step.name)
         return {} if sized is None else sized.shapes or {}
 
-    def want(self, node: str) -> None:
-        """Ask a node for the outputs that the plan reads of it now."""
-        for side in self._sides:
-            side.want(node)
-
     def lent(self, values: Iterable[Value], *, kept: bool) -> dict[Value, Any]:
         """Outputs for the caller; `kept` ones are held by a cache, too."""
         stays = {value for value in values if value in self.plan.stays}
         there = {} if self.device is None else self.device.lent(stays, kept=kept)
         return {**{v: self.host.lent(v) for v in values if v not in stays}, **there}
-
-    def to_host(self, value: Any) -> Any:
-        """A value as the host can read it."""
-        if isinstance(value, DeviceArray) and self.device is not None:
-            return self.device.download(value)
-        return value
-
-    def remember(self) -> None:
-        """Keep the values that the next item recalls."""
-        for side in self._sides:
-            side.remember()
-
-    def forget(self) -> None:
-        """Let the next item be a first one: nothing came before it."""
-        for side in self._sides:
-            side.forget()
 
     def settings_changed(self, node: str) -> None:
         """Recompute a node's sizes and launch: they may follow from its settings."""

@@ -7,11 +7,22 @@ from typing import Any
 
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import InputError
+from tactograph.graph.files.captures_in import captures_in
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
-from tactograph.graph.tune.captures import CAPTURE_PARAM
+
+CAPTURE_PARAM = "capture"
+"""The param that names a capture, as in `compare`."""
+
+
+def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
+    """The captures that a user can step through; empty where the stream goes one way."""
+    if CAPTURE_PARAM not in graph.params or not isinstance(given.get(CAPTURE_PARAM), str):
+        return []
+    folder = Path(given[CAPTURE_PARAM])
+    return captures_in(folder) if folder.is_dir() else []
 
 
 class Runner:

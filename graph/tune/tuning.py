@@ -25,8 +25,7 @@ from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
-from tactograph.graph.tune.captures import captures_of
-from tactograph.graph.tune.runner import Runner
+from tactograph.graph.tune.runner import Runner, captures_of
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12

@@ -33,10 +33,9 @@ from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.graph.batch.job import identity_of, make_job
 from tactograph.graph.batch.processes import Processes
-from tactograph.graph.batch.serial import Serial
 from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
-from tactograph.graph.batch.worker import Chunk, Tally, do_chunk
+from tactograph.graph.batch.worker import Chunk, Serial, Tally, do_chunk
 from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.pipeline import Pipeline

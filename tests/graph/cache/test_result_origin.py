@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.graph.batch.batch import open_batch
 from tactograph.graph.batch.job import make_job
-from tactograph.graph.batch.serial import Serial
+from tactograph.graph.batch.worker import Serial
 from tactograph.graph.cache import result_origin
 from tactograph.graph.cache.result_origin import Origin, find_origin
 from tactograph.graph.declare import find_node as find
