@@ -18,15 +18,11 @@ from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.shape_grating import shape_grating
 from tests.conftest import SHARED, MadeOnce, Raytraced
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 RIGS = {
-    "hand_perspective": 5.0,
-    "hand_lens": 5.0,
-    "hand_bounce": 4.0,
-    "hand_gloss": 5.0,
-    "hand": 8.0,
-}
+    "hand_perspective": 5.0, "hand_lens": 5.0, "hand_bounce": 4.0, "hand_gloss": 5.0, "hand": 8.0,
+}  # fmt: skip
 """Root mean square error in um of a ball that is pressed in softly by 2.2 mm."""
 PARTS = {
     "hand_perspective": "reconstruct_orthographic",
@@ -249,13 +245,9 @@ def test_one_press_of_a_grid_calibrates_a_sensor_of_three_colours(sensor: Sensor
         (folder / "colours" / place).mkdir(parents=True)
         cv2.imwrite(str(folder / "colours" / place / "colours.png"), np.dstack(planes))
     run(
-        "calibrate_presses",
-        folder / "colours.npz",
-        captures=folder / "colours/grid",
-        flat=folder / "colours/film",
-        ball_radius_mm=RADIUS_MM,
-        pixel_size_mm=PIXEL_MM,
+        "calibrate_presses", folder / "colours.npz", captures=folder / "colours/grid",
+        flat=folder / "colours/film", ball_radius_mm=RADIUS_MM, pixel_size_mm=PIXEL_MM,
         ball_pitch_mm=1.0,
-    )
+    )  # fmt: skip
     given = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
     assert degrees(run("gelsight_mini", **given)["height"], sensor.centres) < 1.8

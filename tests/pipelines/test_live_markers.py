@@ -15,7 +15,7 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tests.conftest import MadeOnce
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 PIXEL_MM = 1 / 7
 SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}
@@ -92,9 +92,7 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
 
 
 @pytest.mark.realtime
-def test_a_recording_gives_contacts_and_markers_as_topics_of_ros(
-    printed: Path, tmp_path: Path
-) -> None:
+def test_a_recording_gives_contacts_and_markers_as_topics(printed: Path, tmp_path: Path) -> None:
     given = {"calibration": printed, "recording": tmp_path / "frames"}
     live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": tmp_path / "live"}
     written = {"out": tmp_path / "heights", "refresh": "cycle"}

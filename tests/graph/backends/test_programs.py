@@ -51,10 +51,8 @@ for height in (3, 300):
 """
 
 
-def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(
-    folder: Path, tmp_path: Path
-) -> None:
-    pocl = tmp_path / "pocl"
+def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) -> None:
+    pocl = folder.with_name("pocl")
     pocl.mkdir()
     told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
     environment = {**told, "POCL_CACHE_DIR": str(pocl)}
@@ -120,9 +118,7 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert [seven(device, number) for number in numbers] == [*numbers]
 
 
-def test_a_device_knows_whether_kernels_are_still_to_be_compiled(
-    folder: Path, device: OpenCL
-) -> None:
+def test_a_device_knows_whether_kernels_are_to_be_compiled(folder: Path, device: OpenCL) -> None:
     node = find_node("threshold")
     device.compile([node])
     assert not device.built

@@ -30,9 +30,7 @@ def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
     assert runs[:2] == ["cal", "frames"]
 
 
-def test_the_device_is_given_work_before_the_host_starts_on_its_own(
-    write: Write, device: OpenCL
-) -> None:
+def test_the_device_gets_work_before_the_host_begins_its_own(write: Write, device: OpenCL) -> None:
     """And before all what the host waits for."""
     text = STREAM.replace(
         "  score:",
@@ -63,9 +61,7 @@ def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Wri
     assert [step.name for step in planned(file, None).steps] == ["frames", "n9", "n3", "n7"]
 
 
-def test_a_value_on_the_device_is_let_go_after_its_last_reader(
-    write: Write, device: OpenCL
-) -> None:
+def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: OpenCL) -> None:
     released = {
         value: step.name for step in planned(write(STREAM), device).steps for value in step.release
     }
@@ -98,17 +94,17 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     assert not recalled & set(released)
 
 
-def test_what_waits_for_sizes_of_the_data_comes_after_what_the_host_has_to_do(
-    device: OpenCL,
-) -> None:
-    """It would keep the host from it, and the device is idle once the sizes are there."""
-    steps = [step.name for step in planned("precise", device).steps]
-    places = [steps.index(name) for name in ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")]
-    assert places == sorted(places)
-
-
-def test_the_host_first_gets_what_most_of_its_steps_wait_for(device: OpenCL) -> None:
-    """The device checks the touch while the host looks for contacts."""
-    steps = [step.name for step in planned("reconstruct", device).steps]
-    places = [steps.index(name) for name in ("download height.as_seen", "told", "contact")]
+@pytest.mark.parametrize(
+    ("graph", "names"),
+    [
+        # It would keep the host from it, and the device is idle once the sizes are there.
+        ("precise", ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")),
+        # The device checks the touch while the host looks for contacts.
+        ("reconstruct", ("download height.as_seen", "told", "contact")),
+    ],
+    ids=["what waits for sizes comes after what the host has to do", "most steps' need first"],
+)
+def test_host_and_device_are_busy(device: OpenCL, graph: str, names: tuple[str, ...]) -> None:
+    steps = [step.name for step in planned(graph, device).steps]
+    places = [steps.index(name) for name in names]
     assert places == sorted(places)

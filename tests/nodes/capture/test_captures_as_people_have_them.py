@@ -46,9 +46,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("said", NAMES)
-def test_images_of_one_name_are_the_leds_in_the_order_of_their_numbers(
-    tmp_path: Path, said: str
-) -> None:
+def test_images_of_one_name_are_the_leds_in_their_numbers_order(tmp_path: Path, said: str) -> None:
     capture, notes = read_one(write(tmp_path, NAMES[said]))
     assert np.array_equal(capture.image, IMAGES / np.float32(255))
     assert notes == [said]
@@ -111,12 +109,6 @@ def test_a_folder_of_captures_of_other_names_is_a_stream(tmp_path: Path) -> None
     assert [capture.name for capture in read_capture(folder=tmp_path)] == ["a", "b"]
 
 
-def test_one_colour_image_alone_is_told_of_its_channels(tmp_path: Path) -> None:
-    write(tmp_path, ["touch.png"], COLOURS)
-    with pytest.raises(InputError, match=r"touch\.png alone.*say lights=bgr to a graph that takes"):
-        read_one(tmp_path)
-
-
 LEDS = [f"led{k}.png" for k in range(1, 5)]
 
 
@@ -163,11 +155,20 @@ def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Pat
     assert any("led2.png" in note and "saturated" in note for note in notes)
 
 
-def test_colour_and_grey_images_are_not_of_one_capture(tmp_path: Path) -> None:
-    write(tmp_path, LEDS)
-    write(tmp_path, LEDS[2:3], COLOURS)
-    with pytest.raises(InputError, match=r"led3\.png: a colour image, but led1\.png is grey"):
-        read_one(tmp_path)
+@pytest.mark.parametrize(
+    ("grey", "coloured", "settings", "message"),
+    [
+        ([], ["touch.png"], {}, r"touch\.png alone.*say lights=bgr to a graph that takes"),
+        (LEDS, LEDS[2:3], {}, r"led3\.png: a colour image, but led1\.png is grey"),
+        ([], LEDS, {"lights": "bgr"}, "one colour image is needed here"),
+    ],
+    ids=["one image alone", "beside grey ones", "one of each LED where one is needed"],
+)
+def test_colour_images_are_told_of(tmp_path: Path, grey, coloured, settings, message) -> None:
+    write(tmp_path, grey)
+    write(tmp_path, coloured, COLOURS)
+    with pytest.raises(InputError, match=message):
+        read_one(tmp_path, **settings)
 
 
 @pytest.mark.parametrize("bits", [10, 12])
@@ -241,51 +242,35 @@ def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
 LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
     "gelsightinc/gsmatlab, demo/groove": ({}, [f"image{k:02}.png" for k in range(1, 7)], 6),
     "NewProggie/Realtime-Photometric-Stereo, assets/hand": (
-        {},
-        [*(f"image{k}.png" for k in range(8)), "image_ambient.png"],
-        8,
+        {}, [*(f"image{k}.png" for k in range(8)), "image_ambient.png"], 8,
     ),
     "NewProggie/Photometric-Stereo, images": (
-        {},
-        ["bunny.png", *(f"bunny_{k}.png" for k in range(1, 4)), "results.jpg"],
-        3,
+        {}, ["bunny.png", *(f"bunny_{k}.png" for k in range(1, 4)), "results.jpg"], 3,
     ),
     "bchao1/photometric-stereo, data/women": ({}, [f"input_{k}.tif" for k in range(1, 8)], 7),
     "curesh/photometric-stereo, chrome2": ({}, [f"cs_{k}.jpeg" for k in range(1, 5)], 4),
     "Kaistory/Photometric-stereo-system, img_test": (
-        {},
-        [f"20260420_2239{s:02}.png" for s in (2, 5, 6, 8)],
-        4,
+        {}, [f"20260420_2239{s:02}.png" for s in (2, 5, 6, 8)], 4,
     ),
     "YertleTurtleGit/photometric-stereo-mappings, test_data": (
-        {"files": "{}_BL"},
-        [f"{k}_{end}.png" for k in range(1, 13) for end in ("BL", "TL")],
-        8,
+        {"files": "{}_BL"}, [f"{k}_{end}.png" for k in range(1, 13) for end in ("BL", "TL")], 8,
     ),
     "guanyingc/SDPS-Net, ToyPSDataset": (
-        {"leds": (1, 11, 21, 31, 41)},
-        [*(f"l_{k:03}.png" for k in range(50)), "mask.png"],
-        5,
+        {"leds": (1, 11, 21, 31, 41)}, [*(f"l_{k:03}.png" for k in range(50)), "mask.png"], 5,
     ),
     "siyuandong16/gelsight_heightmap_reconstruction, Dots1": (
-        {"lights": "bgr"},
-        ["sample_10.jpg", "sample_4.jpg", "ref.jpg"],
-        3,
+        {"lights": "bgr"}, ["sample_10.jpg", "sample_4.jpg", "ref.jpg"], 3,
     ),
     "ubi-coro/gelsight-calibration, examples/data": (
-        {"lights": "bgr"},
-        ["bead.png", "key.png", "seed.png"],
-        3,
+        {"lights": "bgr"}, ["bead.png", "key.png", "seed.png"], 3,
     ),
     "rpl-cmu/gelslam, 6.310mm": ({"lights": "bgr"}, ["0/gelsight.png", "11/gelsight.png"], 3),
-}
+}  # fmt: skip
 """What lies in folders of public repositories: settings, names, and the lights of a capture."""
 
 
 @pytest.mark.parametrize("repository", LAYOUTS)
-def test_folders_of_public_repositories_are_read_as_they_are(
-    tmp_path: Path, repository: str
-) -> None:
+def test_folders_of_public_repositories_are_read_as_is(tmp_path: Path, repository: str) -> None:
     settings, names, count = LAYOUTS[repository]
     colours = RNG.integers(1, 250, (len(names), 12, 16, 3)).astype(np.uint8)
     for name, image in zip(names, colours, strict=True):
@@ -304,9 +289,3 @@ def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path
     assert np.array_equal(found[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))
     presses = read_presses(folder=tmp_path, flat=tmp_path / "ref.png", smooth_px=0)
     assert presses.names == ["ref", "sample_4", "sample_10"]
-
-
-def test_the_images_of_leds_are_no_colour_frames(tmp_path: Path) -> None:
-    write(tmp_path, LEDS, COLOURS)
-    with pytest.raises(InputError, match="one colour image is needed here"):
-        read_one(tmp_path, lights="bgr")

@@ -35,14 +35,10 @@ def touch(
     shadow.flat[:dark] = 0b0100
     matt[2].flat[:dark] = lit
     return {
-        "departure": plane(at_rest, departs),
-        "slope": np.stack([plane(0, 0.4), plane(0)]),
-        "misfit": np.zeros(5, np.float32),
-        "brighter": plane(0),
-        "used": plane(ALL, used).astype(np.uint8),
-        "matt": matt,
-        "shadow": shadow,
-    }
+        "departure": plane(at_rest, departs), "slope": np.stack([plane(0, 0.4), plane(0)]),
+        "misfit": np.zeros(5, np.float32), "brighter": plane(0),
+        "used": plane(ALL, used).astype(np.uint8), "matt": matt, "shadow": shadow,
+    }  # fmt: skip
 
 
 def told(what: Touch, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:
@@ -166,9 +162,7 @@ def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
 
 
 @pytest.mark.parametrize(("dimmed", "is_dirt"), [(0.1, False), (0.25, True)])
-def test_dirt_on_a_one_shot_sensor_dims_less_and_needs_no_labels(
-    dimmed: float, is_dirt: bool
-) -> None:
+def test_dirt_on_a_one_shot_sensor_dims_less_without_labels(dimmed: float, is_dirt: bool) -> None:
     """Its colours are smoothed, and its map tells by how much film is darker than its slope."""
     names = "departure", "slope", "misfit", "brighter"
     what = {name: plane for name, plane in touch().items() if name in names}
