@@ -64,14 +64,14 @@ class Trial(NamedTuple):
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to the given ones.
 
-        Where the gel diffuses light, shadows tell how much.  What they leave unexplained would
-        bend the LEDs' slants, so these and the gain are then fitted to direct light alone, on
-        which slopes rest, and its brightness is known to `UNEVEN_OF_ONE`.
+        Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
+        single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
+        light alone, on which slopes rest, and its brightness is known to `UNEVEN_OF_ONE`.
         """
         balls = balls or self.balls
         given = self.shift_mm, self.width_mm
         fitted = fit(balls, self.rest, parts, start, *given)
-        if "diffuse" not in parts:
+        if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film = fitted.film
         counts = lit_share(film, balls.light - balls.thrown(fitted.shifts, film), film.contact)

@@ -60,7 +60,7 @@ MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
 
-MIN_WRAP = 0.02
+MIN_WRAP = 0.05
 """Fall of the light behind the terminator that noise may feign: with less, it ends there."""
 MIN_EMISSION = 0.1
 """Exponent of an LED's emission that the fall-off on the flat frame may feign: with less, it is a
