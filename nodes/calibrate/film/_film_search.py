@@ -35,7 +35,7 @@ MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may pay only together: a coat changes how a film lights itself."""
-TOUCHED = frozenset({"touched"})
+TOUCHED_PARTS = frozenset({"touched"})
 UNEVEN_OF_ONE = 0.03
 """Least unevenness after one ball, which does not tell how the gain of touched film varies."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
@@ -74,8 +74,9 @@ class Trial(NamedTuple):
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film = fitted.film
-        counts = lit_share(film, balls.light - balls.thrown(fitted.shifts, film), film.contact)
-        return fit(balls, self.rest, TOUCHED, fitted, *given, UNEVEN_OF_ONE, counts)
+        direct = balls.light - balls.thrown(fitted.shifts, film)
+        counts = lit_share(film, direct, np.array(film.contact))
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, UNEVEN_OF_ONE, counts)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""
