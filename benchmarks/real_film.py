@@ -5,12 +5,14 @@
     python benchmarks/real_film.py --only rigs      # or: real
     python benchmarks/real_film.py --only real --rendered --scale 4 --graphs reconstruct
     python benchmarks/real_film.py --only real --scale 4 --leds 6 --graphs precise
+    python benchmarks/real_film.py --only real --exchanged --graphs reconstruct
     python benchmarks/real_film.py --only rigs --mosaic --rigs hand_ideal hand --graphs precise
     python benchmarks/real_film.py --only rigs --shapes sphere --blur 0.8 --graphs precise
 
 The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsightinc/sdkdemo, MIT)
-is calibrated with one scan and measured on the other, at full resolution or, by `--scale`, at a
-part of it; of a graph that states an error the share of it that holds is printed.  Each rig is
+is calibrated with the first scan and measured on the second, or `--exchanged`, at full resolution
+or, by `--scale`, at a part of it; of a graph that states an error the share of it that holds is
+printed.  Each rig is
 calibrated with both ball presses, the grid on its film and the height of its pupil, if it has one.
 With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row;
 with `--blur` a lens spreads every point by a Gaussian, and the noise is as it was.
@@ -43,7 +45,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM, RADIUS_MM, PITCH_MM = 0.003404, 0.2475, 1.0
 LEDS = {6: [1, 2, 3, 4, 5, 6], 4: [2, 3, 5, 6]}
 CENTER_PX, CONTACT_PX = [1014.46, 1023.27], 65.0
-"""The single ball that calibrates."""
+"""The single ball that calibrates; of the second scan, the ball nearest to that place."""
+SCANS = "balls_1", "balls_2"
 SMOOTH_PX, INNER = 1.5, 0.85
 ASTRAY_PX = 6
 """Normals that meet so far from a mark do not tell the ball's centre."""
@@ -89,7 +92,9 @@ class Grid(NamedTuple):
     cap_um: float
     film_um: float
     top_um: float
-    """Standard deviation of the balls' tops."""
+    """Standard deviation of the balls' tops from the plane that most lie in, worn ones left out."""
+    tops_percent: float
+    """By how much the same balls are higher, on average, than in the scan that calibrates."""
     band_percent: float
     """Of the pixels, whose cap, its mean taken out, lies in the 90 % band; NaN without an error."""
     seated_percent: float
@@ -115,14 +120,18 @@ def main() -> None:
     parser.add_argument("--shapes", nargs="+", default=SHAPES, choices=(*SHAPES, "sphere"))
     parser.add_argument("--graphs", nargs="+", default=None)
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
+    parser.add_argument("--exchanged", action="store_true", help="the other scan calibrates")
     parser.add_argument("--rendered", action="store_true", help="real scans against see_touch")
     given = parser.parse_args()
     graphs = given.graphs or (ABLATIONS if given.ablations else GRAPHS)
     with tempfile.TemporaryDirectory() as folder:
         if given.only != "rigs":
             data = given.data / "real/gelsight_six_led"
-            show = rendered_rows if given.rendered else real
-            show(data, given.leds, graphs, Path(folder), given.scale)
+            rest = data, given.leds, graphs, Path(folder), given.scale
+            if given.rendered:
+                rendered_rows(*rest)
+            else:
+                real(*rest, *(SCANS[::-1] if given.exchanged else SCANS))
         if given.only != "real":
             seen = given.data / "raytraced"
             if given.mosaic:
@@ -140,11 +149,16 @@ def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any
     return result
 
 
-def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, scale: int) -> None:
-    """The grid of balls, calibrated with one ball and with a whole scan.
-
-    Also of a flow that refuses it: at full resolution `paper` has slopes of no surface.
-    """
+def real(
+    data: Path,
+    counts: list[int],
+    graphs: tuple[str, ...],
+    folder: Path,
+    scale: int,
+    first: str,
+    second: str,
+) -> None:
+    """The grid of balls, calibrated with one ball and with a whole scan: the first one."""
     row(
         "LEDs",
         "calibrated with",
@@ -153,15 +167,19 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
         "cap RMS / um",
         "film / um",
         "tops / um",
+        "tops, between scans / %",
         "in the band / %",
         "seated, in the band / %",
         "stated / actual",
         "stated / um",
         "balls alike",
     )
-    row(*["---"] * 12)
+    row(*["---"] * 13)
     captures = _captures(data, folder, scale)
-    centre = [(c + 0.5) / scale - 0.5 for c in CENTER_PX]
+    marks = {scan: data / f"{scan}.csv" for scan in SCANS}
+    places = _marked(marks[first], 1)[1]
+    nearest = places[np.hypot(*(places - CENTER_PX).T).argmin()]
+    centre = [float((c + 0.5) / scale - 0.5) for c in nearest]
     for count in counts:
         leds = LEDS[count]
         other = folder / f"other{count}.npz"
@@ -169,14 +187,17 @@ def real(data: Path, counts: list[int], graphs: tuple[str, ...], folder: Path, s
         one = {"ball_center_px": centre, "ball_contact_px": CONTACT_PX / scale}
         for title, how in (("one ball", one), ("a scan", {"ball_pitch_mm": PITCH_MM})):
             file = folder / f"real{count}{len(how)}.npz"
-            quality = _calibrated(captures, leds, scale, file, **how)
+            quality = _calibrated(captures, leds, scale, file, first, **how)
             chosen = f"{quality['film_heldout_deg']:.2f}"
             for graph in graphs:
-                given = {"capture": captures["balls_2"], "calibration": file}
-                result = run(graph, {"frames.leds": leds}, **given)
+                result, before = (
+                    run(graph, {"frames.leds": leds}, capture=captures[scan], calibration=file)
+                    for scan in (second, first)
+                )
                 if "error" in result and not stand:
-                    stand = seats(captures, leds, scale, other, data / "balls_1.csv")
-                found = measure(result, data / "balls_2.csv", scale, stand)
+                    stand = seats(captures, leds, scale, other, marks[first], first, second)
+                tops = numbered_as(second, *_caps(before, marks[first], scale)[::2])
+                found = measure(result, marks[second], scale, stand, tops)
                 figures = ("" if np.isnan(v) else f"{v:.2f}" for v in found)
                 row(str(count), f"{title} ({chosen})", graph, *figures)
 
@@ -220,7 +241,7 @@ def _calibrated(
     leds: list[int],
     scale: int,
     file: Path,
-    scan: str = "balls_1",
+    scan: str = SCANS[0],
     **how: Any,
 ) -> dict[str, Any]:
     """The quality of a calibration with a scan."""
@@ -252,17 +273,36 @@ def reduced(capture: Path, folder: Path, scale: int) -> Path:
     return small
 
 
-def measure(result: Mapping[str, Any], marks: Path, scale: int, stand: Seats | None = None) -> Grid:
-    """Compare a height map with the balls of a grid; their centres follow from the normals."""
+def measure(
+    result: Mapping[str, Any],
+    marks: Path,
+    scale: int,
+    stand: Seats | None = None,
+    before: Mapping[tuple[float, ...], Cap] | None = None,
+) -> Grid:
+    """Compare a height map with the balls of a grid; their centres follow from the normals.
+
+    `before` are the same balls by another scan.
+    """
     height = result["height"]
     numbers, centres, found = _caps(result, marks, scale)
+    tops = np.array([cap.top for cap in found])
+    plane, whole = _common_plane(centres, tops)
+    known = before or {}
+    pairs = [
+        (top, known[tuple(n)].top)
+        for n, top in zip(numbers[whole], tops[whole], strict=True)
+        if tuple(n) in known
+    ]
+    here, there = np.mean(pairs, axis=0) if pairs else (np.nan, np.nan)
     apart, stated, alike = _seated(numbers, centres, found, stand or {})
     between = _between(height.shape, numbers, centres, RADIUS_MM / (PIXEL_MM * scale))
     return Grid(
         normal_deg=float(np.mean([cap.deg for cap in found])),
         cap_um=1e3 * float(np.mean([cap.apart.std() for cap in found])),
         film_um=1e3 * float(height[between].std()),
-        top_um=1e3 * float(np.std([cap.top for cap in found])),
+        top_um=1e3 * float((tops - plane)[whole].std()),
+        tops_percent=100 * float(here / there - 1),
         band_percent=float(np.mean([_band(c.apart - c.apart.mean(), c.stated) for c in found])),
         seated_percent=_band(apart, stated),
         stated_ratio=float(np.sqrt(np.square(stated).mean() / np.square(apart).mean())),
@@ -345,15 +385,29 @@ scan has it, and the stated standard deviation of that, in mm."""
 
 
 def seats(
-    captures: Mapping[str, Path], leds: list[int], scale: int, file: Path, marks: Path
+    captures: Mapping[str, Path],
+    leds: list[int],
+    scale: int,
+    file: Path,
+    marks: Path,
+    first: str,
+    second: str,
 ) -> Seats:
     """How the balls stand by the first scan, read by `precise` with a calibration by the second."""
-    _calibrated(captures, leds, scale, file, scan="balls_2", ball_pitch_mm=PITCH_MM)
-    result = run("precise", {"frames.leds": leds}, capture=captures["balls_1"], calibration=file)
+    _calibrated(captures, leds, scale, file, second, ball_pitch_mm=PITCH_MM)
+    result = run("precise", {"frames.leds": leds}, capture=captures[first], calibration=file)
     numbers, _, caps = _caps(result, marks, scale)
     stand = [(float(c.apart.mean()), float(np.sqrt(np.square(c.stated).mean()))) for c in caps]
+    return numbered_as(second, numbers, stand)
+
+
+def numbered_as(
+    scan: str, numbers: NDArray[Any], values: list[Any]
+) -> dict[tuple[float, ...], Any]:
+    """What is known of the other scan's balls, by their numbers in a scan."""
     down, right = SAME_CHIP
-    return {(i - down, right - j): at for (i, j), at in zip(numbers, stand, strict=True)}
+    down = down if scan == SCANS[1] else -down
+    return {(i - down, right - j): at for (i, j), at in zip(numbers, values, strict=True)}
 
 
 class Ball(NamedTuple):

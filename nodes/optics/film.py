@@ -154,6 +154,13 @@ def direct_share(film: Film) -> Array:
     return np.maximum(1 - film.diffuse, MIN_DIRECT_SHARE)
 
 
+def lit_share(film: Film, light: Array, z: Array) -> Array:
+    """Return by how much light counts for a normal, K x N: 0 where no direct light is in it."""
+    diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
+    shown = (light / touch_gain(film, z) - diffuse) / direct
+    return np.clip((shown - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
+
+
 def turned(
     film: Film,
     light: Array,
@@ -185,12 +192,7 @@ def turned(
     before = predict(film, n, *place, rest)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     by_s, by_t = _changes(film, n, tangents, place, rest)
-    diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
-    shown = (light / touch_gain(film, place[2]) - diffuse) / direct
-    weight = (
-        np.clip((shown - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
-        / np.maximum(light, FULL_MATT_LIGHT) ** 2
-    )
+    weight = lit_share(film, light, place[2]) / np.maximum(light, FULL_MATT_LIGHT) ** 2
     share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
 

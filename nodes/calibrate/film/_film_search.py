@@ -17,6 +17,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
 from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.optics.film import lit_share
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
@@ -34,6 +35,9 @@ MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may pay only together: a coat changes how a film lights itself."""
+TOUCHED_PARTS = frozenset({"touched"})
+UNEVEN_OF_ONE = 0.03
+"""Least unevenness after one ball, which does not tell how the gain of touched film varies."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
 MAX_ERROR_RATIO = 1.5
 """Held-out error over that of a simpler model, beyond which a model loses whose samples were
@@ -58,8 +62,21 @@ class Trial(NamedTuple):
     `sample_balls`."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
-        """Fit a model to all samples, or to the given ones."""
-        return fit(balls or self.balls, self.rest, parts, start, self.shift_mm, self.width_mm)
+        """Fit a model to all samples, or to the given ones.
+
+        Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
+        single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
+        light alone, on which slopes rest, and its brightness is known to `UNEVEN_OF_ONE`.
+        """
+        balls = balls or self.balls
+        given = self.shift_mm, self.width_mm
+        fitted = fit(balls, self.rest, parts, start, *given)
+        if "diffuse" not in parts or len(balls.centre) > 1:
+            return fitted
+        film = fitted.film
+        direct = balls.light - balls.thrown(fitted.shifts, film)
+        counts = lit_share(film, direct, np.array(film.contact))
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, UNEVEN_OF_ONE, counts)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""

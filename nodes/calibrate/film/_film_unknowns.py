@@ -57,9 +57,9 @@ PART_UNKNOWNS = {
     "camera": ("camera",),
 }
 """The unknowns of each part of the model."""
-MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain")}
-"""The unknowns of each part, and of a plain film, on which light ends sharply, for finding
-balls."""
+MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
+"""The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
+what direct light tells beside the LEDs."""
 
 
 def opened(start: Fitted, names: list[str]) -> Fitted:

@@ -60,7 +60,8 @@ class _Left(NamedTuple):
 class _Problem(NamedTuple):
     """The data of the fit, the free parameters, and the standard deviations.
 
-    `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame.
+    `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame,
+    `uneven` that of the brightness of touched film.  `counts` weighs samples, K x N.
     """
 
     balls: Balls
@@ -68,6 +69,8 @@ class _Problem(NamedTuple):
     names: list[str]
     shift_mm: float
     width_mm: float
+    uneven: float = 0.0
+    counts: F8 | float = 1.0
     scale: float = LIGHT_DEVIATION
     certain: float = LIGHT_DEVIATION
 
@@ -75,6 +78,18 @@ class _Problem(NamedTuple):
     def each(self) -> float:
         """Weight of a sample."""
         return min(1, MAX_INDEPENDENT_SAMPLES / max(self.balls.u.size, 1))
+
+    def normed(self, light: F8) -> F8:
+        """Return departures of the light, ... x K x N, in independent standard deviations.
+
+        The root of their covariance, as the LEDs of a sample share its brightness, takes most of
+        what another brightness may explain away.
+        """
+        unit = np.sqrt(self.counts) / (self.scale * self.balls.reference_light)
+        light, seen = light * unit, self.balls.light * unit
+        square = np.maximum(np.square(seen).sum(axis=0), 1e-12)
+        taken = (1 - 1 / np.sqrt(1 + self.uneven**2 * square)) / square
+        return np.asarray(light - taken * seen * (seen * light).sum(axis=-2, keepdims=True))
 
     def left(self, now: Fitted) -> _Left:
         """Return what a fit leaves."""
@@ -104,6 +119,8 @@ def fit(
     start: Fitted,
     shift_mm: float,
     width_mm: float,
+    uneven: float = 0.0,
+    counts: F8 | float = 1.0,
 ) -> Fitted:
     """Return the best film, LEDs and shifts, by a robust Levenberg-Marquardt descent.
 
@@ -115,6 +132,8 @@ def fit(
     start : start values of the descent
     shift_mm : standard deviation of a ball's position
     width_mm : width of the film that the camera sees
+    uneven : standard deviation of the brightness of touched film, as a share
+    counts : K x N, 0 to 1, how much the light of each sample counts
 
     Raises
     ------
@@ -123,7 +142,7 @@ def fit(
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
-    problem = _Problem(balls, rest, names, shift_mm, width_mm)
+    problem = _Problem(balls, rest, names, shift_mm, width_mm, uneven, counts)
     left = problem.left(now)
     problem = problem.judged(left)
     cost = _cost(problem, now, left)
@@ -264,22 +283,22 @@ def _robust_spread(left: F8) -> float:
 
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
-    balls, _, names, shift_mm, width_mm, scale, certain = problem
-    total = float(np.square(now.shifts / place_deviations(balls, shift_mm)).sum())
-    total += problem.each * huber(left.light / balls.reference_light / scale)
-    total += huber(left.flat / certain)
+    deviations = place_deviations(problem.balls, problem.shift_mm)
+    total = float(np.square(now.shifts / deviations).sum())
+    total += problem.each * huber(problem.normed(left.light)) + huber(left.flat / problem.certain)
     total += float(now.leds[:, 3].mean() ** 2)
-    total += sum(away**2 for away, _ in albedos(now, names))
-    return total + sum((away / sure) ** 2 for _, away, sure in priors(now, names, width_mm))
+    total += sum(away**2 for away, _ in albedos(now, problem.names))
+    held = priors(now, problem.names, problem.width_mm)
+    return total + sum((away / sure) ** 2 for _, away, sure in held)
 
 
 def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
-    balls, rest, names, shift_mm, width_mm, scale, certain = problem
+    balls, rest, names, shift_mm, width_mm, *_, certain = problem
     seen = rest_seen(balls, now.film)
-    left = residuals.light
-    light = left + balls.light
-    by_own, by = _by_shift(balls, now, light, seen), _by_shared(balls, now, names, light, seen)
-    weight = problem.each * _weight(balls, left, scale)
+    light, left = residuals.light + balls.light, problem.normed(residuals.light)
+    by_own = problem.normed(_by_shift(balls, now, light, seen))
+    by = problem.normed(_by_shared(balls, now, names, light, seen))
+    weight = problem.each * huber_weight(left)
     spread = place_deviations(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T

@@ -37,6 +37,7 @@ from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film._film_search import (
     GOOD_ERROR_DEG,
+    UNEVEN_OF_ONE,
     Model,
     Trial,
     bend,
@@ -64,8 +65,6 @@ MIN_WRAP = 0.05
 MIN_EMISSION = 0.1
 """Exponent of an LED's emission that the fall-off on the flat frame may feign: with less, it is a
 point."""
-UNEVEN_OF_ONE = 0.03
-"""Least unevenness after one ball, which does not tell how the gain of touched film varies."""
 
 
 class FilmEvidence(NamedTuple):
@@ -191,7 +190,7 @@ def fit_film(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),
         misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
-        quality=errors | _properties(best, trial.rest),
+        quality=errors | _properties(best, film, trial.rest),
         evidence=evidence,
     )
 
@@ -211,14 +210,13 @@ def pressed_slope(balls: Balls) -> float:
     return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
-def _properties(best: Model, rest: Rest | None) -> Metrics:
+def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
     """Figures: the light left over, and properties of the sensor for which the model has a part."""
-    film = best.fitted.film
     figures: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
     if film.diffuse.any():
         figures["diffuse_percent"] = float(100 * film.diffuse.mean())
         figures["touched_gain"] = film.gain
-        figures["soft_terminator"] = film.wrap if film.wrap >= MIN_WRAP else 0.0
+        figures["soft_terminator"] = film.wrap
     if film.refraction > 1:
         figures["coat_roughness"], figures["coat_index"] = film.roughness, film.refraction
     if film.albedo > 0:

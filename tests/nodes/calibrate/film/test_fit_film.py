@@ -142,6 +142,20 @@ def test_a_single_ball_tells_diffuse_light() -> None:
     assert found.film.camera == 0, "one ball does not tell how high the pupil is"
 
 
+def test_slants_after_a_single_ball_rest_on_direct_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shadows that are brighter than a gel makes them would take a degree off."""
+    gel, plain = MATT._replace(diffuse=np.full(4, 0.4, np.float32), gain=1.05, wrap=0.1), press
+
+    def brighter(*given: Any) -> F4:
+        light = plain(*given)
+        return np.asarray(light + np.float32(0.05) * (light < 0.43 * gel.gain))
+
+    monkeypatch.setitem(globals(), "press", brighter)
+    found = fitted(gel, [(0.5, -0.3)], contact=4.7).film.lights
+    slants = [np.degrees(np.arctan2(np.hypot(x, y), z)) for x, y, z in (found.T, LEDS.T)]
+    assert slants[0] == pytest.approx(slants[1], abs=0.7)
+
+
 @pytest.mark.slow
 def test_a_glossy_coat_is_found() -> None:
     coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
