@@ -47,9 +47,9 @@ class Study:
         Raises InputError if a sweep or seed names nothing, captures are missing, or repeats would
         all be the same.
         """
-        check_targets(self.graphs, [sweep.target for sweep in self.sweeps], "--sweep")
-        check_targets(self.graphs, [self.seed] if self.seed else [], "--seed")
         targets = [sweep.target for sweep in self.sweeps]
+        check_targets(self.graphs, targets, "--sweep")
+        check_targets(self.graphs, [self.seed] if self.seed else [], "--seed")
         if len({*targets, self.seed}) < len([*targets, self.seed]):
             raise InputError("a parameter can be swept, or be the seed, only once")
         if self.repeats > 1 and self.seed is None:

@@ -49,7 +49,9 @@ def bind(
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     wanted = {value.node for value in values.values()}
     wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
-    live = _needed(graph, wanted, needs)
+    if not wanted:
+        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
+    live = wanted.union(*(nx.ancestors(needs, name) for name in wanted))
     # A stream yields items of its own, for which no array can be handed in.
     has_stream = any(names.nodes[name].stream for name in live - stand_ins)
     tasks: dict[str, Task] = {}
@@ -126,13 +128,6 @@ def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
             raise InputError(
                 f"{names.graph.name} has no source node '{name}'; it has: {', '.join(sources)}"
             )
-
-
-def _needed(graph: Graph, wanted: set[str], needs: nx.DiGraph[str]) -> set[str]:
-    """The nodes that are wanted, and all that they need."""
-    if not wanted:
-        raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    return wanted.union(*(nx.ancestors(needs, n) for n in wanted))
 
 
 def _passed_through(names: _Names) -> dict[str, Value]:

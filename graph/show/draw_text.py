@@ -14,8 +14,7 @@ def to_dot(sketch: Sketch) -> str:
     """The sketch as a DOT digraph, boxes coloured by back end."""
     lines = [
         f'digraph "{_quoted(sketch.title)}" {{',
-        f"  rankdir={'TB' if sketch.folded else 'LR'}; "
-        'node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
+        '  rankdir=TB; node [fontname="sans-serif", fontsize=10, style="filled,rounded"];',
         '  edge [fontname="sans-serif", fontsize=8];',
     ]
     drawn: dict[str, list[str]] = {}
@@ -37,7 +36,7 @@ def to_dot(sketch: Sketch) -> str:
 def to_mermaid(sketch: Sketch) -> str:
     """The sketch as a Mermaid flow chart."""
     ids = {box.name: f"n{index}" for index, box in enumerate(sketch.boxes)}
-    lines = [f"flowchart {'TB' if sketch.folded else 'LR'}"]
+    lines = ["flowchart TB"]
     drawn: dict[str, list[str]] = {}
     for box in sketch.boxes:
         left, right = _MERMAID_BRACKETS.get(box.kind, ("[", "]"))

@@ -27,17 +27,13 @@ class Box:
 
 @dataclass(frozen=True)
 class Sketch:
-    """Boxes, the edges between them, and the edges to the next item.
-
-    `groups` has the group of each use.  In a `folded` one, uses are boxes, and edges lead onwards.
-    """
+    """Boxes, the edges between them, and those to the next item; `groups` has that of each use."""
 
     title: str
     boxes: list[Box]
     edges: list[Edge]
     recalls: list[Edge]
     groups: Mapping[str, str] = field(default_factory=dict)
-    folded: bool = False
 
 
 def use_of(node: str) -> str:
@@ -64,7 +60,7 @@ def fold(sketch: Sketch) -> Sketch:
     edges = _renamed(sketch.edges, box_of)
     boxes = [_folded(sketch, name, members[name]) for name in _in_order(members, edges)]
     recalls = _renamed(sketch.recalls, box_of, loops=True)
-    return Sketch(sketch.title, boxes, edges, recalls, folded=True)
+    return Sketch(sketch.title, boxes, edges, recalls)
 
 
 def _folded(sketch: Sketch, name: str, members: list[Box]) -> Box:

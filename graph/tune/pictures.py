@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageColor
 
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL_COLOUR
@@ -64,10 +64,10 @@ def draw_difference(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.full((256, 3), _rgb(SEVERAL_COLOUR), np.uint8)
-    table[0] = _rgb("#f2f2f0")
+    table = np.full((256, 3), ImageColor.getrgb(SEVERAL_COLOUR), np.uint8)
+    table[0] = ImageColor.getrgb("#f2f2f0")
     for bit in range(min(count, 8)):
-        table[1 << bit] = _rgb(BIT_COLOURS[bit])
+        table[1 << bit] = ImageColor.getrgb(BIT_COLOURS[bit])
     uri = _uri(np.minimum(array, 255).astype(np.uint8), table)
     return Picture(uri, 0, count, unit, "labels", array)
 
@@ -95,11 +95,6 @@ def _table(colours: str) -> NDArray[np.uint8]:
     rgb = colormaps[colours](np.linspace(0, 1, NAN_LEVEL))[:, :3]
     known = (255 * rgb).round().astype(np.uint8)
     return np.concatenate([known, np.full((1, 3), 128, np.uint8)])
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    return red, green, blue
 
 
 def _uri(levels: NDArray[np.uint8], table: NDArray[np.uint8]) -> str:
