@@ -146,3 +146,9 @@ def tactograph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
         return Outcome(int(end.value.code or 0), *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture
+def about(tactograph: Command, write: Write, toys: list[str]) -> Command:
+    """Give a command the text of a graph, which may have toys, and further words."""
+    return lambda name, text, *words: tactograph(name, write(text), *words)

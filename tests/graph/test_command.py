@@ -62,12 +62,6 @@ def captures(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def about(tactograph: Command, write: Write, toys: list[str]) -> Command:
-    """Give a command the text of a graph, which may have toys, and further words."""
-    return lambda name, text, *words: tactograph(name, write(text), *words)
-
-
-@pytest.fixture
 def run_writing(
     tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
 ) -> Command:
@@ -197,12 +191,9 @@ def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure
     figures = {"entries": 28277.0, "iou": 0.97786, "iou/led1": 1.0, "iou/led2": 0.25, "gap": np.nan}
     figures |= {"error/matt": 1.5, "error": 0.25, "cut/c1": True, "cut/c2": False}
     assert _in_rows(figures) == {
-        "entries": "28277",
-        "iou": "0.9779   led1 1       led2 0.25",
-        "gap": "nan",
-        "error": "0.25     matt 1.5",
-        "cut": "c1 yes     c2 no",
-    }
+        "entries": "28277", "iou": "0.9779   led1 1       led2 0.25", "gap": "nan",
+        "error": "0.25     matt 1.5", "cut": "c1 yes     c2 no",
+    }  # fmt: skip
 
 
 def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(

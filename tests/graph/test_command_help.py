@@ -6,7 +6,7 @@ import pytest
 
 from tactograph.graph.files.read_graph import shipped_names
 from tests.conftest import python
-from tests.graph.conftest import STREAM, Command, Write
+from tests.graph.conftest import STREAM, Command
 
 COMMAND = """
 import sys
@@ -36,12 +36,10 @@ def test_a_near_miss_is_answered_with_what_was_meant(
 
 
 @pytest.mark.parametrize("command", ["run", "batch", "explain", "bench", "tune"])
-def test_help_behind_a_graph_lists_what_the_graph_takes(
-    tactograph: Command, write: Write, command: str
-) -> None:
+def test_help_behind_a_graph_lists_what_the_graph_takes(about: Command, command: str) -> None:
     text = STREAM.replace("default: 3}", "default: 3, help: so many touches}")
-    file = write(text.replace("params:", "params:\n  place: {kind: path, help: a folder}"))
-    words = " ".join(tactograph(command, file, "--help").out.split())
+    text = text.replace("params:", "params:\n  place: {kind: path, help: a folder}")
+    words = " ".join(about(command, text, "--help").out.split())
     assert "place=PATH needed; a folder count=INTEGER default 3; so many touches" in words
 
 

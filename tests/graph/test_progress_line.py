@@ -10,7 +10,7 @@ import pytest
 from tactograph.graph.commands import progress_line
 from tactograph.graph.commands.progress_line import ProgressLine
 from tactograph.graph.files import read_graph
-from tests.graph.conftest import STREAM, Command, Write
+from tests.graph.conftest import STREAM, Command
 
 
 class Terminal(io.StringIO):
@@ -79,7 +79,7 @@ def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
 
 @pytest.mark.parametrize("quiet", [False, True])
 def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
-    toys: list[str], tactograph: Command, write: Write, monkeypatch: pytest.MonkeyPatch, quiet: bool
+    about: Command, monkeypatch: pytest.MonkeyPatch, quiet: bool
 ) -> None:
     terminal, read = Terminal("reading and compiling"), read_graph.read_graph
 
@@ -90,20 +90,15 @@ def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
 
     monkeypatch.setattr(read_graph, "read_graph", wait_and_read)
     monkeypatch.setattr(sys, "stderr", terminal)
-    words = ["--quiet"] if quiet else []
-    assert tactograph("run", write(STREAM), "--backend", "numpy", *words).code == 0
+    assert about("run", STREAM, "--backend", "numpy", *["--quiet"] * quiet).code == 0
     assert ("reading and compiling" in terminal.getvalue()) != quiet
 
 
-def test_a_pipe_gets_none_of_it(
-    toys: list[str], tactograph: Command, write: Write, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert tactograph("run", write(STREAM), "--backend", "numpy").err == ""
+def test_a_pipe_gets_none_of_it(about: Command) -> None:
+    assert about("run", STREAM, "--backend", "numpy").err == ""
 
 
-def test_quiet_keeps_what_nodes_print_to_themselves(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
-    text = STREAM.replace("op: noted", "op: talking")
-    assert "a figure" in tactograph("run", write(text), "--backend", "numpy").out
-    assert tactograph("run", write(text), "--backend", "numpy", "--quiet").out == ""
+def test_quiet_keeps_what_nodes_print_to_themselves(about: Command) -> None:
+    words = ("run", STREAM.replace("op: noted", "op: talking"), "--backend", "numpy")
+    assert "a figure" in about(*words).out
+    assert about(*words, "--quiet").out == ""

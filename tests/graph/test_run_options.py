@@ -16,41 +16,34 @@ from tests.graph.conftest import SLOPES, STREAM, Command, Write, one_line
 WITH_OUT = SLOPES.replace("a height map}\n", "a height map}\n  out: {kind: path, default: out}\n")
 
 
-def test_a_trace_has_a_lane_for_host_device_and_transfers(
-    tactograph: Command, write: Write, height_file: str, tmp_path: Path
+def test_a_trace_has_a_lane_for_host_device_and_transfers_or_is_told_if_it_cannot_be_written(
+    about: Command, height_file: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "trace.json"
-    done = tactograph("run", write(SLOPES), f"file={height_file}", "--trace", file)
+    done = about("run", SLOPES, f"file={height_file}", "--trace", file)
     assert done.code == 0, done.err
     events = json.loads(file.read_text())["traceEvents"]
     lanes = {e["tid"]: e["args"]["name"] for e in events if e["ph"] == "M"}
-    where = {e["name"]: lanes[e["tid"]] for e in events if e["ph"] == "X"}
+    spans = {e["name"]: e for e in events if e["ph"] == "X"}
+    where = {name: lanes[e["tid"]] for name, e in spans.items()}
     assert where["height"] == "host, MainThread"
     assert where["slope"] == "device"
     assert where["upload height.read_height"] == "transfers"
-    spans = {e["name"]: e for e in events if e["ph"] == "X"}
     assert all(e["ts"] >= 0 and e["dur"] >= 0 for e in spans.values())
     # The clocks agree: an upload begins after its array was read, and ends before it is used.
     upload = spans["upload height.read_height"]
     slack = 2000
     assert upload["ts"] >= spans["height"]["ts"] + spans["height"]["dur"] - slack
     assert upload["ts"] + upload["dur"] <= spans["slope"]["ts"] + 1
-
-
-def test_a_trace_that_cannot_be_written_is_told(
-    tactograph: Command, write: Write, height_file: str, tmp_path: Path
-) -> None:
-    (tmp_path / "file").touch()
-    words = ("run", write(SLOPES), f"file={height_file}", "--trace", tmp_path / "file" / "t.json")
-    done = tactograph(*words)
+    done = about("run", SLOPES, f"file={height_file}", "--trace", file / "within.json")
     assert (done.code, "cannot be written" in done.err) == (2, True)
 
 
 def test_values_from_inside_are_kept_beside_the_result(
-    tactograph: Command, write: Write, height_file: str, tmp_path: Path, backend: str
+    about: Command, height_file: str, tmp_path: Path, backend: str
 ) -> None:
-    words = ("run", write(WITH_OUT), f"file={height_file}", f"out={tmp_path / 'out'}")
-    done = tactograph(*words, "--keep", "slope.slope,pixel", "--backend", backend)
+    given = (f"file={height_file}", f"out={tmp_path / 'out'}")
+    done = about("run", WITH_OUT, *given, "--keep", "slope.slope,pixel", "--backend", backend)
     assert done.code == 0, done.err
     kept = tmp_path / "out" / "kept" / "1"
     assert np.load(kept / "slope.slope.npy").shape == (2, *np.load(height_file).shape)
@@ -58,10 +51,8 @@ def test_values_from_inside_are_kept_beside_the_result(
     assert json.loads((kept / "pixel.json").read_text()) == pytest.approx(0.1)
 
 
-def test_until_runs_what_a_node_needs_and_writes_nothing(
-    toys: list[str], tactograph: Command, write: Write
-) -> None:
-    done = tactograph("run", write(STREAM), "count=1", "--until", "light", "--backend", "numpy")
+def test_until_runs_what_a_node_needs_and_writes_nothing(toys: list[str], about: Command) -> None:
+    done = about("run", STREAM, "count=1", "--until", "light", "--backend", "numpy")
     assert done.code == 0, done.err
     assert toys == ["at_rest", "touch 1"]
 
@@ -89,19 +80,19 @@ nodes:
 
 
 def test_what_is_inside_a_use_of_a_group_is_kept_too(
-    toys: list[str], tactograph: Command, write: Write, tmp_path: Path
+    toys: list[str], about: Command, tmp_path: Path
 ) -> None:
-    words = ("run", write(GROUPED), f"out={tmp_path}")
-    done = tactograph(*words, "--keep", "use.one,use.light,use.two.doubled")
+    words = ("run", GROUPED, f"out={tmp_path}")
+    done = about(*words, "--keep", "use.one,use.light,use.two.doubled")
     assert done.code == 0, done.err
     kept = tmp_path / "kept" / "1"
     means = {file.stem: np.load(file).mean() for file in kept.glob("*.npy")}
     assert means == {"use.one": 2, "use.light": 4, "use.two.doubled": 4}
     toys.clear()
-    done = tactograph(*words, "--until", "use", "--trace", tmp_path / "trace.json")
+    done = about(*words, "--until", "use", "--trace", tmp_path / "trace.json")
     assert (done.code, toys) == (0, ["touch 1", "doubled", "doubled"])
     assert '"use.one"' in (tmp_path / "trace.json").read_text()
-    done = tactograph(*words, "--keep", "use.tow")
+    done = about(*words, "--keep", "use.tow")
     assert (done.code, "the group 'more' has no output or node 'tow'" in done.err) == (2, True)
 
 
@@ -116,20 +107,17 @@ def test_what_is_inside_a_use_of_a_group_is_kept_too(
     ],
 )
 def test_what_is_not_there_cannot_be_kept(
-    toys: list[str], tactograph: Command, write: Write, option: tuple[str, str], message: str
+    toys: list[str], about: Command, option: tuple[str, str], message: str
 ) -> None:
-    assert message in one_line(tactograph("run", write(STREAM), *option))
+    assert message in one_line(about("run", STREAM, *option))
     assert toys == []
 
 
-def test_looking_makes_no_other_graph_of_it(
-    toys: list[str], tactograph: Command, write: Write, tmp_path: Path
-) -> None:
-    file = write(STREAM)
-    tactograph("run", file, "count=1", "--trace", tmp_path / "a.json", "--backend", "numpy")
+def test_looking_makes_no_other_graph_of_it(about: Command, tmp_path: Path) -> None:
+    words = ("run", STREAM, "count=1", "--backend", "numpy")
+    about(*words, "--trace", tmp_path / "a.json")
     os.chdir(tmp_path)
-    words = ("run", file, "count=1", "--trace", tmp_path / "b.json", "--keep", "cal.flat")
-    assert tactograph(*words, "--backend", "numpy").code == 0
+    assert about(*words, "--trace", tmp_path / "b.json", "--keep", "cal.flat").code == 0
     one, two = (json.loads((tmp_path / f"{n}.json").read_text())["otherData"] for n in "ab")
     assert one == two
 
@@ -139,13 +127,9 @@ def test_watch_runs_again_when_the_graph_changes_and_tells_its_mistakes(
 ) -> None:
     file = Path(write(WITH_OUT))
     words = ["run", str(file), f"file={height_file}", "--watch", "--backend", "numpy"]
-    watcher = subprocess.Popen(
-        [sys.executable, "-u", "-m", "tactograph.graph.command", *words],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=tmp_path,
-    )
+    command = [sys.executable, "-u", "-m", "tactograph.graph.command", *words]
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+    watcher = subprocess.Popen(command, **pipes, cwd=tmp_path)
     assert watcher.stderr is not None
     try:
         assert "watching" in watcher.stderr.readline()

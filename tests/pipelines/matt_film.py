@@ -1,5 +1,6 @@
 """Captures of a matt film under near LEDs, 160 x 120 px of 0.1 mm, whose true heights are known."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,21 @@ def write(folder: Path, images: Image) -> str:
     for k, image in enumerate(images, start=1):
         cv2.imwrite(str(folder / f"led{k}.png"), image)
     return str(folder)
+
+
+def see(folder: Path, camera: Callable[[Image], Image]) -> None:
+    """The film at rest, under a ball, and under a touch, through a camera."""
+    for seed, (name, height) in enumerate({"flat": FLAT, "ball": BALL, "touch": TOUCH}.items()):
+        write(folder / name, camera(taken(height, seed)))
+
+
+def calibrated(
+    folder: Path, size_mm: float | tuple[float, float] = PIXEL_MM, out: str = "cal.npz"
+) -> Any:
+    """What `calibrate` makes of these."""
+    given = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
+    known = {"ball_radius_mm": BALL_MM, "pixel_size_mm": size_mm}
+    return run("calibrate", **given, **known, out=str(folder / out))
 
 
 def run(graph: str, sinks: bool = True, **given: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import simulated_sensor
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 PIXEL = 0.2
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": PIXEL}

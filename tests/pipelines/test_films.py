@@ -18,15 +18,11 @@ from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.shape_grating import shape_grating
 from tests.conftest import SHARED, MadeOnce, Raytraced
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 RIGS = {
-    "hand_perspective": 5.0,
-    "hand_lens": 5.0,
-    "hand_bounce": 4.0,
-    "hand_gloss": 5.0,
-    "hand": 8.0,
-}
+    "hand_perspective": 5.0, "hand_lens": 5.0, "hand_bounce": 4.0, "hand_gloss": 5.0, "hand": 8.0,
+}  # fmt: skip
 """Root mean square error in um of a ball that is pressed in softly by 2.2 mm."""
 PARTS = {
     "hand_perspective": "reconstruct_orthographic",

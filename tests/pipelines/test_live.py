@@ -14,6 +14,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.run.open_pipeline import load, open_pipeline
 from tests.conftest import simulated_sensor
+from tests.pipelines.conftest import errors
 
 pytestmark = pytest.mark.realtime
 
@@ -41,15 +42,7 @@ def given(sensor: Path, **more: object) -> dict[str, object]:
 
 @pytest.mark.parametrize("port", ["none", "simulated"])
 def test_heights_agree_with_the_truth_while_the_ball_moves(sensor: Path, port: str) -> None:
-    pipeline = open_pipeline("live", given(sensor, port=port))
-    errors = []
-    with pipeline:
-        for result in pipeline.items():
-            truth = next(made for value, made in result.item.items() if value.port == "truth")
-            errors.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
-            if len(errors) == 25:
-                break
-    assert np.median(errors) < 0.01
+    assert np.median(errors("live", given(sensor, port=port), 25)) < 0.01
 
 
 def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:

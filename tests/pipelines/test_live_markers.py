@@ -15,7 +15,7 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
 )
 from tactograph.nodes.live.simulated.simulated_sensor import read_scene
 from tests.conftest import MadeOnce
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 PIXEL_MM = 1 / 7
 SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}

@@ -1,6 +1,7 @@
 """A one-shot sensor made of software: live, recorded, replayed, and calibrated by hand."""
 
 import json
+from itertools import islice
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ from tactograph.nodes.calibrate.file.read_press_calibration import read_press_ca
 from tactograph.nodes.capture.read_presses import read_presses
 from tests.conftest import MadeOnce, python
 from tests.nodes.live.oneshot import BALL_MM, BY_HAND, MOVING, PIXEL_MM, calibrated
+from tests.pipelines.conftest import errors
 
 pytestmark = pytest.mark.realtime
 
@@ -26,59 +28,34 @@ def run(graph: str, **values: object) -> None:
         list(pipeline.items())
 
 
-def errors(graph: object, mini: Path, camera: str, count: int = 15) -> list[float]:
-    """RMSE in mm of so many heights against the truth of the simulated sensor."""
-    found: list[float] = []
-    given = {"calibration": mini, "camera": camera}
-    with open_pipeline(graph, given) as pipeline:  # type: ignore[arg-type]
-        for result in pipeline.items():
-            truth = next(made for value, made in result.item.items() if value.port == "truth")
-            found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
-            if len(found) == count:
-                return found
-    return found
-
-
 def test_every_frame_gives_a_height(mini: Path) -> None:
-    assert np.median(errors("live_oneshot", mini, MOVING)) < 0.008
+    given = {"calibration": mini, "camera": MOVING}
+    assert np.median(errors("live_oneshot", given, 15)) < 0.008
 
 
 def test_leds_that_warm_up_are_followed(mini: Path) -> None:
     """All colours begin a fifth brighter, and fade each at its own pace."""
-    warming = f"{MOVING}&warm_up=0.2&warm_s=6"
-    assert np.median(errors("live_oneshot", mini, warming, 40)[25:]) < 0.012
+    given = {"calibration": mini, "camera": f"{MOVING}&warm_up=0.2&warm_s=6"}
+    assert np.median(errors("live_oneshot", given, 40)[25:]) < 0.012
 
 
 def test_read_colour_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
+    given = {"camera": "$camera", "calibration": "$calibration"}
     graph = {
         "format": 1,
         "extends": "gelsight_mini",
-        "params": {
-            "camera": {"kind": "text"},
-            "capture": {"kind": "path", "default": None},
-            "out": {"kind": "path", "default": str(tmp_path)},
-        },
-        "patch": [
-            {
-                "replace": "frames",
-                "op": "read_colour_camera",
-                "with": {"camera": "$camera", "calibration": "$calibration"},
-            }
-        ],
+        "params": {"camera": {"kind": "text"}, "capture": {"kind": "path", "default": None}},
+        "patch": [{"replace": "frames", "op": "read_colour_camera", "with": given}],
     }
-    assert np.median(errors(graph, mini, MOVING, 5)) < 0.008
+    given = {"calibration": mini, "camera": MOVING, "out": tmp_path}
+    assert np.median(errors(graph, given, 5)) < 0.008
 
 
 def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) -> None:
     given = {"calibration": mini, "recording": tmp_path / "kept"}
-    live: list[np.ndarray] = []
     with open_pipeline("record_oneshot", {**given, "camera": MOVING}) as pipeline:
-        for result in pipeline.items():
-            live.append(result["height"].copy())
-            if len(live) == 4:
-                break
-    replayed = load("replay_oneshot", **given, speed=0, out=str(tmp_path / "preview"))
-    with replayed as pipeline:
+        live = [result["height"].copy() for result in islice(pipeline.items(), 4)]
+    with load("replay_oneshot", **given, speed=0, out=str(tmp_path / "preview")) as pipeline:
         again = [result["height"].copy() for result in pipeline.items()]
     assert len(again) >= len(live)
     for height in live:

@@ -10,14 +10,14 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.marker.find_markers import find_markers
 from tactograph.nodes.marker.marker_darkness import marker_darkness
 from tests.conftest import MadeOnce
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import Image, changed, run
 
 PIXEL_MM = 1 / 7
 SIZE = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM, "seed": 1}
 PRINT = {"pitch_mm": 2.0, "marker_mm": 0.25}
 TOUCH = {"radius_mm": 5.0, "rise_mm": 1.5}
 DRAG_MM = 1.0
-FILM = ("ball", "flat")
+
 AMBIENT = 0.125
 
 
@@ -58,27 +58,20 @@ def test_markers_cost_little_height_once_they_are_told_and_move_with_the_film(
     assert cv2.imread(str(out / "markers.png")).shape[:2] == (480, 640)
 
 
-def with_daylight(capture: Path, out: Path) -> Path:
-    """The same capture with an eighth of full scale more light in every image."""
-    out.mkdir()
-    for file in capture.glob("led*.png"):
-        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-        more = np.full_like(image, round(AMBIENT * np.iinfo(image.dtype).max))
-        cv2.imwrite(str(out / file.name), cv2.add(image, more))
-    return out
+def in_daylight(image: Image) -> Image:
+    """An eighth of full scale more light."""
+    return cv2.add(image, np.full_like(image, round(AMBIENT * np.iinfo(image.dtype).max)))
 
 
 @pytest.mark.slow
 def test_daylight_is_taken_off_the_flat_frame_that_keeps_its_markers(
     sensor: Path, tmp_path: Path
 ) -> None:
-    given = {name: with_daylight(sensor / "printed" / name, tmp_path / name) for name in FILM}
-    capture, flat = (given[name] for name in FILM)
+    printed = sensor / "printed"
+    capture, flat = (changed(printed / n, tmp_path / n, in_daylight) for n in ("ball", "flat"))
     known = {"ball_radius_mm": 7.0, "pixel_size_mm": PIXEL_MM}
     run("calibrate_markers", tmp_path / "cal.npz", capture=capture, flat=flat, **known)
-    dull, lit = (
-        read_calibration(file=file) for file in (sensor / "printed/cal.npz", tmp_path / "cal.npz")
-    )
+    dull, lit = (read_calibration(file=folder / "cal.npz") for folder in (printed, tmp_path))
     assert np.median(lit.dark) == pytest.approx(AMBIENT, abs=0.01)
     assert np.abs(lit.flat - dull.flat).mean() < 0.01
     assert len(find_markers(marker_darkness(lit.flat), dark=0.08)) > 40

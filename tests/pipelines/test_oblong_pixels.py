@@ -12,17 +12,17 @@ from tactograph.graph import InputError
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tests.pipelines.matt_film import (
-    BALL,
     BALL_MM,
     CANVAS,
     FLAT,
     PIXEL_MM,
     TOUCH,
+    calibrated,
     leds,
     run,
     said,
+    see,
     taken,
-    write,
 )
 
 ROWS = 111
@@ -37,45 +37,31 @@ def squeezed(planes: np.ndarray) -> np.ndarray:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with captures and a calibration."""
     made = tmp_path_factory.mktemp("oblong")
-    for seed, (name, height) in enumerate({"flat": FLAT, "ball": BALL, "touch": TOUCH}.items()):
-        write(made / name, squeezed(taken(height, seed)))
-    result = calibrated(made, (PIXEL_MM, LENGTH_MM), "cal.npz")
-    assert not said(result)
+    see(made, squeezed)
+    assert not said(calibrated(made, (PIXEL_MM, LENGTH_MM)))
     return made
 
 
-def calibrated(folder: Path, pixel_size_mm: float | tuple[float, float], out: str) -> object:
-    given = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
-    size = {"ball_radius_mm": BALL_MM, "pixel_size_mm": pixel_size_mm}
-    return run("calibrate", **given, **size, out=str(folder / out))
-
-
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
-def test_heights_are_those_of_square_pixels(folder: Path, graph: str) -> None:
+def test_heights_are_those_of_square_pixels_but_have_no_pixel_size(
+    folder: Path, graph: str
+) -> None:
     given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
     result = run(graph, **given, out=str(folder / graph))
-    (true,) = squeezed(TOUCH[None])
-    off = result["height"] - true
+    off = result["height"] - squeezed(TOUCH[None])[0]
     assert np.sqrt(np.mean(off**2)) < (0.03 if graph == "paper" else 0.012)
     if graph != "paper":
-        contact = result["metrics"]
-        assert contact["contact_major_mm/c1"] == pytest.approx(
-            contact["contact_minor_mm/c1"], rel=0.02
-        )
+        major, minor = (result["metrics"][f"contact_{axis}_mm/c1"] for axis in ("major", "minor"))
+        assert major == pytest.approx(minor, rel=0.02)
     about = json.loads((folder / graph / "result.json").read_text())
     assert about["pixel_sides_mm"] == pytest.approx([PIXEL_MM, LENGTH_MM], rel=1e-5)
-
-
-def test_a_height_on_oblong_pixels_has_no_pixel_size(folder: Path) -> None:
-    given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
-    run("reconstruct", **given, out=str(folder / "seen"))
     for name in ("height.npy", "height.tiff"):
         with pytest.raises(InputError, match=r"0\.1 x 0\.1081 mm.*save\.grid=metric"):
-            read_pixel_size(height=folder / "seen" / name)
+            read_pixel_size(height=folder / graph / name)
 
 
 def test_a_ball_that_looks_oblong_is_told(folder: Path) -> None:
-    result = calibrated(folder, PIXEL_MM, "square.npz")
+    result = calibrated(folder, out="square.npz")
     assert any("8% longer than wide" in line for line in said(result)), result.warnings
 
 

@@ -1,8 +1,8 @@
 """What `precise` finds, against the truth of captures by an independent renderer."""
 
 import json
-import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -10,33 +10,24 @@ import numpy as np
 import pytest
 
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.run.result import Result
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
-
-
-def run(graph: str, capture: Path, calibration: str, **more: str) -> Result:
-    given = {"capture": capture, "calibration": calibration, **more}
-    (result,) = open_pipeline(graph, given, sinks="out" in more).items()
-    return result
-
+from tests.pipelines.conftest import Image, Reconstruct, changed, changed_rig, run
 
 Figures = Callable[[str, str, str], dict[str, float]]
 
 
 @pytest.fixture(scope="session")
-def metrics(raytraced: Raytraced, calibration: Calibration, made_once: MadeOnce) -> Figures:
+def metrics(reconstruct: Reconstruct, made_once: MadeOnce) -> Figures:
     """The figures of a graph on a rig's capture, measured once for all tests of all workers."""
 
     def measure(graph: str, rig: str, shape: str) -> dict[str, float]:
         def write(file: Path) -> None:
-            found = run(graph, raytraced / rig / shape, calibration(rig))["metrics"]
+            found = reconstruct(graph, rig, shape)["metrics"]
             file.write_text(json.dumps({name: float(value) for name, value in found.items()}))
 
-        measured: dict[str, float] = json.loads(
-            made_once(f"{graph}_{rig}_{shape}.json", write).read_text()
-        )
-        return measured
+        file = made_once(f"{graph}_{rig}_{shape}.json", write)
+        return dict(json.loads(file.read_text()))
 
     return measure
 
@@ -77,27 +68,17 @@ def blurred(raytraced: Raytraced, made_once: MadeOnce) -> Path:
     """A ray-traced rig seen by a lens that spreads points by 0.8 px, and its calibration."""
 
     def write(folder: Path) -> None:
-        for capture in ("flat", "calibration", "sphere"):
-            shutil.copytree(raytraced / "far28" / capture, folder / capture)
-        for file in folder.rglob("led*.png"):
-            image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-            cv2.imwrite(str(file), cv2.GaussianBlur(image, (0, 0), 0.8))
-        given = {"flat": folder / "flat", "ball_radius_mm": 7.0}
-        place = {"pixel_size_mm": RIG_PIXEL_MM["far28"], "out": folder / "cal.npz"}
-        run_all = open_pipeline("calibrate", {"capture": folder / "calibration", **given, **place})
-        list(run_all.items())
+        blur = partial(cv2.GaussianBlur, ksize=(0, 0), sigmaX=0.8)
+        changed_rig(raytraced / "far28", folder, ["sphere"], blur)
 
     return made_once("far28_blurred", write)
 
 
 def test_shadows_measure_rims_that_a_lens_blurs(blurred: Path) -> None:
-    found = {
-        graph: run(graph, blurred / "sphere", str(blurred / "cal.npz"))["metrics"]
-        for graph in ("precise", "precise_no_blur")
-    }
-    assert found["precise"]["rmse_px"] < 0.3
-    assert found["precise"]["rmse_px"] < 0.6 * found["precise_no_blur"]["rmse_px"]
-    assert 80 < found["precise"]["in_90_percent_band"] < 98
+    given = {"capture": blurred / "sphere", "calibration": blurred / "cal.npz"}
+    found, without = (run(f"precise{end}", **given)["metrics"] for end in ("", "_no_blur"))
+    assert found["rmse_px"] < min(0.3, 0.6 * without["rmse_px"])
+    assert 80 < found["in_90_percent_band"] < 98
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
@@ -118,32 +99,30 @@ def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape:
 @pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_worst_pixel_is_no_worse_than_fast_or_says_so(
-    raytraced: Raytraced, calibration: Calibration, metrics: Figures, rig: str
+    raytraced: Raytraced, reconstruct: Reconstruct, metrics: Figures, rig: str
 ) -> None:
     """Nor is it far off where its height is not marked as unresolved."""
-    capture = raytraced / rig / "cat"
-    found = run("precise", capture, calibration(rig))
-    departure = np.abs(found["height"] - np.load(capture / "truth_height_mm.npy"))
+    found = reconstruct("precise", rig, "cat")
+    departure = np.abs(found["height"] - np.load(raytraced / rig / "cat/truth_height_mm.npy"))
     worst = np.unravel_index(departure.argmax(), departure.shape)
     fast = metrics("reconstruct", rig, "cat")["max_error_px"]
     assert departure[worst] <= max(fast * RIG_PIXEL_MM[rig], 3 * found["error"][worst])
     assert departure[found["unresolved"] == 0].max() < RIG_PIXEL_MM[rig]
 
 
-def test_the_error_is_written_beside_the_height(
-    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+def test_the_error_is_written_beside_the_height_and_is_zero_nowhere(
+    reconstruct: Reconstruct, tmp_path: Path
 ) -> None:
-    capture = raytraced / "near33" / "sphere_film"
-    run("precise", capture, calibration("near33"), out=str(tmp_path))
+    found = reconstruct("precise", "near33", "sphere_film", out=tmp_path)
     there = {file.name for file in tmp_path.iterdir()}
     assert {"height.npy", "error.npy", "error.png", "confidence.npy", "confidence.png"} <= there
+    assert found["error"].min() > 1e-4 * RIG_PIXEL_MM["near33"]
 
 
 def test_labels_are_as_often_right_as_their_confidence_says(
-    raytraced: Raytraced, calibration: Calibration
+    raytraced: Raytraced, reconstruct: Reconstruct
 ) -> None:
-    capture = raytraced / "near33" / "cat"
-    result = run("precise", capture, calibration("near33"))
+    capture, result = raytraced / "near33/cat", reconstruct("precise", "near33", "cat")
     leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
     truth = np.load(capture / "truth_height_mm.npy").astype(np.float32)
     finer = cv2.resize(truth, None, fx=3, fy=3)
@@ -158,29 +137,22 @@ def test_a_stream_finds_what_single_captures_give(
     raytraced: Raytraced, calibration: Calibration, metrics: Figures, tmp_path: Path
 ) -> None:
     """The same touch twice, then another: from the height before, or not."""
-    for name, shape in (("1", "cat_film"), ("2", "cat_film"), ("3", "sphere_film")):
-        (tmp_path / name).symlink_to(raytraced / "near33" / shape)
+    shapes = ["cat_film", "cat_film", "sphere_film"]
+    for number, shape in enumerate(shapes):
+        (tmp_path / f"{number}").symlink_to(raytraced / "near33" / shape)
     given = {"capture": tmp_path, "calibration": calibration("near33")}
     stream = open_pipeline("precise_stream", given, sinks=False)
     found = [result["metrics"]["rmse_px"] for result in stream.items()]
-    alone = [
-        metrics("precise", "near33", shape)["rmse_px"]
-        for shape in ("cat_film", "cat_film", "sphere_film")
-    ]
+    alone = [metrics("precise", "near33", shape)["rmse_px"] for shape in shapes]
     assert found == pytest.approx(alone, abs=0.002)
 
 
-def hair_over(capture: Path, out: Path) -> Path:
-    """A copy of a capture whose lens a hair crosses, as it dims all LEDs alike."""
-    shutil.copytree(capture, out)
-    for file in out.glob("led*.png"):
-        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-        shade = np.zeros(image.shape, np.float32)
-        rows, columns = image.shape
-        cv2.line(shade, (columns // 3, rows // 3), (columns // 2, 2 * rows // 3), 1.0, 2)
-        shade = cv2.GaussianBlur(shade, (0, 0), 0.7)
-        cv2.imwrite(str(file), np.rint(image * (1 - 0.7 * shade)).astype(image.dtype))
-    return out
+def under_a_hair(image: Image) -> Image:
+    """What a lens sees that a hair crosses: it dims all LEDs alike."""
+    shade = np.zeros(image.shape, np.float32)
+    rows, columns = image.shape
+    cv2.line(shade, (columns // 3, rows // 3), (columns // 2, 2 * rows // 3), 1.0, 2)
+    return image * (1 - 0.7 * cv2.GaussianBlur(shade, (0, 0), 0.7))
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
@@ -188,12 +160,7 @@ def test_a_hair_over_the_touch_costs_little_and_is_in_the_band(
     raytraced: Raytraced, calibration: Calibration, metrics: Figures, rig: str, tmp_path: Path
 ) -> None:
     clean = metrics("precise", rig, "sphere_film")
-    capture = hair_over(raytraced / rig / "sphere_film", tmp_path / "hair")
-    found = run("precise", capture, calibration(rig))["metrics"]
+    capture = changed(raytraced / rig / "sphere_film", tmp_path / "hair", under_a_hair)
+    found = run("precise", capture=capture, calibration=calibration(rig))["metrics"]
     assert found["rmse_px"] < 1.5 * clean["rmse_px"]
     assert found["in_90_percent_band"] > 85
-
-
-def test_no_stated_error_is_zero(raytraced: Raytraced, calibration: Calibration) -> None:
-    found = run("precise", raytraced / "near33" / "sphere_film", calibration("near33"))
-    assert found["error"].min() > 1e-4 * RIG_PIXEL_MM["near33"]

@@ -14,7 +14,7 @@ from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.optics.reflectance_map import predicted, shades, terms
 from tests.conftest import MadeOnce
 from tests.nodes.gels import PIXEL_MM, Gel, ball, save
-from tests.pipelines.test_accuracy import run
+from tests.pipelines.conftest import run
 
 RADIUS_MM = 4.0
 TOUCH = ball(-3, 2, 5, 0.8)

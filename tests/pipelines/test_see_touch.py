@@ -1,6 +1,8 @@
 """A calibrated sensor forwards: its images of a known height, and the height from its images."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,13 +13,6 @@ from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
 from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
 
-COUNTS = 255
-
-
-def images(capture: Path) -> F4:
-    files = [capture / f"led{k}.png" for k in range(1, 5)]
-    return np.array([cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files], np.float32)
-
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_an_independent_renderer_sees_the_same(
@@ -25,17 +20,14 @@ def test_an_independent_renderer_sees_the_same(
 ) -> None:
     """But for the noise, which both have, and the rounding."""
     capture = raytraced / rig / "cat_film"
-    see = load(
-        "see_touch",
-        calibration=calibration(rig),
-        height=capture / "truth_height_mm.npy",
-        outputs=["image"],
-    )
+    truth = capture / "truth_height_mm.npy"
+    see = load("see_touch", calibration=calibration(rig), height=truth, outputs=["image"])
     (seen,) = see.items()
-    off = COUNTS * seen["image"] - images(capture)
+    files = [capture / f"led{k}.png" for k in range(1, 5)]
+    images = np.array([cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files], np.float32)
+    off = 255 * seen["image"] - images
     assert np.sqrt(np.mean(off**2)) < 1.5
-    touched = np.load(capture / "truth_height_mm.npy") > 0.02
-    assert np.abs(off.mean(axis=(1, 2), where=touched)).max() < 0.5
+    assert np.abs(off.mean(axis=(1, 2), where=np.load(truth) > 0.02)).max() < 0.5
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
@@ -57,13 +49,13 @@ def test_the_height_comes_back_within_its_stated_error(
 
 
 def test_a_seed_gives_the_same_noise_from_a_start_and_another_in_every_image(
-    raytraced: Raytraced, calibration: Calibration
+    truth: F4, calibration: Calibration
 ) -> None:
-    rest = np.zeros_like(np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy"))
+    rest = np.zeros((2, *truth.shape), np.float32)
 
     def images(seed: int | None) -> F4:
         see = load("see_touch", calibration=calibration("near33"), seed=seed)
-        return np.asarray(see(height=np.stack([rest, rest]))["image"])
+        return np.asarray(see(height=rest)["image"])
 
     first, second = images(3)
     assert (first != second).any()
@@ -72,16 +64,32 @@ def test_a_seed_gives_the_same_noise_from_a_start_and_another_in_every_image(
     np.testing.assert_array_equal(*images(None))
 
 
+@pytest.fixture
+def truth(raytraced: Raytraced) -> F4:
+    """The height of a soft press on `near33`."""
+    return np.asarray(np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy"))
+
+
+@pytest.fixture
+def altered(calibration: Calibration, tmp_path: Path) -> Callable[..., Path]:
+    """The calibration of `near33`, but for what is given."""
+
+    def write(**arrays: Any) -> Path:
+        with np.load(calibration("near33"), allow_pickle=False) as read:
+            made = {**read, **{name: np.float32(array) for name, array in arrays.items()}}
+        np.savez(tmp_path / "altered.npz", **made)
+        return tmp_path / "altered.npz"
+
+    return write
+
+
 def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
-    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+    truth: F4, altered: Callable[..., Path]
 ) -> None:
     """The height comes back on the camera's pixels, as `see_touch` gives it there."""
-    with np.load(calibration("near33"), allow_pickle=False) as read:
-        made = {**read, "lens": np.float32([-0.1, 0, 0, 0, 0, 0, 0, 0])}
-    np.savez(tmp_path / "bent.npz", **made)
-    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
-    seen = load("see_touch", calibration=tmp_path / "bent.npz")(height=truth)
-    back = load("reconstruct", calibration=tmp_path / "bent.npz")(frames=seen["image"])["height"]
+    bent = altered(lens=[-0.1, 0, 0, 0, 0, 0, 0, 0])
+    seen = load("see_touch", calibration=bent)(height=truth)
+    back = load("reconstruct", calibration=bent)(frames=seen["image"])["height"]
     off, apart = (np.sqrt(np.mean((back - z) ** 2)) for z in (seen["height"], truth))
     assert off < 0.15 * RIG_PIXEL_MM["near33"]
     assert apart > 3 * off
@@ -93,14 +101,12 @@ def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
     ids=["the pupil 65 mm above the film", "a film that lights itself", "under a coat"],
 )
 def test_the_height_comes_back(
-    kind: dict[str, float], raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+    kind: dict[str, float], truth: F4, altered: Callable[..., Path]
 ) -> None:
     """By `precise`, as under a distant camera from a matt film that throws no light on itself."""
-    with np.load(calibration("near33"), allow_pickle=False) as read:
-        np.savez(tmp_path / "kind.npz", **{**read, **{k: np.float32(v) for k, v in kind.items()}})
-    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
-    images = load("see_touch", calibration=tmp_path / "kind.npz", seed=None)(height=truth)["image"]
-    back = load("precise", calibration=tmp_path / "kind.npz", outputs=["height"])(frames=images)
+    file = altered(**kind)
+    images = load("see_touch", calibration=file, seed=None)(height=truth)["image"]
+    back = load("precise", calibration=file, outputs=["height"])(frames=images)
     assert np.sqrt(np.mean((back["height"] - truth) ** 2)) < 0.02 * RIG_PIXEL_MM["near33"]
 
 

@@ -8,13 +8,8 @@ import pytest
 from tests.conftest import ROOT, python
 
 TOLD = (
-    "swapped_neighbours",
-    "order_rotated",
-    "mirrored",
-    "led_twice",
-    "interlaced",
-    "another_sensor",
-)
+    "swapped_neighbours", "order_rotated", "mirrored", "led_twice", "interlaced", "another_sensor",
+)  # fmt: skip
 """Kinds that every touch under near LEDs tells."""
 UNTOLD = ("wave", "radius")
 Row = dict[str, str]

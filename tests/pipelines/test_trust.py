@@ -16,6 +16,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tests.conftest import Calibration, MadeOnce, Raytraced, images_of, real_data
 from tests.nodes.live.oneshot import calibrated, pressed
+from tests.pipelines.conftest import run
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 
@@ -212,12 +213,11 @@ def test_labels_that_cost_nothing_are_not_found_twice(raytraced: Raytraced, open
 @pytest.fixture
 def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
     """Captures: a right touch, one whose LEDs are swapped, one that is turned, a right one."""
-    right = images(raytraced / "far28" / "sphere_film")
-    wrong = ["two LEDs swapped", "turned"]
-    stacks = [right, *(WRONG[what](right, right) for what in wrong), right]
-    for number, stack in enumerate(stacks):
+    right = raytraced / "far28" / "sphere_film"
+    for number, what in enumerate((None, "two LEDs swapped", "turned", None)):
         folder = tmp_path / "touches" / str(number)
         folder.mkdir(parents=True)
+        stack = WRONG[what](images(right), images(right)) if what else images(right)
         for led, image in enumerate(stack, start=1):
             cv2.imwrite(str(folder / f"led{led}.png"), image)
     return tmp_path / "touches"
@@ -254,56 +254,21 @@ def test_a_live_stream_is_forced_from_the_start(name: str) -> None:
 
 
 COLOURS: dict[str, Wrong] = {
+    **{what: WRONG[what] for what in ("gamma 2.2", "gamma 1/2.2", "turned", "mirrored")},
     "channels reversed": lambda touch, _: touch[::-1].copy(),
-    "gamma 2.2": gamma(2.2),
-    "gamma 1/2.2": gamma(1 / 2.2),
-    "turned": lambda touch, _: touch[:, ::-1, ::-1].copy(),
-    "mirrored": lambda touch, _: touch[:, :, ::-1].copy(),
     "other light": lambda touch, _: np.minimum(touch, 250) + np.uint8(5),
     "torn": torn,
     "every fourth line mirrored": every_fourth_line_mirrored,
-    "grey": lambda touch, _: np.repeat(touch.mean(axis=0, keepdims=True), 3, axis=0).astype(
-        np.uint8
-    ),
+    "grey": lambda touch, _: touch.mean(axis=0).astype(np.uint8)[None].repeat(3, axis=0),
 }
 
 
-@pytest.fixture(scope="module")
-def oneshot(made_once: MadeOnce) -> Pipeline:
-    """A simulated one-shot sensor."""
-    return load("gelsight_mini", calibration=str(made_once("mini.npz", calibrated)))
-
-
-def presses() -> list[Images]:
-    return [frame.transpose(2, 0, 1).copy() for frame in pressed(6).frames]
-
-
-def test_right_presses_of_a_one_shot_sensor_are_trusted(oneshot: Pipeline) -> None:
-    assert [verdict(oneshot, press) for press in presses()] == [""] * 6
-
-
-@pytest.mark.parametrize("what", COLOURS)
-def test_wrong_pictures_of_a_one_shot_sensor_are_told(oneshot: Pipeline, what: str) -> None:
-    silent = [not verdict(oneshot, COLOURS[what](press, press)) for press in presses()]
-    assert not any(silent)
-
-
-@pytest.fixture(scope="module")
-def mini(made_once: MadeOnce) -> Pipeline:
-    """A real sensor."""
+def calibrated_by_balls(file: Path) -> None:
+    """A real sensor's calibration."""
     data = real_data("gelsight_mini_balls")
-
-    def write(file: Path) -> None:
-        given = {
-            "captures": str(data / "6.310mm"),
-            "flat": data / "background.png",
-            "ball_radius_mm": 3.155,
-            "pixel_size_mm": 0.0634,
-            "out": file,
-        }
-        list(open_pipeline("calibrate_presses", given).items())
-
-    return load("gelsight_mini", calibration=str(made_once("real_mini.npz", write)))
+    images = {"captures": str(data / "6.310mm"), "flat": data / "background.png"}
+    known = {"ball_radius_mm": 3.155, "pixel_size_mm": 0.0634, "out": file}
+    list(open_pipeline("calibrate_presses", images | known).items())
 
 
 def real_presses() -> list[Images]:
@@ -312,22 +277,34 @@ def real_presses() -> list[Images]:
     return [cv2.imread(str(file)).transpose(2, 0, 1).astype(np.uint8) for file in files]
 
 
-@pytest.mark.slow
-def test_right_presses_of_a_real_sensor_are_trusted(mini: Pipeline) -> None:
-    assert [verdict(mini, press) for press in real_presses()] == [""] * 6
+@pytest.fixture(scope="module", params=["simulated", pytest.param("real", marks=pytest.mark.slow)])
+def one_shot(request: pytest.FixtureRequest, made_once: MadeOnce) -> tuple[Pipeline, list[Images]]:
+    """A one-shot sensor, simulated or real, and presses into it."""
+    if request.param == "real":
+        file, presses = made_once("real_mini.npz", calibrated_by_balls), real_presses()
+    else:
+        file = made_once("mini.npz", calibrated)
+        presses = [frame.transpose(2, 0, 1).copy() for frame in pressed(6).frames]
+    return load("gelsight_mini", calibration=str(file)), presses
 
 
-@pytest.mark.slow
+def test_right_presses_of_a_one_shot_sensor_are_trusted(
+    one_shot: tuple[Pipeline, list[Images]],
+) -> None:
+    pipeline, presses = one_shot
+    assert [verdict(pipeline, press) for press in presses] == [""] * 6
+
+
 @pytest.mark.parametrize("what", COLOURS)
-def test_wrong_pictures_of_a_real_sensor_are_told(mini: Pipeline, what: str) -> None:
-    silent = [not verdict(mini, COLOURS[what](press, press)) for press in real_presses()]
-    assert not any(silent)
+def test_wrong_pictures_of_a_one_shot_sensor_are_told(
+    one_shot: tuple[Pipeline, list[Images]], what: str
+) -> None:
+    pipeline, presses = one_shot
+    assert all(verdict(pipeline, COLOURS[what](press, press)) for press in presses)
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_a_good_calibration_raises_no_warning(
     raytraced: Raytraced, tmp_path: Path, rig: str
 ) -> None:
-    given = images_of(raytraced / rig) | {"out": tmp_path / "cal.npz"}
-    (result,) = open_pipeline("calibrate", given).items()
-    assert not result.warnings
+    assert not run("calibrate", tmp_path / "cal.npz", **images_of(raytraced / rig)).warnings

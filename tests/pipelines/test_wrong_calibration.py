@@ -6,24 +6,16 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced, images_of, without_pictures
+from tests.conftest import RIG_PIXEL_MM, Raytraced, images_of
+from tests.pipelines.conftest import Reconstruct, run
 
 RIG = "near33"
 
 
 def calibrate(rig: Path, out: Path, **given: object) -> Result:
     """Calibrate with the diameter of the ball, 14 mm, for its radius."""
-    words = images_of(rig) | {"ball_radius_mm": 14.0, "out": out, **given}
-    (result,) = open_pipeline(without_pictures(read_graph("calibrate")), words).items()
-    return result
-
-
-def reconstruct(rig: Path, calibration: str, **given: object) -> Result:
-    words = {"capture": rig / "sphere_film", "calibration": calibration, **given}
-    (result,) = open_pipeline("reconstruct", words, sinks=False).items()
-    return result
+    return run("calibrate", out, **images_of(rig) | {"ball_radius_mm": 14.0, **given})
 
 
 @pytest.mark.slow
@@ -43,7 +35,7 @@ def test_a_forced_calibration_is_doubtful_and_repeats_it_at_use(
     assert made.outputs["verdict"].startswith("doubtful: a ball of 7 mm radius")
     assert made.outputs["advice"].startswith("settle first what is doubtful")
     assert any("a ball_radius_mm of 7 would agree" in warning for warning in made.warnings)
-    used = reconstruct(raytraced / RIG, str(file))
+    used = run("reconstruct", capture=raytraced / RIG / "sphere_film", calibration=file)
     assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]
 
 
@@ -56,10 +48,8 @@ def test_a_pixel_that_further_parts_of_the_film_make_up_for_is_told(
     assert "gel that diffuses 7% of the light" in made.outputs["verdict"]
 
 
-def test_a_right_calibration_is_used_without_a_word(
-    raytraced: Raytraced, calibration: Calibration
-) -> None:
-    used = reconstruct(raytraced / RIG, calibration(RIG))
+def test_a_right_calibration_is_used_without_a_word(reconstruct: Reconstruct) -> None:
+    used = reconstruct("reconstruct", RIG, "sphere_film")
     assert not any("doubtful" in warning for warning in used.warnings)
 
 

@@ -187,20 +187,13 @@ def test_lerobot_record_takes_the_heights_of_two_sensors_into_one_dataset(
     live = ", ".join(f'{name}: "{value}"' for name, value in PARAMS.items())
     cameras = ", ".join(f"{side}: {{{one}, params: {{{live}}}}}" for side in ("left", "right"))
     options = {
-        "robot.type": "still",
-        "robot.discover_packages_path": "tactograph.lerobot",
-        "robot.cameras": f"{{{cameras}}}",
-        "teleop.type": "still",
-        "dataset.repo_id": "local/data",
-        "dataset.root": tmp_path / "data",
-        "dataset.single_task": "hold still",
-        "dataset.num_episodes": 1,
-        "dataset.episode_time_s": LONG_MS / 1000,
-        "dataset.reset_time_s": 0,
-        "dataset.vcodec": "h264",
-        "dataset.push_to_hub": "false",
+        "robot.type": "still", "robot.discover_packages_path": "tactograph.lerobot",
+        "robot.cameras": f"{{{cameras}}}", "teleop.type": "still", "dataset.repo_id": "local/data",
+        "dataset.root": tmp_path / "data", "dataset.single_task": "hold still",
+        "dataset.num_episodes": 1, "dataset.episode_time_s": LONG_MS / 1000,
+        "dataset.reset_time_s": 0, "dataset.vcodec": "h264", "dataset.push_to_hub": "false",
         "play_sounds": "false",
-    }
+    }  # fmt: skip
     given = [f"--{name}={value}" for name, value in options.items()]
     monkeypatch.setattr(sys, "argv", ["lerobot-record", *given])
     monkeypatch.setattr(lerobot_record, "init_keyboard_listener", lambda: (None, KEYS))

@@ -2,7 +2,8 @@
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,6 @@ from tactograph.graph.compare import compare
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.graph.conftest import Command, Outcome, Write, one_line
 
-Compared = Callable[..., Outcome]
 GRAPH = """
 format: 1
 params:
@@ -33,53 +33,48 @@ FAILING = (
 )
 
 
-@pytest.fixture
-def captures(tmp_path: Path) -> list[Path]:
-    folders = [tmp_path / "captures" / name for name in ("a", "b")]
-    for folder in folders:
-        folder.mkdir(parents=True)
-    return folders
-
-
-@pytest.fixture
-def graphs(toys: list[str], write: Write) -> list[str]:
-    return [
-        write(GRAPH, "first.yaml"), write(VARIANT, "second.yaml"), write(FAILING, "third.yaml")
-    ]  # fmt: skip
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    return tmp_path / "report"
-
-
-@pytest.fixture
-def compared(tactograph: Command, graphs: list[str], captures: list[Path], out: Path) -> Compared:
+@dataclass
+class Compared:
     """Compare the first graph, or others, on the first capture, or on others."""
 
-    def run(
+    tactograph: Command
+    graphs: list[str]
+    captures: list[Path]
+    out: Path
+
+    def __call__(
+        self,
         *more: object,
-        graphs: Sequence[str] = graphs[:1],
-        over: Sequence[object] = captures[:1],
-        out: Path = out,
+        graphs: Sequence[str] | None = None,
+        over: Sequence[object] | None = None,
+        out: Path | None = None,
     ) -> Outcome:
-        folders = [word for folder in over for word in ("--over", folder)]
-        return tactograph("compare", *graphs, *folders, "--out", out, *more)
+        captures = self.captures[:1] if over is None else over
+        folders = [word for folder in captures for word in ("--over", folder)]
+        words = [*(graphs or self.graphs[:1]), *folders, "--out", out or self.out, *more]
+        return self.tactograph("compare", *words)
 
-    return run
+    def table(self) -> list[dict[str, Any]]:
+        rows: list[dict[str, Any]] = json.loads((self.out / "table.json").read_text())
+        return rows
 
 
-def table(folder: Path) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = json.loads((folder / "table.json").read_text())
-    return rows
+@pytest.fixture
+def compared(toys: list[str], tactograph: Command, write: Write, tmp_path: Path) -> Compared:
+    graphs = {"first.yaml": GRAPH, "second.yaml": VARIANT, "third.yaml": FAILING}
+    captures = [tmp_path / "captures" / name for name in ("a", "b")]
+    for folder in captures:
+        folder.mkdir(parents=True)
+    files = [write(text, name) for name, text in graphs.items()]
+    return Compared(tactograph, files, captures, tmp_path / "report")
 
 
-def test_every_variant_runs_on_every_capture_on_every_back_end(
-    compared: Compared, out: Path, graphs: list[str], captures: list[Path]
-) -> None:
-    done = compared("--backends", "numpy,opencl", graphs=graphs[:2], over=captures)
+def test_every_variant_runs_on_every_capture_on_every_back_end(compared: Compared) -> None:
+    done = compared(
+        "--backends", "numpy,opencl", graphs=compared.graphs[:2], over=compared.captures
+    )
     assert done.code == 0, done.err
-    rows = table(out)
+    rows = compared.table()
     assert len(rows) == 8
     assert {(row["variant"], row["capture"], row["backend"]) for row in rows} == {
         (v, c, b) for v in ("first", "second") for c in "ab" for b in ("numpy", "opencl")
@@ -87,18 +82,16 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(
     assert rows[0]["figures"] == {"mean": 2.0, "truth": 1.0}
     assert {"light", "more"} <= set(rows[0]["milliseconds"])
     assert rows[1]["backends"]["light"] == "opencl"
-    with (out / "table.csv").open(newline="") as file:
+    with (compared.out / "table.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
     assert [float(line["mean"]) for line in lines] == [row["figures"]["mean"] for row in rows]
 
 
-def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(
-    compared: Compared, out: Path, captures: list[Path]
-) -> None:
-    (captures[0].parent / "c").mkdir()
-    done = compared(over=[captures[0].parent])
+def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(compared: Compared) -> None:
+    (compared.captures[0].parent / "c").mkdir()
+    done = compared(over=[compared.captures[0].parent])
     assert done.code == 0, done.err
-    assert [row["capture"] for row in table(out)] == ["a", "b", "c"]
+    assert [row["capture"] for row in compared.table()] == ["a", "b", "c"]
     assert "mean of 3 captures" in done.out
 
 
@@ -113,19 +106,19 @@ def test_a_terminal_gets_no_escape_codes_as_text(
     assert "\\x1b" not in done.out
 
 
-def test_what_was_finished_is_not_run_again(compared: Compared, out: Path, toys: list[str]) -> None:
+def test_what_was_finished_is_not_run_again(compared: Compared, toys: list[str]) -> None:
     assert compared().code == 0
-    first = table(out)
+    first = compared.table()
     toys.clear()
     assert compared().code == 0
     assert toys == []
-    assert table(out) == first
+    assert compared.table() == first
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
 def test_what_has_changed_is_run_again(
-    compared: Compared, out: Path, toys: list[str], write: Write, what: str
+    compared: Compared, toys: list[str], write: Write, what: str
 ) -> None:
     words: list[str] = []
     assert compared().code == 0
@@ -139,7 +132,7 @@ def test_what_has_changed_is_run_again(
     elif what == "device":
         words += ["--device", "e"]
     else:
-        (row,) = out.rglob("row.json")
+        (row,) = compared.out.rglob("row.json")
         row.write_text('{"half')
     assert compared(*words).code == 0
     assert "touch 1" in toys
@@ -147,7 +140,7 @@ def test_what_has_changed_is_run_again(
 
 @pytest.mark.parametrize("failure", ["a node", "the input", "the engine"])
 def test_a_run_that_fails_does_not_end_the_rest(
-    compared: Compared, out: Path, graphs: list[str], write: Write,
+    compared: Compared, write: Write,
     monkeypatch: pytest.MonkeyPatch, failure: str,
 ) -> None:  # fmt: skip
     if failure == "the input":
@@ -161,37 +154,37 @@ def test_a_run_that_fails_does_not_end_the_rest(
             return ordinary(graph, *args, **keywords)
 
         monkeypatch.setattr(compare, "open_pipeline", broken)
-    done = compared(graphs=[graphs[2], graphs[0]])
+    done = compared(graphs=[compared.graphs[2], compared.graphs[0]])
     assert done.code == 0, done.err
     assert "failed: third on a: " in done.out
     assert ("too dark" if failure == "the input" else "a careless node") in done.out
-    assert "failed: " in (out / "report.html").read_text()
-    rows = table(out)
+    assert "failed: " in (compared.out / "report.html").read_text()
+    rows = compared.table()
     assert [bool(row["error"]) for row in rows] == [True, False]
-    assert not (out / "third" / "preferred" / "a" / "row.json").exists()
+    assert not (compared.out / "third" / "preferred" / "a" / "row.json").exists()
 
 
-def test_if_every_run_fails_the_command_fails(compared: Compared, graphs: list[str]) -> None:
-    done = compared(graphs=graphs[2:])
+def test_if_every_run_fails_the_command_fails(compared: Compared) -> None:
+    done = compared(graphs=compared.graphs[2:])
     assert done.code == 2
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
 def test_a_fallback_for_one_reason_is_told_once(
-    compared: Compared, out: Path, captures: list[Path], write: Write, no_device: None
+    compared: Compared, write: Write, no_device: None
 ) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "")
     graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
-    done = compared(graphs=graphs, over=captures)
+    done = compared(graphs=graphs, over=compared.captures)
     line = "light runs on numpy: opencl is preferred, but no OpenCL device works"
     assert done.out.count("fallback: ") == 1
     assert f"fallback: first, second: {line}" in done.out
-    assert [row["fallbacks"] for row in table(out)] == 4 * [[line]]
-    assert (out / "report.html").read_text().count(f"Fallback: first, second: {line}") == 1
+    assert [row["fallbacks"] for row in compared.table()] == 4 * [[line]]
+    assert (compared.out / "report.html").read_text().count(f"Fallback: first, second: {line}") == 1
 
 
 def test_warnings_are_counted_told_and_marked(
-    compared: Compared, out: Path, tmp_path: Path, write: Write
+    compared: Compared, tmp_path: Path, write: Write
 ) -> None:
     text = GRAPH.replace("op: doubled", 'op: noticed, with: {text: "<LEDs> swapped"}')
     graphs = [write(GRAPH, "first.yaml"), write(text, "second.yaml")]
@@ -199,24 +192,24 @@ def test_warnings_are_counted_told_and_marked(
     assert "\n2 of 4 with warnings\n" in done.out
     assert done.out.count("warning: ") == 1
     assert "\nwarning: second on a and 1 more: <LEDs> swapped\n" in done.out
-    with (out / "table.csv").open() as lines:
+    with (compared.out / "table.csv").open() as lines:
         told = {(row["variant"], row["warnings"]) for row in csv.DictReader(lines)}
     assert told == {("first", ""), ("second", "<LEDs> swapped")}
-    page = (out / "report.html").read_text()
+    page = (compared.out / "report.html").read_text()
     assert "second on a and 1 more: &lt;LEDs&gt; swapped" in page
     assert page.count('title="&lt;LEDs&gt; swapped"') == 3, "two captures and their mean"
 
 
-def test_a_warning_of_an_early_item_is_kept(compared: Compared, out: Path, write: Write) -> None:
+def test_a_warning_of_an_early_item_is_kept(compared: Compared, write: Write) -> None:
     text = GRAPH.replace("count: 1", "count: 3").replace(
         "op: doubled, in: {image: light}", "op: warns_once, in: {image: frames.image}"
     )
     compared(graphs=[write(text, "first.yaml")])
-    assert table(out)[0]["warnings"] == ["two"]
+    assert compared.table()[0]["warnings"] == ["two"]
 
 
 def test_a_comparison_names_few_of_many_nodes_that_fell_back(
-    compared: Compared, out: Path, write: Write, no_device: None
+    compared: Compared, write: Write, no_device: None
 ) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "").replace("in: {image: more", "in: {image: l8")
     lights = "".join(
@@ -228,25 +221,23 @@ def test_a_comparison_names_few_of_many_nodes_that_fell_back(
     reason = "numpy: opencl is preferred, but no OpenCL device works"
     assert f"fallback: many: every node runs on {reason}" in done.out
     named = ", ".join(["light", *(f"l{at}" for at in range(9))])
-    assert table(out)[0]["fallbacks"] == [f"{named} run on {reason}"]
+    assert compared.table()[0]["fallbacks"] == [f"{named} run on {reason}"]
 
 
-def test_two_captures_of_one_name_are_refused(
-    compared: Compared, captures: list[Path], tmp_path: Path
-) -> None:
+def test_two_captures_of_one_name_are_refused(compared: Compared, tmp_path: Path) -> None:
     more = tmp_path / "more" / "a"
     more.mkdir(parents=True)
-    said = one_line(compared(over=[captures[0], more]))
+    said = one_line(compared(over=[compared.captures[0], more]))
     assert "two of the runs are called first/preferred/a" in said
 
 
 def test_a_capture_is_named_by_its_folder_however_it_is_reached(
-    compared: Compared, out: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
+    compared: Compared, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(captures[0])
+    monkeypatch.chdir(compared.captures[0])
     done = compared(over=["."])
     assert done.code == 0, done.err
-    assert (out / "first" / "preferred" / "a" / "row.json").is_file()
+    assert (compared.out / "first" / "preferred" / "a" / "row.json").is_file()
 
 
 def test_a_name_in_brackets_is_printed_as_it_is(compared: Compared, tmp_path: Path) -> None:
@@ -267,11 +258,11 @@ def test_a_name_in_brackets_is_printed_as_it_is(compared: Compared, tmp_path: Pa
     ],
 )
 def test_what_is_wrong_is_said_before_anything_runs(
-    compared: Compared, out: Path, toys: list[str], words: tuple[str, ...], message: str
+    compared: Compared, toys: list[str], words: tuple[str, ...], message: str
 ) -> None:
     assert message in one_line(compared(*words, over=[]))
     assert toys == []
-    assert not out.exists()
+    assert not compared.out.exists()
 
 
 def test_a_report_that_cannot_be_written_is_one_line(compared: Compared, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -90,11 +91,6 @@ class _References(HTMLParser):
         ]
 
 
-@pytest.fixture
-def variants(write: Write) -> tuple[str, str]:
-    return write(ONE, "one.yaml"), write(TWO, "two.yaml")
-
-
 def compared(made_once: MadeOnce, name: str, tmp_path: Path, *words: object) -> Path:
     """A copy of what is compared once for all tests of all workers."""
 
@@ -135,6 +131,11 @@ def captures(tmp_path: Path) -> list[Path]:
             cv2.imwrite(str(folder / f"led{k + 1}.png"), image)
         cv2.imwrite(str(folder / "truth_shadow.png"), labels)
     return folders
+
+
+def change_truth(capture: Path) -> None:
+    truth = cv2.imread(str(capture / "truth_shadow.png"), cv2.IMREAD_UNCHANGED)
+    cv2.imwrite(str(capture / "truth_shadow.png"), truth ^ 1)
 
 
 def chromium(*words: object) -> subprocess.CompletedProcess[str]:
@@ -184,17 +185,11 @@ def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
     assert len(np.unique(pixels @ np.array([1, 256, 65536]))) > 1000
 
 
-def test_the_page_says_what_was_ablated_and_how_it_was_made(
-    report: Path, variants: tuple[str, str]
-) -> None:
+def test_the_page_says_what_was_ablated_and_how_it_was_made(report: Path, write: Write) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
-    for text in (
-        "integrate_frankot_chellappa",
-        read_graph(variants[0]).hash,
-        read_graph(variants[1]).hash,
-        "--again report",
-        "A ball &lt;under&gt; four lights &amp; noise",
-    ):
+    graphs = write(ONE, "one.yaml"), write(TWO, "two.yaml")
+    told = ("integrate_frankot_chellappa", "--again report", "&lt;under&gt; four lights &amp; noi")
+    for text in (*told, *(read_graph(graph).hash for graph in graphs)):
         assert text in page
 
 
@@ -208,15 +203,14 @@ def test_repeats_by_seed_give_intervals(swept: Path) -> None:
 
 
 def test_what_was_done_is_not_done_again_until_something_changes(
-    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
+    about: Command, captures: list[Path], tmp_path: Path
 ) -> None:
-    words = ("compare", write(OVER), "--over", captures[0], captures[1], "--out", tmp_path / "r")
-    assert "there already" not in tactograph(*words).err
-    assert "2 of 2 runs were there already" in tactograph(*words).err
+    words = ("compare", OVER, "--over", captures[0], captures[1], "--out", tmp_path / "r")
+    assert "there already" not in about(*words).err
+    assert "2 of 2 runs were there already" in about(*words).err
     before = rows_of(tmp_path / "r")
-    truth = cv2.imread(str(captures[0] / "truth_shadow.png"), cv2.IMREAD_UNCHANGED)
-    cv2.imwrite(str(captures[0] / "truth_shadow.png"), truth ^ 1)
-    assert "1 of 2 runs were there already" in tactograph(*words).err
+    change_truth(captures[0])
+    assert "1 of 2 runs were there already" in about(*words).err
     after = rows_of(tmp_path / "r")
     assert after[0]["figures"] != before[0]["figures"]
     assert after[1] == before[1]
@@ -235,8 +229,7 @@ def test_again_says_what_changed(
 ) -> None:
     out = tmp_path / "r"
     tactograph("compare", write(OVER), "--over", captures[0], "--out", out)
-    truth = cv2.imread(str(captures[0] / "truth_shadow.png"), cv2.IMREAD_UNCHANGED)
-    cv2.imwrite(str(captures[0] / "truth_shadow.png"), truth ^ 1)
+    change_truth(captures[0])
     again = tactograph("compare", "--again", out, "--out", tmp_path / "s")
     assert "changed: capture left was" in again.out
     assert "the largest change is" in again.out
@@ -281,22 +274,19 @@ def test_differences_are_told_node_by_node() -> None:
     assert Difference("light", "input flat", "cal.flat", "smooth") in without
 
 
-def test_a_map_of_which_nothing_is_known_does_not_end_the_report() -> None:
+def test_a_map_of_which_nothing_is_known_and_labels_that_no_run_gave_are_not_drawn() -> None:
     unknown = np.full((4, 5), np.nan, np.float32)
-    some = np.where(np.arange(20).reshape(4, 5) > 9, np.float32(1), np.nan).astype(np.float32)
-    runs = {"one": {"height": View("height", "map", "mm", unknown)}}
-    assert _pictures(runs) == []
+    some = np.where(np.arange(20).reshape(4, 5) > 9, np.float32(1), unknown)
+    for name, kind, empty, full in (
+        ("height", "map", unknown, some),
+        ("highlight", "labels", np.zeros((4, 5), np.uint8), np.eye(4, 5, dtype=np.uint8)),
+    ):
+        runs = {"one": {name: View(name, kind, "", empty)}}
+        assert _pictures(runs) == []
+        assert _pictures(runs | {"two": {name: View(name, kind, "", full)}})
     truth = {"truth_height": View("truth_height", "map", "mm", some)}
-    assert _pictures(
-        {"one": runs["one"] | truth, "two": {"height": View("height", "map", "mm", some)}}
-    )
-
-
-def test_labels_that_no_run_gave_are_not_drawn() -> None:
-    none, some = np.zeros((4, 5), np.uint8), np.eye(4, 5, dtype=np.uint8)
-    runs = {"one": {"highlight": View("highlight", "labels", "LED bits", none)}}
-    assert _pictures(runs) == []
-    assert _pictures(runs | {"two": {"highlight": View("highlight", "labels", "LED bits", some)}})
+    height = {"height": View("height", "map", "mm", unknown)}
+    assert _pictures({"one": height | truth, "two": {"height": View("height", "map", "mm", some)}})
 
 
 def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -> None:
@@ -309,13 +299,11 @@ def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -
 
 
 def test_a_full_disk_ends_the_comparison_in_one_line(
-    tmp_path: Path, write: Write, tactograph: Command, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, about: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
     monkeypatch.setattr("tactograph.graph.compare.compare.save_views", full)
-    done = tactograph("compare", write(ONE, "one.yaml"), "--out", tmp_path / "report")
+    done = about("compare", ONE, "--out", tmp_path / "report")
     assert done.code == 2
     assert "cannot be written: No space left on device" in done.err
     assert not (tmp_path / "report" / "report.html").exists()

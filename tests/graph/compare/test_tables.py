@@ -21,9 +21,8 @@ from tactograph.graph.show.figures import estimate
 
 
 def row(variant: str, capture: str = "a", seed: int | None = None, **figures: float) -> Row:
-    return Row(
-        variant, capture, "numpy", "0" * 16, figures, {"step": 2.0}, {"step": "numpy"}, seed=seed
-    )
+    took = {"step": 2.0}
+    return Row(variant, capture, "numpy", "0" * 16, figures, took, {"step": "numpy"}, seed=seed)
 
 
 def test_the_interval_is_students() -> None:
@@ -39,10 +38,8 @@ def test_the_interval_is_students() -> None:
 
 def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
     rng = np.random.default_rng(1)
-    held = [
-        e.low <= 5 <= e.high for e in (estimate(list(rng.normal(5, 2, 4))) for _ in range(2000))
-    ]
-    assert np.mean(held) == pytest.approx(0.95, abs=0.015)
+    intervals = [estimate(list(rng.normal(5, 2, 4))) for _ in range(2000)]
+    assert np.mean([e.low <= 5 <= e.high for e in intervals]) == pytest.approx(0.95, abs=0.015)
 
 
 def test_repeats_are_one_line() -> None:
@@ -59,13 +56,8 @@ def test_figures_that_should_be_high(name: str) -> None:
 
 
 def test_the_best_is_sought_within_a_capture() -> None:
-    lines = make_lines(
-        [
-            row("x", "a", error=-3.0, iou=0.5, same=1.0),
-            row("y", "a", error=2.0, iou=0.4, same=1.0),
-            row("x", "b", error=0.1, iou=0.9, same=1.0),
-        ]
-    )
+    figures = (("x", "a", -3.0, 0.5), ("y", "a", 2.0, 0.4), ("x", "b", 0.1, 0.9))
+    lines = make_lines([row(v, c, error=e, iou=iou, same=1.0) for v, c, e, iou in figures])
     assert [is_best(line, "error", lines) for line in lines] == [False, True, False]
     assert [is_best(line, "iou", lines) for line in lines] == [True, False, False]
     assert not any(is_best(line, "same", lines) for line in lines)
@@ -122,12 +114,9 @@ def test_errors_of_both_signs_do_not_cancel_in_the_mean_over_captures() -> None:
 
 
 def test_a_figure_is_judged_by_its_own_aim() -> None:
-    lines = make_lines(
-        [
-            row("x", in_90_percent_band=88, stated_over_actual=2, contacts=0, peak_px=1),
-            row("y", in_90_percent_band=40, stated_over_actual=0.8, contacts=1, peak_px=2),
-        ]
-    )
+    one = row("x", in_90_percent_band=88, stated_over_actual=2, contacts=0, peak_px=1)
+    two = row("y", in_90_percent_band=40, stated_over_actual=0.8, contacts=1, peak_px=2)
+    lines = make_lines([one, two])
     assert [is_best(line, "in_90_percent_band", lines) for line in lines] == [True, False]
     assert [is_best(line, "stated_over_actual", lines) for line in lines] == [False, True]
     assert not any(is_best(line, n, lines) for line in lines for n in ("contacts", "peak_px"))
@@ -174,7 +163,6 @@ def test_a_terminal_is_told_what_the_star_means() -> None:
 
 
 def test_the_terminal_shows_failures_once() -> None:
-    said: list[str] = []
     rows = [row("x", error=1.0), Row("y", "a", "numpy", "", error="no light", sweep={"n.p": 2})]
-    print_table(rows, said.append, 120)
-    assert said[1:] == ["failed: y on a n.p=2: no light"]
+    assert shown_at(120, rows)[-1] == "failed: y on a n.p=2: no light"
+    assert "\n".join(shown_at(120, rows)).count("failed") == 1

@@ -72,15 +72,10 @@ def test_tags_are_refused(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "a: &x [1]\nb: *x",
-        "a: &x 1",
-        "&x a: 1",
-        "a: &x b\n*x : 1",
-        "a: &x [*x]",
-        "a: &x {b: *x}",
+        "a: &x [1]\nb: *x", "a: &x 1", "&x a: 1", "a: &x b\n*x : 1", "a: &x [*x]", "a: &x {b: *x}",
         "a: &a [x,x,x,x]\nb: &b [*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b]\nd: [*c,*c,*c,*c]",
     ],
-)
+)  # fmt: skip
 def test_anchors_and_aliases_are_refused(text: str) -> None:
     assert "anchors and aliases are not allowed" in refusal(text)
 

@@ -85,11 +85,8 @@ def test_a_change_to_a_node_of_a_group_is_one_to_every_use(write: Write) -> None
     graph = patched(write, "{set: pass.slope, with: {steepest: 9.0}}", "{neutral: pass.raw}")
     assert set(steepest(graph).values()) == {9.0}
     assert [name for name, entry in graph.nodes.items() if entry.neutral] == [
-        "pass_1.raw",
-        "pass_2.raw",
-        "both.one.raw",
-        "both.two.raw",
-    ]
+        "pass_1.raw", "pass_2.raw", "both.one.raw", "both.two.raw",
+    ]  # fmt: skip
     graph = patched(write, "{backend: pass.raw, to: numpy}")
     assert graph.nodes["both.two.raw"].backend == "numpy"
     graph = patched(write, "{remove: pass.slope}")

@@ -81,30 +81,18 @@ def test_a_name_that_means_nothing_is_an_error_with_its_place(
     [
         ("a: {op: join_metrics}", "a", "nodes.a.in: node 'join_metrics' needs at least one input"),
         ("a: {op: rest_at_border, in: {height: a}}", "a", "cycle: a -> a"),
-        (
-            "a: {op: rest_at_border, in: {height: b}, neutral: true}\n"
-            "  b: {op: rest_at_border, in: {height: a}, neutral: true}",
-            "a",
-            "the neutral nodes pass on one another in a cycle",
-        ),
-        (
-            "one: {op: touches}\n  two: {op: touches}\n"
-            "  a: {op: watched, in: {image: one.image, truth: two.truth}}",
-            "a",
-            "a graph has one stream; 'one' is one already",
-        ),
-        (
-            "one: {op: touches}\n  a: {op: noted, in: {image: one.image}}",
-            "a",
-            "outputs.read: node 'a' only writes",
-        ),
-        (
-            "p: {op: pixel_size, with: {mm: 1}}",
-            "",
-            "nothing to do: the graph has neither outputs nor sinks",
-        ),
+        ("a: {op: rest_at_border, in: {height: b}, neutral: true}\n"
+         "  b: {op: rest_at_border, in: {height: a}, neutral: true}", "a",
+         "the neutral nodes pass on one another in a cycle"),
+        ("one: {op: touches}\n  two: {op: touches}\n"
+         "  a: {op: watched, in: {image: one.image, truth: two.truth}}", "a",
+         "a graph has one stream; 'one' is one already"),
+        ("one: {op: touches}\n  a: {op: noted, in: {image: one.image}}", "a",
+         "outputs.read: node 'a' only writes"),
+        ("p: {op: pixel_size, with: {mm: 1}}", "",
+         "nothing to do: the graph has neither outputs nor sinks"),
     ],
-)
+)  # fmt: skip
 def test_a_graph_that_means_nothing_is_refused(
     toys: list[str], write: Write, nodes: str, read: str, message: str
 ) -> None:
@@ -114,16 +102,12 @@ def test_a_graph_that_means_nothing_is_refused(
 
 def test_a_wrong_value_that_the_user_gave_is_told_by_the_param(write: Write) -> None:
     """Not by the place in a file that the user has never seen."""
-    file = write(
-        SLOPES.replace("{mm: 0.1}", "{mm: $mm}").replace(
-            "params:", "params:\n  mm: {kind: number}", 1
-        )
-    )
+    text = SLOPES.replace("params:", "params:\n  mm: {kind: number}", 1)
+    file = write(text.replace("{mm: 0.1}", "{mm: $mm}"))
     name = read_graph(file).name
     assert refusal(file, mm=0).startswith(f"{name}: mm: input should be greater than")
-    assert "nodes.pixel.with.mmm: " in refusal(
-        write(SLOPES.replace("{mm: 0.1}", "{mm: 1, mmm: $file}"))
-    )
+    file = write(SLOPES.replace("{mm: 0.1}", "{mm: 1, mmm: $file}"))
+    assert "nodes.pixel.with.mmm: " in refusal(file)
 
 
 def test_a_cycle_is_printed(write: Write) -> None:

@@ -98,17 +98,19 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     assert not recalled & set(released)
 
 
-def test_what_waits_for_sizes_of_the_data_comes_after_what_the_host_has_to_do(
-    device: OpenCL,
+@pytest.mark.parametrize(
+    ("graph", "names"),
+    [
+        # It would keep the host from it, and the device is idle once the sizes are there.
+        ("precise", ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")),
+        # The device checks the touch while the host looks for contacts.
+        ("reconstruct", ("download height.as_seen", "told", "contact")),
+    ],
+    ids=["what waits for sizes comes after what the host has to do", "most steps' need first"],
+)
+def test_neither_the_host_nor_the_device_is_idle(
+    device: OpenCL, graph: str, names: tuple[str, ...]
 ) -> None:
-    """It would keep the host from it, and the device is idle once the sizes are there."""
-    steps = [step.name for step in planned("precise", device).steps]
-    places = [steps.index(name) for name in ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")]
-    assert places == sorted(places)
-
-
-def test_the_host_first_gets_what_most_of_its_steps_wait_for(device: OpenCL) -> None:
-    """The device checks the touch while the host looks for contacts."""
-    steps = [step.name for step in planned("reconstruct", device).steps]
-    places = [steps.index(name) for name in ("download height.as_seen", "told", "contact")]
+    steps = [step.name for step in planned(graph, device).steps]
+    places = [steps.index(name) for name in names]
     assert places == sorted(places)

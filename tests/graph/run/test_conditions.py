@@ -7,7 +7,7 @@ import pytest
 from tactograph.graph import Cache, GraphError
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import Command, Write, graph_of
+from tests.graph.conftest import Command, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -110,9 +110,8 @@ def test_what_is_no_condition_is_refused(condition: str, message: str) -> None:
         opened(TOUCHED.replace("when: found.pixel", f"when: {condition}"))
 
 
-def test_explain_and_draw_show_it(tactograph: Command, write: Write) -> None:
-    graph = write(TOUCHED)
-    told = tactograph("explain", graph, "--backend", "numpy").out
+def test_explain_and_draw_show_it(about: Command) -> None:
+    told = about("explain", TOUCHED, "--backend", "numpy").out
     assert told.count("if found.pixel") == 4, "two nodes, one that needs them, and its sink"
-    drawn = tactograph("draw", graph, "--backend", "numpy").out
+    drawn = about("draw", TOUCHED, "--backend", "numpy").out
     assert '"found" -> "light" [label="pixel"]' in drawn

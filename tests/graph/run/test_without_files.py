@@ -12,6 +12,7 @@ import pytest
 from annotated_types import Gt
 
 from tactograph.graph import GraphError, InputError, NodeError, load, node, parity
+from tactograph.graph.declare.node import Node
 from tactograph.graph.files import graph_places
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.nodes import Light
@@ -98,27 +99,27 @@ def test_a_node_is_named_whose_record_is_none(made: Any) -> None:
         load(graph, nodes=[brightened], backend="numpy")(frames=STACK)
 
 
-def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:
+def brighter(source: object) -> Node:
+    """The node again, with another kernel."""
+
     @node
     def brightened(light: Light, *, gain: float = 2.0) -> Light:
         return light * np.float32(gain)
 
+    brightened.opencl(grid="K H W", source=source)
+    return brightened
+
+
+def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:
     (tmp_path / "any.cl").write_text(KERNEL)
-    brightened.opencl(grid="K H W", source=tmp_path / "any.cl")
-    assert parity.check(brightened) > 5
-    brightened.opencl(grid="K H W", source=str(tmp_path / "none.cl"))
+    assert parity.check(brighter(tmp_path / "any.cl")) > 5
     with pytest.raises(NodeError, match=r"the kernel .*none\.cl cannot be read"):
-        parity.check(brightened)
+        parity.check(brighter(str(tmp_path / "none.cl")))
 
 
 def test_parity_tells_what_differs() -> None:
-    @node
-    def brightened(light: Light, *, gain: float = 2.0) -> Light:
-        return light * np.float32(gain)
-
-    brightened.opencl(grid="K H W", source=KERNEL.replace("* gain", "+ gain"))
     with pytest.raises(AssertionError, match=r"'brightened' differs on .* cases:\n  K4xH1xW1"):
-        parity.check(brightened)
+        parity.check(brighter(KERNEL.replace("* gain", "+ gain")))
 
 
 def test_parity_needs_a_kernel() -> None:
@@ -137,9 +138,8 @@ def test_a_graph_that_was_read_can_be_loaded(toys: list[str], write: Write) -> N
 
 
 def test_plain_data_may_extend_what_ships() -> None:
-    graph = read_graph(
-        {"format": 1, "extends": "paper", "patch": [{"neutral": "shadow"}], "title": "No shadows"}
-    )
+    patch = [{"neutral": "shadow"}]
+    graph = read_graph({"format": 1, "extends": "paper", "patch": patch, "title": "No shadows"})
     assert graph.nodes["shadow"].neutral
     assert graph.hash == read_graph("paper_no_shadow").hash
 

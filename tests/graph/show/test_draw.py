@@ -81,11 +81,8 @@ def test_the_nodes_of_a_use_are_drawn_together() -> None:
     ]
     mermaid = to_mermaid(every_step(plan))
     assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
-        ('use_use["use"]', ""),
-        ('use_use_a["use.a"]', ""),
-        ("", "end"),
-        ("", "end"),
-    ]
+        ('use_use["use"]', ""), ('use_use_a["use.a"]', ""), ("", "end"), ("", "end"),
+    ]  # fmt: skip
 
 
 def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None:

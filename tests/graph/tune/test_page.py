@@ -28,6 +28,16 @@ patch:
   - set: shadow
     with: {threshold: 3.5}
 """
+SAVED = """\
+format: 1
+extends: mine.yaml
+title: Under test, tuned
+patch:
+  - set: shadow
+    with: {threshold: 4.5}
+  - backend: shadow
+    to: numpy
+"""
 
 
 class Page(NamedTuple):
@@ -40,6 +50,14 @@ class Page(NamedTuple):
 
 def element(name: str) -> str:
     return f"[data-testid={name}]"
+
+
+def drawn(name: str) -> str:
+    """Whether a picture has come there."""
+    return f"document.querySelector('{element(name)} img')?.naturalWidth > 100"
+
+
+THRESHOLD = f"document.querySelector('{element('param-threshold-text')}')"
 
 
 @pytest.fixture(scope="module")
@@ -66,8 +84,7 @@ def page(
         browser.open(address)
         browser.wait(f"document.querySelector('{element('graph')} [data-node]') !== null", 60)
         # The page is there before its connection is; a picture comes through that.
-        shown = f"document.querySelector('{element('picture')} img')?.naturalWidth > 100"
-        browser.wait(shown, 60)
+        browser.wait(drawn("picture"), 60)
         yield Page(browser, address, folder)
     finally:
         browser.close()
@@ -112,14 +129,12 @@ def pick(page: Page, name: str, option: str) -> None:
 
 def test_the_page_shows_the_graph_its_result_and_figures(page: Page) -> None:
     wait_for(page, "figures", "rmse px")
-    drawn = page.browser.look(
-        "[...document.querySelectorAll('[data-node]')].map(e => e.dataset.node)"
-    )
-    assert {"light", "shadow", "slope", "height"} <= {*drawn}
+    nodes = "[...document.querySelectorAll('[data-node]')].map(e => e.dataset.node)"
+    assert {"light", "shadow", "slope", "height"} <= {*page.browser.look(nodes)}
     times = page.browser.look(f"document.querySelector('{element('graph')}').textContent")
     assert "refine_taylor" in times
     assert " ms" in times
-    page.browser.wait(f"document.querySelector('{element('picture')} img').naturalWidth > 100")
+    page.browser.wait(drawn("picture"))
 
 
 def test_the_value_under_the_cursor_is_told(page: Page) -> None:
@@ -131,36 +146,31 @@ def test_the_value_under_the_cursor_is_told(page: Page) -> None:
 def test_a_click_on_a_node_shows_what_it_does_and_makes(page: Page) -> None:
     choose(page, "slope")
     wait_for(page, "inside-text", "mm/mm")
-    page.browser.wait(f"document.querySelector('{element('inside')} img').naturalWidth > 100")
+    page.browser.wait(drawn("inside"))
     page.browser.hover(f"{element('inside')} img", 0.25, 0.5)
     wait_for(page, "inside-value", "mm/mm")
 
 
 def test_a_slider_is_moved_and_the_result_follows(page: Page) -> None:
     choose(page, "shadow")
-    page.browser.wait(f"document.querySelector('{element('inside')} img').naturalWidth > 100")
+    page.browser.wait(drawn("inside"))
     picture = f"document.querySelector('{element('picture')} img').src"
-    before = page.browser.look(picture)
-    typed = f"document.querySelector('{element('param-threshold-text')}').value"
-    page.browser.drag(
-        element("param-threshold"),
-        [0.29, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9],
-        hold=f"{picture} !== `{before}` && parseFloat({typed}) > 5",
-    )
+    followed = f"{picture} !== `{page.browser.look(picture)}` && parseFloat({THRESHOLD}.value) > 5"
+    places = [0.29, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]
+    page.browser.drag(element("param-threshold"), places, hold=followed)
 
 
 def test_a_half_typed_value_outlasts_what_the_page_shows_meanwhile(page: Page) -> None:
     choose(page, "shadow")
-    field = f"document.querySelector('{element('param-threshold-text')}')"
-    page.browser.look(f"{field}.focus(), {field}.select()")
+    page.browser.look(f"{THRESHOLD}.focus(), {THRESHOLD}.select()")
     page.browser.insert("4.")
     (page.folder / "mine.yaml").write_text(VARIANT.replace("threshold: 3.5", "treshold: 3.5"))
     wait_for(page, "error", "mine.yaml:6:12")
-    assert page.browser.look(f"{field}.value") == "4."
+    assert page.browser.look(f"{THRESHOLD}.value") == "4."
     (page.folder / "mine.yaml").write_text(VARIANT)
     page.browser.wait(f"document.querySelector('{element('error')}').innerText === ''")
     # Another graph draws its fields anew: text typed before would be lost.
-    page.browser.wait(f"{field}.value === '3.5'")
+    page.browser.wait(f"{THRESHOLD}.value === '3.5'")
 
 
 def test_a_wrong_value_is_told_and_changes_nothing(page: Page) -> None:
@@ -185,16 +195,7 @@ def test_a_back_end_is_switched_a_second_graph_beside_and_all_is_saved(page: Pag
     page.browser.type(f"input{element('file')}", "saved.yaml")
     saved_now = "document.body.innerText.includes('saved and checked')"
     page.browser.click_until(element("write"), saved_now)
-    assert (page.folder / "saved.yaml").read_text().splitlines() == [
-        "format: 1",
-        "extends: mine.yaml",
-        "title: Under test, tuned",
-        "patch:",
-        "  - set: shadow",
-        "    with: {threshold: 4.5}",
-        "  - backend: shadow",
-        "    to: numpy",
-    ]
+    assert (page.folder / "saved.yaml").read_text() == SAVED
     saved = read_graph(page.folder / "saved.yaml").nodes["shadow"]
     assert (saved.backend, saved.settings["threshold"]) == ("numpy", 4.5)
 
@@ -212,11 +213,10 @@ def test_the_file_may_be_edited_meanwhile(page: Page) -> None:
     (page.folder / "mine.yaml").write_text(VARIANT.replace("threshold: 3.5", "treshold: 3.5"))
     wait_for(page, "error", "mine.yaml:6:12")
     assert "did you mean" in text_of(page, "error")
-    page.browser.wait(f"document.querySelector('{element('picture')} img').naturalWidth > 100")
+    page.browser.wait(drawn("picture"))
     (page.folder / "mine.yaml").write_text(VARIANT.replace("3.5", "6.5"))
     choose(page, "shadow")
-    typed = f"document.querySelector('{element('param-threshold-text')}').value"
-    page.browser.wait(f"{typed} === '6.5'")
+    page.browser.wait(f"{THRESHOLD}.value === '6.5'")
     page.browser.wait(f"document.querySelector('{element('error')}').innerText === ''")
 
 

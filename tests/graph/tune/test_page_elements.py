@@ -1,13 +1,11 @@
 """The page's elements, without a browser: what they hold, and that two browsers see the same."""
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from tactograph.graph.tune.tuning import Tuning
-from tests.graph.conftest import Write
-from tests.graph.tune.test_tuning import GRAPH
+from tests.graph.tune.conftest import GRAPH, Open
 
 pytest.importorskip("nicegui", reason="'make test-all' installs it")
 from nicegui import Client, ui
@@ -53,39 +51,21 @@ class Seen:
         )
 
 
-@pytest.fixture
-def opened() -> Iterator[Callable[[str], Tuning]]:
-    made: list[Tuning] = []
-
-    def make(source: str) -> Tuning:
-        made.append(Tuning(source, {}))
-        return made[-1]
-
-    yield make
-    for tuning in made:
-        tuning.close()
-
-
-def test_a_value_is_text_whatever_quotes_it_holds(
-    opened: Callable[[str], Tuning], write: Write
-) -> None:
+def test_a_value_is_text_whatever_quotes_it_holds(opened: Open) -> None:
     graph = f"""
 format: 1
 nodes:
   frames: {{op: read_capture, with: {{folder: {HOSTILE!r}}}}}
 outputs: {{light: frames.image}}
 """
-    seen = Seen(opened(write(graph)))
+    seen = Seen(opened(graph))
     seen.choose("frames")
     field = seen.element("param-folder-text")
     assert field.props["value"] == HOSTILE
     assert {*field.props} == ATTRIBUTES
 
 
-def test_two_browsers_show_the_same_node_and_values(
-    opened: Callable[[str], Tuning], toys: list[str], write: Write
-) -> None:
-    tuning = opened(write(GRAPH))
+def test_two_browsers_show_the_same_node_and_values(tuning: Tuning) -> None:
     one, two = Seen(tuning), Seen(tuning)
     one.choose("fail")
     two.choose("high")
@@ -104,9 +84,8 @@ def test_two_browsers_show_the_same_node_and_values(
 
 
 def test_a_file_of_others_is_asked_for_before_it_is_replaced(
-    opened: Callable[[str], Tuning], toys: list[str], write: Write, tmp_path: Path
+    tuning: Tuning, tmp_path: Path
 ) -> None:
-    tuning = opened(write(GRAPH))
     tuning.set("high", "above", 5.0)
     theirs, mine = tmp_path / "theirs.yaml", tmp_path / "mine.yaml"
     theirs.write_text("theirs: 1\n")

@@ -2,9 +2,8 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,37 +12,10 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.tune.tuning import Tuning
 from tests.graph.conftest import Write
-
-GRAPH = """
-format: 1
-params: {count: {kind: integer, default: 3}}
-nodes:
-  frames: {op: touches, with: {count: $count}}
-  twice:  {op: doubled, in: {image: frames.image}}
-  seen:   {op: noticed, in: {image: twice}}
-  high:   {op: bright, in: {image: twice}}
-  fail:   {op: failing, in: {image: seen}, with: {at: 99}}
-outputs: {light: fail, high: high.light}
-"""
-
-Open = Callable[..., Tuning]
+from tests.graph.tune.conftest import GRAPH, Open
 
 
-@pytest.fixture
-def opened(toys: list[str], write: Write) -> Iterator[Open]:
-    made: list[Tuning] = []
-
-    def make(text: str = GRAPH, **more: Any) -> Tuning:
-        made.append(Tuning(write(text), {}, **more))
-        return made[-1]
-
-    yield make
-    for tuning in made:
-        tuning.close()
-
-
-def test_a_change_is_followed_by_its_result(opened: Open, toys: list[str]) -> None:
-    tuning = opened()
+def test_a_change_is_followed_by_its_result(tuning: Tuning, toys: list[str]) -> None:
     before = tuning.settled()
     assert before.result["high"].size == 20
     tuning.set("high", "above", 5.0)
@@ -92,8 +64,7 @@ def test_a_node_of_a_group_is_changed_in_one_use_or_in_every(opened: Open, tmp_p
     assert lit() == (0, 20)
 
 
-def test_the_latest_of_many_changes_is_what_is_shown(opened: Open) -> None:
-    tuning = opened()
+def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
     first = tuning.settled().number
     for value in np.linspace(0, 9, 400):
         tuning.set("high", "above", float(value))
@@ -115,17 +86,15 @@ def test_the_latest_of_many_changes_is_what_is_shown(opened: Open) -> None:
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(
-    opened: Open, change: Callable[[Tuning], None], message: str
+    tuning: Tuning, change: Callable[[Tuning], None], message: str
 ) -> None:
-    tuning = opened()
     before = tuning.settled()
     with pytest.raises(InputError, match=message):
         change(tuning)
     assert tuning.settled() is before
 
 
-def test_a_node_that_fails_is_told_and_the_next_change_mends_it(opened: Open) -> None:
-    tuning = opened()
+def test_a_node_that_fails_is_told_and_the_next_change_mends_it(tuning: Tuning) -> None:
     good = tuning.settled().result
     tuning.set("fail", "at", 2.0)
     shown = tuning.settled()
@@ -135,44 +104,32 @@ def test_a_node_that_fails_is_told_and_the_next_change_mends_it(opened: Open) ->
     assert tuning.settled().error == ""
 
 
-def test_a_node_can_be_looked_into(opened: Open) -> None:
-    tuning = opened()
+def test_a_node_can_be_looked_into(tuning: Tuning) -> None:
     tuning.look_at("twice")
-    shown = tuning.settled()
-    np.testing.assert_array_equal(shown.inspected["doubled"], np.full((3, 4, 5), 2))
+    assert (tuning.settled().inspected["doubled"] == np.full((3, 4, 5), 2)).all()
 
 
-def test_a_back_end_is_switched_and_taken_back(opened: Open) -> None:
-    tuning = opened()
+def test_a_back_end_is_switched_and_taken_back(tuning: Tuning) -> None:
     tuning.set_backend("high", "numpy")
-    plan = tuning.settled().plan
-    assert plan.placements["high"].backend == "numpy"
+    assert tuning.settled().plan.placements["high"].backend == "numpy"
     assert tuning.changes() == [{"backend": "high", "to": "numpy"}]
     tuning.set_backend("high", None)
-    plan = tuning.settled().plan
-    assert plan.placements["high"].backend == "opencl"
+    assert tuning.settled().plan.placements["high"].backend == "opencl"
     assert tuning.changes() == []
 
 
-def test_reset_takes_the_file_s_word(opened: Open) -> None:
-    tuning = opened()
-    tuning.set("fail", "at", 7.0)
-    tuning.set("high", "above", 7.0)
-    for node in ("fail", "high"):
+def test_reset_takes_the_file_s_word(tuning: Tuning) -> None:
+    for node, param in (("fail", "at"), ("high", "above")):
+        tuning.set(node, param, 7.0)
         tuning.reset(node)
-    shown = tuning.settled()
+    assert tuning.settled().result["high"].size == 20
     assert tuning.changes() == []
-    assert shown.result["high"].size == 20
 
 
-def test_a_stream_goes_on_and_ends(opened: Open) -> None:
-    tuning = opened()
-    levels = []
-    for _ in range(3):
-        shown = tuning.settled()
-        levels.append(float(shown.result["light"][0, 0, 0]))
+def test_a_stream_goes_on_and_ends(tuning: Tuning) -> None:
+    for level in (2, 4, 6):
+        assert tuning.settled().result["light"][0, 0, 0] == level
         tuning.go(1)
-    assert levels == [2, 4, 6]
     assert "its stream has ended" in tuning.settled().error
 
 
@@ -196,18 +153,15 @@ def test_two_graphs_run_side_by_side(opened: Open, write: Write) -> None:
     assert (shown.result["high"].size, shown.beside["high"].size) == (20, 0)
 
 
-def test_what_is_saved_reads_back_as_what_is_shown(opened: Open, tmp_path: Path) -> None:
-    tuning = opened()
+def test_what_is_saved_reads_back_as_what_is_shown(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     tuning.set_backend("high", "numpy")
     file = tuning.save(tmp_path / "sub" / "kept.yaml")
-    saved = read_graph(file)
-    assert saved.nodes == tuning.graph.nodes
+    assert read_graph(file).nodes == tuning.graph.nodes
     assert len(file.read_text().splitlines()) == 8
 
 
-def test_a_file_of_others_is_replaced_only_if_that_was_said(opened: Open, tmp_path: Path) -> None:
-    tuning = opened()
+def test_a_file_of_others_is_replaced_only_if_that_was_said(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     theirs = tmp_path / "theirs.yaml"
     theirs.write_text("site_name: of others\n")
@@ -220,9 +174,8 @@ def test_a_file_of_others_is_replaced_only_if_that_was_said(opened: Open, tmp_pa
 
 
 def test_a_file_that_was_saved_here_is_saved_again_unless_it_was_changed_since(
-    opened: Open, tmp_path: Path
+    tuning: Tuning, tmp_path: Path
 ) -> None:
-    tuning = opened()
     file = tmp_path / "kept.yaml"
     for above in (5.0, 6.0):
         tuning.set("high", "above", above)
@@ -244,8 +197,7 @@ def test_no_graph_is_replaced_by_one_that_extends_it(
     assert base.read_text() == GRAPH
 
 
-def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(opened: Open) -> None:
-    tuning = opened()
+def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(tuning: Tuning) -> None:
     tuning.set("high", "above", 5.0)
     good = tuning.settled()
     file = Path(tuning.source)

@@ -111,12 +111,6 @@ def test_a_folder_of_captures_of_other_names_is_a_stream(tmp_path: Path) -> None
     assert [capture.name for capture in read_capture(folder=tmp_path)] == ["a", "b"]
 
 
-def test_one_colour_image_alone_is_told_of_its_channels(tmp_path: Path) -> None:
-    write(tmp_path, ["touch.png"], COLOURS)
-    with pytest.raises(InputError, match=r"touch\.png alone.*say lights=bgr to a graph that takes"):
-        read_one(tmp_path)
-
-
 LEDS = [f"led{k}.png" for k in range(1, 5)]
 
 
@@ -163,11 +157,20 @@ def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Pat
     assert any("led2.png" in note and "saturated" in note for note in notes)
 
 
-def test_colour_and_grey_images_are_not_of_one_capture(tmp_path: Path) -> None:
-    write(tmp_path, LEDS)
-    write(tmp_path, LEDS[2:3], COLOURS)
-    with pytest.raises(InputError, match=r"led3\.png: a colour image, but led1\.png is grey"):
-        read_one(tmp_path)
+@pytest.mark.parametrize(
+    ("grey", "coloured", "settings", "message"),
+    [
+        ([], ["touch.png"], {}, r"touch\.png alone.*say lights=bgr to a graph that takes"),
+        (LEDS, LEDS[2:3], {}, r"led3\.png: a colour image, but led1\.png is grey"),
+        ([], LEDS, {"lights": "bgr"}, "one colour image is needed here"),
+    ],
+    ids=["one image alone", "beside grey ones", "one of each LED where one is needed"],
+)
+def test_colour_images_are_told_of(tmp_path: Path, grey, coloured, settings, message) -> None:
+    write(tmp_path, grey)
+    write(tmp_path, coloured, COLOURS)
+    with pytest.raises(InputError, match=message):
+        read_one(tmp_path, **settings)
 
 
 @pytest.mark.parametrize("bits", [10, 12])
@@ -304,9 +307,3 @@ def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path
     assert np.array_equal(found[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))
     presses = read_presses(folder=tmp_path, flat=tmp_path / "ref.png", smooth_px=0)
     assert presses.names == ["ref", "sample_4", "sample_10"]
-
-
-def test_the_images_of_leds_are_no_colour_frames(tmp_path: Path) -> None:
-    write(tmp_path, LEDS, COLOURS)
-    with pytest.raises(InputError, match="one colour image is needed here"):
-        read_one(tmp_path, lights="bgr")

@@ -60,9 +60,14 @@ def test_twelve_bits_in_sixteen(tmp_path: Path, factor: int) -> None:
     assert image.max() == pytest.approx(int(IMAGES.max()) * factor / 4095)
 
 
-def test_a_subset_of_leds_in_another_order(tmp_path: Path) -> None:
-    capture = read_one(write(tmp_path), leds=(4, 1, 2))
-    assert np.array_equal(capture.image, IMAGES[[3, 0, 1]] / np.float32(255))
+@pytest.mark.parametrize(
+    ("settings", "part"),
+    [({"leds": (4, 1, 2)}, np.s_[[3, 0, 1]]), ({"crop": (2, 3, 10, 8)}, np.s_[:, 3:8, 2:10])],
+    ids=["a subset of LEDs in another order", "the pixels inside a crop"],
+)
+def test_a_part_of_a_capture_can_be_read(tmp_path: Path, settings, part) -> None:
+    capture = read_one(write(tmp_path), **settings)
+    assert np.array_equal(capture.image, IMAGES[part] / np.float32(255))
 
 
 def test_files_of_another_name_hold_the_same_light(tmp_path: Path) -> None:
@@ -70,11 +75,6 @@ def test_files_of_another_name_hold_the_same_light(tmp_path: Path) -> None:
         cv2.imwrite(str(tmp_path / f"image{k:02}.png"), image)
     capture = read_one(tmp_path, files="image{:02}")
     assert np.array_equal(capture.image, IMAGES / np.float32(255))
-
-
-def test_a_crop_keeps_the_pixels_inside_it(tmp_path: Path) -> None:
-    capture = read_one(write(tmp_path), crop=(2, 3, 10, 8))
-    assert np.array_equal(capture.image, IMAGES[:, 3:8, 2:10] / np.float32(255))
 
 
 @pytest.mark.parametrize(("lights", "order"), [("bgr", [0, 1, 2]), ("rgb", [2, 1, 0])])

@@ -31,17 +31,9 @@ def random(*shape: int) -> np.ndarray:
 
 
 ARRAYS = (
-    random(4, 6, 8),
-    random(6, 8),
-    0.07,
-    random(50, 4),
-    random(50, 2),
-    RNG.integers(0, 15, 50).astype(np.uint8),
-    random(4, 9),
-    random(4),
-    random(4),
-    0.004,
-)
+    random(4, 6, 8), random(6, 8), 0.07, random(50, 4), random(50, 2),
+    RNG.integers(0, 15, 50).astype(np.uint8), random(4, 9), random(4), random(4), 0.004,
+)  # fmt: skip
 
 
 def drawn(value: Value) -> np.ndarray | float:
@@ -129,38 +121,14 @@ def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> Non
 
 
 ABSURD = {
-    "flat": 1e30,
-    "flat ": 1e-30,
-    "dark": 1e30,
-    "pixel_size": 1e30,
-    "pixel_size ": 1e-30,
-    "pixel_size  ": -1.0,
-    "lut_light": 1e30,
-    "lut_slope": 1e30,
-    "reflectance": 1e30,
-    "residual": 1e30,
-    "null": 1e30,
-    "spread": -1.0,
-    "lights": 1e30,
-    "lights ": 1e-30,
-    "noise": 1e30,
-    "noise ": -1.0,
-    "others": 1e30,
-    "diffuse": 1e30,
-    "diffuse ": -1.0,
-    "harmonics": 1e30,
-    "flattest": 1e30,
-    "reach": 1e-30,
-    "gain": 1e30,
-    "contact": -1.0,
-    "base": 1e30,
-    "roughness": 1e-30,
-    "refraction": 1e-30,
-    "albedo": 1e30,
-    "camera": -1.0,
-    "grain": 1e30,
+    "flat": 1e30, "flat ": 1e-30, "dark": 1e30, "pixel_size": 1e30, "pixel_size ": 1e-30,
+    "pixel_size  ": -1.0, "lut_light": 1e30, "lut_slope": 1e30, "reflectance": 1e30,
+    "residual": 1e30, "null": 1e30, "spread": -1.0, "lights": 1e30, "lights ": 1e-30, "noise": 1e30,
+    "noise ": -1.0, "others": 1e30, "diffuse": 1e30, "diffuse ": -1.0, "harmonics": 1e30,
+    "flattest": 1e30, "reach": 1e-30, "gain": 1e30, "contact": -1.0, "base": 1e30,
+    "roughness": 1e-30, "refraction": 1e-30, "albedo": 1e30, "camera": -1.0, "grain": 1e30,
     "lens": 1e30,
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ABSURD)

@@ -328,15 +328,11 @@ def in_the_hand(device, facts, height, pixel, lights, level):
     coat, size = facts.get("coating") or {}, 2 * (facts.get("led_disc_radius_mm") or 0)
     camera, albedo = facts.get("camera_mm") or 0.0, facts["albedo"]
     rig = {
-        "level": level,
-        "led_size_mm": size,
-        "cosine_leds": size > 0,
-        "rays": 8,
+        "level": level, "led_size_mm": size, "cosine_leds": size > 0, "rays": 8,
         "coat_alpha": coat.get("roughness", 0.0),
-        "refractive_index": coat.get("refractive_index", 1.5),
-        "albedo": albedo,
+        "refractive_index": coat.get("refractive_index", 1.5), "albedo": albedo,
         "camera_mm": camera,
-    }
+    }  # fmt: skip
     draw = DeviceCall(render, device)
     rendered = draw(height, pixel, lights, **rig)
     light, labels = rendered.light, rendered.labels

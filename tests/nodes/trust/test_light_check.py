@@ -35,14 +35,10 @@ def touch(
     shadow.flat[:dark] = 0b0100
     matt[2].flat[:dark] = lit
     return {
-        "departure": plane(at_rest, departs),
-        "slope": np.stack([plane(0, 0.4), plane(0)]),
-        "misfit": np.zeros(5, np.float32),
-        "brighter": plane(0),
-        "used": plane(ALL, used).astype(np.uint8),
-        "matt": matt,
-        "shadow": shadow,
-    }
+        "departure": plane(at_rest, departs), "slope": np.stack([plane(0, 0.4), plane(0)]),
+        "misfit": np.zeros(5, np.float32), "brighter": plane(0),
+        "used": plane(ALL, used).astype(np.uint8), "matt": matt, "shadow": shadow,
+    }  # fmt: skip
 
 
 def told(what: Touch, rim_error: float = 0.0, brightness_error: float = 0.0) -> Check:

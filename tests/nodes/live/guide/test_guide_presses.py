@@ -25,12 +25,9 @@ SCENE = (
 )
 GIVEN = {"port": "simulated", "ball_radius_mm": 3.0, "pixel_size_mm": 0.15}
 GOOD: Metrics = {
-    "heldout_normal_deg": 0.5,
-    "heldout_height_um": 3.0,
-    "film_covered_percent": 60.0,
-    "slopes_covered_percent": 80.0,
-    "presses": 3.0,
-}
+    "heldout_normal_deg": 0.5, "heldout_height_um": 3.0, "film_covered_percent": 60.0,
+    "slopes_covered_percent": 80.0, "presses": 3.0,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +67,9 @@ def test_the_person_is_told_what_to_do(guided: Path) -> None:
 def test_the_captures_that_are_kept_give_the_same_calibration(guided: Path) -> None:
     folder, again = guided.with_name("cal_presses"), guided.with_name("again.npz")
     given = {
-        "capture": folder / "pressed",
-        "flat": folder / "untouched",
-        "dark": folder / "dark.png",
-        "pixel_size_mm": 0.15,
-        "out": again,
-    }
+        "capture": folder / "pressed", "flat": folder / "untouched", "dark": folder / "dark.png",
+        "pixel_size_mm": 0.15, "out": again,
+    }  # fmt: skip
     with open_pipeline("calibrate", given) as pipeline:
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)

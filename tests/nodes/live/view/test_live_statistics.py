@@ -75,12 +75,9 @@ def test_doubtful_heights_are_counted_and_told(capsys: pytest.CaptureFixture[str
 def test_contacts_are_counted_and_the_newest_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     statistics = Statistics(every_s=1e-9)
     touch = {
-        "contacts": 2.0,
-        "contact_area_mm2/c1": 3.0,
-        "contact_depth_mm/c1": 0.2,
-        "contact_area_mm2/c2": 1.5,
-        "contact_depth_mm/c2": 0.41,
-    }
+        "contacts": 2.0, "contact_area_mm2/c1": 3.0, "contact_depth_mm/c1": 0.2,
+        "contact_area_mm2/c2": 1.5, "contact_depth_mm/c2": 0.41,
+    }  # fmt: skip
     touch |= {"pose_frames": 5.0, "pose_x_mm": 0.3, "pose_y_mm": -1.0, "pose_z_mm": 0.0}
     touch |= {"contact_slip/c1": 0.0, "contact_slip/c2": 1.0}
     touch |= {"pose_turn_x_deg": 3.0, "pose_turn_y_deg": 0.0, "pose_turn_z_deg": -4.0}

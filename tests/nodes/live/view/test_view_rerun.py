@@ -138,13 +138,6 @@ def test_the_file_does_not_grow_beyond_its_limit(tmp_path: Path) -> None:
     assert "as large as it may be; view_rerun has ended" in notes[0]
 
 
-def test_a_viewer_that_is_not_there_is_missed_at_once() -> None:
-    url = f"rerun+http://127.0.0.1:{free_port()}/proxy"
-    with pytest.raises(InputError, match="no viewer answers at") as caught:
-        view(Session(), viewer="connect", url=url)
-    assert "\n" not in str(caught.value)
-
-
 def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
     tmp_path: Path, viewer: tuple[subprocess.Popen[bytes], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -179,6 +172,7 @@ def test_without_a_screen_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPa
         ({"viewer": "none"}, "needs a file"),
         ({"viewer": "none", "file": Path("/dev/null/live.rrd")}, "cannot be written"),
         ({"viewer": "connect", "url": "nonsense"}, "url=nonsense"),
+        ({"viewer": "connect", "url": "rerun+http://127.0.0.1:9/proxy"}, "no viewer answers at"),
     ],
 )
 def test_wrong_settings_are_one_line(settings: dict[str, Any], message: str) -> None:

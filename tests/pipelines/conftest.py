@@ -1,0 +1,77 @@
+"""Graphs run on captures of ray-traced rigs, as they are or with their images changed."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tactograph.graph.files.changes import with_changes
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.result import Result
+from tests.conftest import Calibration, Raytraced, images_of, without_pictures
+
+Image = NDArray[Any]
+
+
+def run(
+    graph: str,
+    out: Path | None = None,
+    backend: str | None = None,
+    changes: dict[str, object] | None = None,
+    **given: object,
+) -> Result:
+    """What a graph finds; files are written only if `out` says where."""
+    if out is not None:
+        given["out"] = out
+    changed = with_changes(without_pictures(read_graph(graph)), changes or {})
+    (result,) = open_pipeline(changed, given, backend=backend, sinks=out is not None).items()
+    return result
+
+
+def errors(graph: Any, given: dict[str, Any], count: int) -> list[float]:
+    """Root mean square errors in mm of so many heights of a live sensor that is simulated."""
+    found: list[float] = []
+    with open_pipeline(graph, given) as pipeline:
+        for result in pipeline.items():
+            truth = next(made for value, made in result.item.items() if value.port == "truth")
+            found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
+            if len(found) == count:
+                break
+    return found
+
+
+Reconstruct = Callable[..., Result]
+
+
+@pytest.fixture(scope="session")
+def reconstruct(raytraced: Raytraced, calibration: Calibration) -> Reconstruct:
+    """Run a graph on a capture of a ray-traced rig, with that rig's calibration."""
+
+    def run_it(graph: str, rig: str, shape: str, **more: Any) -> Result:
+        capture = raytraced / rig / shape
+        return run(graph, capture=capture, calibration=calibration(rig), **more)
+
+    return run_it
+
+
+def changed(capture: Path, out: Path, change: Callable[[Image], Image]) -> Path:
+    """A copy of a capture, each of its images changed."""
+    shutil.copytree(capture, out)
+    for file in out.glob("led*.png"):
+        image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(file), np.rint(change(image)).astype(image.dtype))
+    return out
+
+
+def changed_rig(rig: Path, out: Path, shapes: list[str], change: Callable[[Image], Image]) -> None:
+    """A rig that another camera sees, and its calibration."""
+    for capture in ("flat", "calibration", *shapes):
+        changed(rig / capture, out / capture, change)
+    seen = {"capture": out / "calibration", "flat": out / "flat"}
+    run("calibrate", out / "cal.npz", **images_of(rig) | seen)
