@@ -27,16 +27,9 @@ FILMS: dict[str, Film] = {
     "harmonics": MATT._replace(harmonics=harmonics(), flattest=0.5, reach=10.0),
 }
 FILMS["all"] = FILMS["diffuse"]._replace(
-    wrap=0.2,
-    base=0.6,
-    roughness=0.3,
-    refraction=1.4,
-    camera=1 / 65,
-    emission=1.0,
-    harmonics=harmonics(),
-    flattest=0.5,
-    reach=10.0,
-)
+    wrap=0.2, base=0.6, roughness=0.3, refraction=1.4, camera=1 / 65, emission=1.0,
+    harmonics=harmonics(), flattest=0.5, reach=10.0,
+)  # fmt: skip
 
 
 def normals(slope: F4) -> F4:

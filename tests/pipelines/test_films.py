@@ -245,13 +245,9 @@ def test_one_press_of_a_grid_calibrates_a_sensor_of_three_colours(sensor: Sensor
         (folder / "colours" / place).mkdir(parents=True)
         cv2.imwrite(str(folder / "colours" / place / "colours.png"), np.dstack(planes))
     run(
-        "calibrate_presses",
-        folder / "colours.npz",
-        captures=folder / "colours/grid",
-        flat=folder / "colours/film",
-        ball_radius_mm=RADIUS_MM,
-        pixel_size_mm=PIXEL_MM,
+        "calibrate_presses", folder / "colours.npz", captures=folder / "colours/grid",
+        flat=folder / "colours/film", ball_radius_mm=RADIUS_MM, pixel_size_mm=PIXEL_MM,
         ball_pitch_mm=1.0,
-    )
+    )  # fmt: skip
     given = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
     assert degrees(run("gelsight_mini", **given)["height"], sensor.centres) < 1.8

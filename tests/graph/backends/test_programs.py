@@ -51,10 +51,8 @@ for height in (3, 300):
 """
 
 
-def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(
-    folder: Path, tmp_path: Path
-) -> None:
-    pocl = tmp_path / "pocl"
+def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) -> None:
+    pocl = folder.with_name("pocl")
     pocl.mkdir()
     told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
     environment = {**told, "POCL_CACHE_DIR": str(pocl)}

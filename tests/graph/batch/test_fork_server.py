@@ -50,15 +50,10 @@ def start() -> Iterator[Start]:
         command = [sys.executable, "-c", script]
         started.append(
             subprocess.Popen(
-                command,
-                cwd=folder,
-                stdin=pipe,
-                stdout=pipe,
-                stderr=pipe,
-                text=True,
+                command, cwd=folder, stdin=pipe, stdout=pipe, stderr=pipe, text=True,
                 start_new_session=True,
             )
-        )
+        )  # fmt: skip
         return started[-1]
 
     yield run

@@ -210,19 +210,13 @@ DEFINED = "groups.more"
 @pytest.mark.parametrize(
     ("slip", "message"),
     [
-        (
-            with_group(use={"group": "moor"}),
-            f"{USE}.group: there is no group 'moor'; did you mean 'more'?",
-        ),
-        (
-            with_group(use={"in": {"lihgt": "frames.image"}}),
-            f"{USE}.in.lihgt: the group 'more' has no input 'lihgt'; did you mean 'light'?",
-        ),
+        (with_group(use={"group": "moor"}),
+         f"{USE}.group: there is no group 'moor'; did you mean 'more'?"),
+        (with_group(use={"in": {"lihgt": "frames.image"}}),
+         f"{USE}.in.lihgt: the group 'more' has no input 'lihgt'; did you mean 'light'?"),
         (with_group(use={"in": {}}), f"{USE}.in: the group 'more' needs the input 'light'"),
-        (
-            with_group(use={"with": {"n": 2}}),
-            f"{USE}.with.n: the group 'more' has no param 'n' (it takes: none)",
-        ),
+        (with_group(use={"with": {"n": 2}}),
+         f"{USE}.with.n: the group 'more' has no param 'n' (it takes: none)"),
         (
             with_group(
                 more={
@@ -236,55 +230,33 @@ DEFINED = "groups.more"
         (with_group(use={"op": "doubled"}), f"{USE}.op: a node with 'group' has no 'op'"),
         (with_group(use={"backend": "numpy"}), f"{USE}.backend: a node with 'group' has no"),
         (with_group(use={"wiht": {}}), f"{USE}.wiht: unknown key 'wiht'; did you mean 'with'?"),
-        (
-            with_group(more={"outputs": {"light": "once"}}),
-            f"{DEFINED}.outputs.light: the group 'more' has no node 'once'",
-        ),
-        (
-            with_group(more={"outputs": {"light": "light"}}),
-            f"{DEFINED}.outputs.light: 'light' is an input; read it where it comes from",
-        ),
-        (
-            with_group(more={"inputs": {"light": {}, "dark": {}}}),
-            f"{DEFINED}.inputs.dark: no node of the group 'more' reads the input 'dark'",
-        ),
-        (
-            with_group(more={"inputs": {"light": {}, "twice": {}}}),
-            f"{DEFINED}.inputs.twice: a node of the group 'more' is called 'twice' too",
-        ),
-        (
-            with_group(more={"params": {"n": {"default": 1}}}),
-            f"{DEFINED}.params.n: no node of the group 'more' takes the param '$n'",
-        ),
+        (with_group(more={"outputs": {"light": "once"}}),
+         f"{DEFINED}.outputs.light: the group 'more' has no node 'once'"),
+        (with_group(more={"outputs": {"light": "light"}}),
+         f"{DEFINED}.outputs.light: 'light' is an input; read it where it comes from"),
+        (with_group(more={"inputs": {"light": {}, "dark": {}}}),
+         f"{DEFINED}.inputs.dark: no node of the group 'more' reads the input 'dark'"),
+        (with_group(more={"inputs": {"light": {}, "twice": {}}}),
+         f"{DEFINED}.inputs.twice: a node of the group 'more' is called 'twice' too"),
+        (with_group(more={"params": {"n": {"default": 1}}}),
+         f"{DEFINED}.params.n: no node of the group 'more' takes the param '$n'"),
         (with_group(more={"nodes": {}}), f"{DEFINED}.nodes: at least one is needed"),
-        (
-            with_group(more={"outputs": {"light": 5}}),
-            f"{DEFINED}.outputs.light: text is needed, not 5",
-        ),
+        (with_group(more={"outputs": {"light": 5}}),
+         f"{DEFINED}.outputs.light: text is needed, not 5"),
         (with_group(groups={"less": 5}), "groups.less: a mapping is needed, not 5"),
         (with_group(more={"input": {}}), f"{DEFINED}.input: unknown key 'input'; did you mean"),
-        (
-            with_group(more={"inputs": {"light": {"defualt": "frames"}}}),
-            f"{DEFINED}.inputs.light.defualt: unknown key 'defualt'; did you mean 'default'?",
-        ),
-        (
-            with_group(nodes={"more": {"op": "touches"}}),
-            f"{DEFINED}: a node is called 'more' too; give another name",
-        ),
-        (
-            with_group(nodes={"use.twice": {"op": "touches"}}),
-            "nodes.use.twice: 'use' is a node; none can be in it",
-        ),
-        (
-            with_group(outputs={"light": "use.lihgt"}),
-            "outputs.light: the group 'more' has no output or node 'lihgt'; did you mean 'light'?",
-        ),
-        (
-            with_group(more={"outputs": {}}, outputs={"light": "use"}),
-            "outputs.light: 'use' uses the group 'more'; say which output: none",
-        ),
+        (with_group(more={"inputs": {"light": {"defualt": "frames"}}}),
+         f"{DEFINED}.inputs.light.defualt: unknown key 'defualt'; did you mean 'default'?"),
+        (with_group(nodes={"more": {"op": "touches"}}),
+         f"{DEFINED}: a node is called 'more' too; give another name"),
+        (with_group(nodes={"use.twice": {"op": "touches"}}),
+         "nodes.use.twice: 'use' is a node; none can be in it"),
+        (with_group(outputs={"light": "use.lihgt"}),
+         "outputs.light: the group 'more' has no output or node 'lihgt'; did you mean 'light'?"),
+        (with_group(more={"outputs": {}}, outputs={"light": "use"}),
+         "outputs.light: 'use' uses the group 'more'; say which output: none"),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_is_said_with_its_place(slip: dict[str, Any], message: str) -> None:
     with pytest.raises(GraphError) as caught:
         read_graph(slip)

@@ -203,18 +203,13 @@ def test_a_record_is_read_whole() -> None:
 @pytest.mark.parametrize(
     ("base", "change", "message"),
     [
-        (
-            "paper",
-            "{replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}",
-            "'index' takes a node that gives all of a LutIndex (entries, ",
-        ),
-        (
-            "reconstruct",
-            "{replace: matt, op: matt_light, in: {film: cal.diffuse}}",
-            "'film' takes a node that gives all of a Film (lights, ",
-        ),
+        ("paper",
+         "{replace: coarse, op: lut_nearest, in: {light: light, shadow: shadow, index: cal}}",
+         "'index' takes a node that gives all of a LutIndex (entries, "),
+        ("reconstruct", "{replace: matt, op: matt_light, in: {film: cal.diffuse}}",
+         "'film' takes a node that gives all of a Film (lights, "),
     ],
-)
+)  # fmt: skip
 def test_a_record_is_read_from_a_node_that_gives_one(
     write: Write, base: str, change: str, message: str
 ) -> None:

@@ -244,44 +244,30 @@ def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
 LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
     "gelsightinc/gsmatlab, demo/groove": ({}, [f"image{k:02}.png" for k in range(1, 7)], 6),
     "NewProggie/Realtime-Photometric-Stereo, assets/hand": (
-        {},
-        [*(f"image{k}.png" for k in range(8)), "image_ambient.png"],
-        8,
+        {}, [*(f"image{k}.png" for k in range(8)), "image_ambient.png"], 8,
     ),
     "NewProggie/Photometric-Stereo, images": (
-        {},
-        ["bunny.png", *(f"bunny_{k}.png" for k in range(1, 4)), "results.jpg"],
-        3,
+        {}, ["bunny.png", *(f"bunny_{k}.png" for k in range(1, 4)), "results.jpg"], 3,
     ),
     "bchao1/photometric-stereo, data/women": ({}, [f"input_{k}.tif" for k in range(1, 8)], 7),
     "curesh/photometric-stereo, chrome2": ({}, [f"cs_{k}.jpeg" for k in range(1, 5)], 4),
     "Kaistory/Photometric-stereo-system, img_test": (
-        {},
-        [f"20260420_2239{s:02}.png" for s in (2, 5, 6, 8)],
-        4,
+        {}, [f"20260420_2239{s:02}.png" for s in (2, 5, 6, 8)], 4,
     ),
     "YertleTurtleGit/photometric-stereo-mappings, test_data": (
-        {"files": "{}_BL"},
-        [f"{k}_{end}.png" for k in range(1, 13) for end in ("BL", "TL")],
-        8,
+        {"files": "{}_BL"}, [f"{k}_{end}.png" for k in range(1, 13) for end in ("BL", "TL")], 8,
     ),
     "guanyingc/SDPS-Net, ToyPSDataset": (
-        {"leds": (1, 11, 21, 31, 41)},
-        [*(f"l_{k:03}.png" for k in range(50)), "mask.png"],
-        5,
+        {"leds": (1, 11, 21, 31, 41)}, [*(f"l_{k:03}.png" for k in range(50)), "mask.png"], 5,
     ),
     "siyuandong16/gelsight_heightmap_reconstruction, Dots1": (
-        {"lights": "bgr"},
-        ["sample_10.jpg", "sample_4.jpg", "ref.jpg"],
-        3,
+        {"lights": "bgr"}, ["sample_10.jpg", "sample_4.jpg", "ref.jpg"], 3,
     ),
     "ubi-coro/gelsight-calibration, examples/data": (
-        {"lights": "bgr"},
-        ["bead.png", "key.png", "seed.png"],
-        3,
+        {"lights": "bgr"}, ["bead.png", "key.png", "seed.png"], 3,
     ),
     "rpl-cmu/gelslam, 6.310mm": ({"lights": "bgr"}, ["0/gelsight.png", "11/gelsight.png"], 3),
-}
+}  # fmt: skip
 """What lies in folders of public repositories: settings, names, and the lights of a capture."""
 
 

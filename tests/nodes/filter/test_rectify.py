@@ -17,12 +17,9 @@ def test_a_rectangle_of_two_by_one_mm_covers_so_many_pixels_around_the_middle() 
     outline = np.zeros((480, 640), np.uint8)
     cv2.fillConvexPoly(outline, np.int32(np.multiply(SEEN, 10)), 1)
     found = rectify(
-        outline[None].astype(np.float32),
-        0.01,
-        width_mm=2.0,
-        height_mm=1.0,
+        outline[None].astype(np.float32), 0.01, width_mm=2.0, height_mm=1.0,
         corners=tuple((10 * x, 10 * y) for x, y in SEEN),
-    )
+    )  # fmt: skip
     rows, columns = np.nonzero(found[0] > 0.5)
     assert np.ptp(columns) == pytest.approx(200, abs=2)
     assert np.ptp(rows) == pytest.approx(100, abs=2)

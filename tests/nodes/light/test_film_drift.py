@@ -166,27 +166,12 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("cal") / "cal.npz"
     nothing = np.zeros((4, 9), np.float32)
     write_calibration(
-        0.7 * scene[0],
-        np.zeros(SENSOR, np.float32),
-        PIXEL,
-        np.ones((1, 4), np.float32),
-        np.zeros((1, 2), np.float32),
-        np.full(1, 15, np.uint8),
-        nothing,
-        nothing[:, 0],
-        nothing[:, 0],
-        0.004,
-        matt_film(LIGHTS),
-        np.array([0, SIGMA**2 / 4], np.float32),
-        1.0,
-        np.zeros(8, np.float32),
-        np.array(NO_MISFIT, np.float32),
-        {},
-        [],
-        np.ones(SENSOR, np.uint8),
-        file=file,
-        provenance=Provenance({}, None, [], {}, {}, [], []),
-    )
+        0.7 * scene[0], np.zeros(SENSOR, np.float32), PIXEL, np.ones((1, 4), np.float32),
+        np.zeros((1, 2), np.float32), np.full(1, 15, np.uint8), nothing, nothing[:, 0],
+        nothing[:, 0], 0.004, matt_film(LIGHTS), np.array([0, SIGMA**2 / 4], np.float32), 1.0,
+        np.zeros(8, np.float32), np.array(NO_MISFIT, np.float32), {}, [], np.ones(SENSOR, np.uint8),
+        file=file, provenance=Provenance({}, None, [], {}, {}, [], []),
+    )  # fmt: skip
     return file
 
 

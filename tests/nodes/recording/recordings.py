@@ -17,14 +17,10 @@ SIZE = (24, 32)
 LEDS = 4
 RATE = 30.0
 PROVENANCE = Provenance(
-    graph={"name": "toy", "title": "", "hash": "0"},
-    device=None,
+    graph={"name": "toy", "title": "", "hash": "0"}, device=None,
     nodes=[{"node": "height", "op": "height", "backend": "numpy", "once": False, "ms": 2.5}],
-    sizes={},
-    versions={"tactograph": "0"},
-    warnings=[],
-    fallbacks=[],
-)
+    sizes={}, versions={"tactograph": "0"}, warnings=[], fallbacks=[],
+)  # fmt: skip
 
 
 def make_frame(number: int, *, dtype: Any = np.uint8, began: float = 1000.0) -> RawFrame:

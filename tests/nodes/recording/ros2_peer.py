@@ -109,14 +109,9 @@ def publish(given: str) -> dict[str, Any]:
     session = Session()
     while peer.waits:
         touch = Touch(
-            **parts,
-            pixel=0.05,
-            name="000007",
-            time=time.monotonic(),
-            metrics=figures,
-            tracks=tracks,
-            pose=pose,
-        )
+            **parts, pixel=0.05, name="000007", time=time.monotonic(), metrics=figures,
+            tracks=tracks, pose=pose,
+        )  # fmt: skip
         publish_ros2(touch, namespace="pad", provenance=made, session=session)
         time.sleep(0.05)
     session.close()

@@ -48,17 +48,10 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
     session, now = Session(), time.monotonic()
     for number, warnings in enumerate(([], ["too bright"])):
         touch = Touch(
-            HEIGHT,
-            IMAGE,
-            PIXEL,
-            f"{number:06}",
-            now + number / 30,
-            shadow=SHADOW,
-            metrics={"rmse": 0.5, **FIGURES, **FORCES},
-            contact=CONTACT,
-            tracks=MarkerTracks(MARKERS, SHIFT, SEEN),
-            pose=ObjectPose(POSE, COVARIANCE),
-        )
+            HEIGHT, IMAGE, PIXEL, f"{number:06}", now + number / 30, shadow=SHADOW,
+            metrics={"rmse": 0.5, **FIGURES, **FORCES}, contact=CONTACT,
+            tracks=MarkerTracks(MARKERS, SHIFT, SEEN), pose=ObjectPose(POSE, COVARIANCE),
+        )  # fmt: skip
         write_mcap(touch, folder=tmp_path, provenance=provenance(warnings), session=session)
     session.close()
     found: dict[str, list[tuple[Any, Any, Any]]] = {}

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -32,12 +33,22 @@ MADE = Provenance(
 )  # fmt: skip
 
 
-def shown(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    run_command(["show", *words])
-    return capsys.readouterr().out
+Shown = Callable[[Path], str]
 
 
-def make_result(tmp_path: Path) -> Path:
+@pytest.fixture
+def shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Shown:
+    """What is printed of a file; pictures are drawn into a folder."""
+
+    def show(file: Path) -> str:
+        run_command(["show", str(file), "--out", str(tmp_path / "drawn")])
+        return capsys.readouterr().out
+
+    return show
+
+
+@pytest.fixture
+def result(tmp_path: Path) -> Path:
     level, image = np.zeros((8, 10), np.float32), np.ones((4, 8, 10), np.float32)
     lit = np.zeros((8, 10), np.uint8)
     touch = Touch(level, image, 0.1, shadow=lit, metrics={"contacts": 0.0})
@@ -46,11 +57,11 @@ def make_result(tmp_path: Path) -> Path:
 
 
 def test_a_calibration_shows_verdict_settings_values_and_picture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, shown: Shown
 ) -> None:
     file = tmp_path / "cal.npz"
     write_flashed(file, doubts=["LED 1 is 1.2 m away"], lights="bgr")
-    told = shown(capsys, str(file), "--out", str(tmp_path / "drawn"))
+    told = shown(file)
     assert "verdict: doubtful\n  LED 1 is 1.2 m away\n" in told
     assert "lights=bgr" in told
     assert "date: 20" in told
@@ -79,48 +90,41 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (SIGPIPE_EXIT_CODE, "")
 
 
-def test_a_lens_shows_its_numbers_and_grid(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None:
     file, image = tmp_path / "camera.npz", np.zeros((24, 32), np.float32)
     bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
     write_camera(image, bent, 0.07, 0.02, {"left_out": 3.0}, file=file, provenance=MADE)
-    told = shown(capsys, str(file), "--out", str(tmp_path))
+    told = shown(file)
     assert told.startswith(f"{file}: camera, format 1\n")
     assert "lens        0.03 0 0 0 0 0 0 0" in told
     assert "left_out  3" in told
-    assert (tmp_path / "camera.png").is_file()
+    assert (tmp_path / "drawn" / "camera.png").is_file()
 
 
-def test_a_recording_shows_how_long_and_what(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_shows_how_long_and_what(tmp_path: Path, shown: Shown) -> None:
     make_recording(tmp_path, 3)
     (file,) = tmp_path.glob("*.mcap")
-    told = shown(capsys, str(file))
+    told = shown(file)
     assert "recording, 0." in told
     assert all(f"/led{led}/image_raw  3" in told for led in range(1, LEDS + 1))
 
 
-def test_a_store_shows_what_became_of_each_capture(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:
     place = tmp_path / "out.zarr"
     job = Job("", "toy", "f00", {"lights": None}, {}, "capture", ())
     store = create_store(str(place), job, Origin({}, {}, ""), 4)
     store.append(["a", "b", "c"])
     store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
-    told = shown(capsys, str(place))
+    told = shown(place)
     assert "captures: 3, done 1, failed 1, pending 1" in told
     assert "  b: all black" in told
     assert "  1 x too bright" in told
 
 
 def test_a_result_shows_figures_warnings_and_height(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    result: Path, tmp_path: Path, shown: Shown
 ) -> None:
-    folder = make_result(tmp_path)
-    told = shown(capsys, str(folder), "--out", str(tmp_path / "drawn"))
+    told = shown(result)
     assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
     assert "contacts  0" in told
@@ -142,15 +146,13 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path, name: str) -> None
 ESCAPES = "\x1b[31mred\x07\nTrust: 1\r\u202e\ud800"
 
 
-def test_texts_of_files_cannot_command_the_terminal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_texts_of_files_cannot_command_the_terminal(tmp_path: Path, shown: Shown) -> None:
     calibration, result = tmp_path / "cal.npz", tmp_path / "result.json"
     write_flashed(calibration, doubts=[ESCAPES, "a" * 10**6], lights=ESCAPES)
     told = {"graph": {"name": ESCAPES}, "warnings": [ESCAPES], "metrics": {ESCAPES: 1.0}}
     result.write_text(json.dumps(told))
     for file in (calibration, result):
-        text = shown(capsys, str(file))
+        text = shown(file)
         assert "red" in text
         assert text.encode()
         assert not any(mark in text for mark in "\x1b\x07\r\u202e")
@@ -158,47 +160,42 @@ def test_texts_of_files_cannot_command_the_terminal(
         assert len(text) < 10**4
 
 
-def test_of_many_doubts_the_first_are_shown(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_of_many_doubts_the_first_are_shown(tmp_path: Path, shown: Shown) -> None:
     file = tmp_path / "cal.npz"
     write_flashed(file, doubts=[f"doubt {n}." for n in range(10**4)])
-    text = shown(capsys, str(file))
+    text = shown(file)
     assert "doubt 19." in text
     assert "doubt 20." not in text
     assert "… and 9980 more" in text
 
 
 def test_a_result_tells_which_files_are_not_as_they_were_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    result: Path, shown: Shown
 ) -> None:
-    folder = make_result(tmp_path)
-    assert "not as they were written" not in shown(capsys, str(folder))
-    (folder / "shadow.png").unlink()
-    (folder / "height.tiff").write_bytes(b"another")
-    told = shown(capsys, str(folder))
+    assert "not as they were written" not in shown(result)
+    (result / "shadow.png").unlink()
+    (result / "height.tiff").write_bytes(b"another")
+    told = shown(result)
     assert "not as they were written:\n  height.tiff: changed\n  shadow.png: missing\n" in told
 
 
 @pytest.mark.parametrize(
     "height", [np.full((3, 4), np.nan), np.full((3, 4), np.inf), np.zeros((0, 4))]
 )
-def test_what_is_no_height_is_not_drawn(tmp_path: Path, height: np.ndarray) -> None:
-    folder = make_result(tmp_path)
-    said = json.loads((folder / "result.json").read_text())
-    (folder / "result.json").write_text(json.dumps(said | {"checksums": {}}))
-    np.save(folder / "height.npy", height)
+def test_what_is_no_height_is_not_drawn(result: Path, tmp_path: Path, height: np.ndarray) -> None:
+    said = json.loads((result / "result.json").read_text())
+    (result / "result.json").write_text(json.dumps(said | {"checksums": {}}))
+    np.save(result / "height.npy", height)
     with pytest.raises(InputError, match=r"height\.npy"):
-        run_command(["show", str(folder), "--out", str(tmp_path / "drawn")])
+        run_command(["show", str(result), "--out", str(tmp_path / "drawn")])
     assert not [*(tmp_path / "drawn").glob("*")]
 
 
 @pytest.mark.parametrize("out", ["taken/drawn", "a" * 300])
-def test_pictures_that_cannot_be_written_are_told(tmp_path: Path, out: str) -> None:
-    folder = make_result(tmp_path)
+def test_pictures_that_cannot_be_written_are_told(result: Path, tmp_path: Path, out: str) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(WriteError, match="cannot be written"):
-        run_command(["show", str(folder), "--out", str(tmp_path / out)])
+        run_command(["show", str(result), "--out", str(tmp_path / out)])
 
 
 @pytest.mark.parametrize("name", ["none.npz", "a" * 5000])

@@ -23,15 +23,9 @@ PRESSES = (0.0, 1.5, 2.7, 4.0, 5.6)
 def sensor(rig: str = "near") -> SimulatedSensor:
     slant, distance = RIGS[rig]
     scene = Scene(
-        width_px=COLUMNS,
-        height_px=ROWS,
-        pixel_size_mm=1 / 7,
-        slant_deg=slant,
-        distance_mm=distance,
-        radius_mm=5.0,
-        depth_mm=1.5,
-        path_mm=4.0,
-    )
+        width_px=COLUMNS, height_px=ROWS, pixel_size_mm=1 / 7, slant_deg=slant,
+        distance_mm=distance, radius_mm=5.0, depth_mm=1.5, path_mm=4.0,
+    )  # fmt: skip
     return SimulatedSensor(scene, start=0.0)
 
 

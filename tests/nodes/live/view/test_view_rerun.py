@@ -39,17 +39,10 @@ def view(
         height = np.zeros(SIZE, np.float32)
         height[20:30, 20 + touch : 40] = 0.7
         shown = Touch(
-            height,
-            np.full((4, *SIZE), 0.5, np.float32),
-            0.1,
-            f"touch-{touch}",
-            time.monotonic(),
-            shadow=(height > 0).astype(np.uint8),
-            error=0.02 * height,
-            metrics={"rmse": 0.1 * touch},
-            tracks=tracks,
-            pose=pose,
-        )
+            height, np.full((4, *SIZE), 0.5, np.float32), 0.1, f"touch-{touch}", time.monotonic(),
+            shadow=(height > 0).astype(np.uint8), error=0.02 * height,
+            metrics={"rmse": 0.1 * touch}, tracks=tracks, pose=pose,
+        )  # fmt: skip
         view_rerun(shown, provenance=PROVENANCE, session=session, **{"rate_hz": 1e9, **settings})
 
 
