@@ -30,9 +30,7 @@ def test_every_step_of_an_item_is_timed_on_every_device(tactograph: Command, gra
     assert ("light", "opencl") in steps
 
 
-def test_an_item_is_timed_without_its_first_run(
-    tactograph: Command, toys: list[str], graph: str
-) -> None:
+def test_the_first_run_is_not_timed(tactograph: Command, toys: list[str], graph: str) -> None:
     tactograph("bench", graph, "count=2", "--backend", "numpy", "--repeats", "3")
     assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
 

@@ -164,9 +164,7 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_slip_in_a_graph_file_is_one_line_with_its_place(
-    tactograph: Command, write: Write
-) -> None:
+def test_a_slip_in_a_graph_is_one_line_with_its_place(tactograph: Command, write: Write) -> None:
     file = write(SLOPES.replace("op: height_slopes", "op: heigt_slopes"))
     for name in ("run", "check", "explain", "draw"):
         assert f"{file}:9:12: nodes.slope.op: no node" in one_line(tactograph(name, file))
@@ -208,9 +206,7 @@ def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
     assert _times(result) == "30.0 ms on numpy"
 
 
-def test_what_has_nothing_to_time_is_done(
-    tactograph: Command, tmp_path: Path, height_file: str
-) -> None:
+def test_what_has_no_times_is_done(tactograph: Command, tmp_path: Path, height_file: str) -> None:
     words = (f"height={height_file}", "pixel_size_mm=0.1", f"out={tmp_path / 'exported'}")
     done = tactograph("run", "export", *words)
     assert (done.code, done.err) == (0, "")
@@ -292,9 +288,7 @@ def test_a_capture_of_another_size_is_refused_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_the_users_error(
-    run_writing: Command, height_file: str
-) -> None:
+def test_an_unwritable_folder_is_the_users_error(run_writing: Command, height_file: str) -> None:
     assert "cannot be written" in one_line(run_writing("--quiet", out=f"{height_file}/out"))
 
 
@@ -354,9 +348,7 @@ def test_a_full_disk_is_told_as_such(
 
 
 @pytest.mark.parametrize("name", shipped_names())
-def test_every_shipped_graph_is_verified_explained_and_drawn(
-    tactograph: Command, name: str
-) -> None:
+def test_each_shipped_graph_is_verified_explained_and_drawn(tactograph: Command, name: str) -> None:
     checked = tactograph("check", name)
     assert checked.code == 0, checked.err
     assert "nothing wrong" in checked.out
@@ -382,9 +374,7 @@ def test_a_resolved_graph_is_plain_yaml_of_the_same_graph(
     "value", ["no", "'1e-3'", "1e-3", ".inf", "'null'", "'0x10'", "'2020-01-01'", "' x'", "'#'",
               "[1, '2', {a: null}]", "'%'", '"a\\nb"', '"\\u00e9"', "'&a'", "123456789012345678901"]
 )  # fmt: skip
-def test_resolving_keeps_every_value_as_it_was(
-    tactograph: Command, write: Write, value: str
-) -> None:
+def test_resolving_keeps_values_as_they_were(tactograph: Command, write: Write, value: str) -> None:
     file = write(SLOPES.replace("mm: 0.1", f"mm: {value}"))
     again = write(tactograph("resolve", file).out, "again.yaml")
     assert read_graph(again).nodes == read_graph(file).nodes
@@ -402,9 +392,7 @@ def test_check_lists_what_is_needed_written_and_not_used(about: Command) -> None
     assert "writes: save.folder to $out" in about("check", WRITING).out
 
 
-def test_check_does_not_blame_a_graph_for_params_that_it_inherits(
-    tactograph: Command, write: Write
-) -> None:
+def test_check_blames_no_graph_for_inherited_params(tactograph: Command, write: Write) -> None:
     """Nor for one that it declares once more, as not used there."""
     spare = "  spare: {kind: text}\n"
     text = SLOPES.replace("params:\n", f"params:\n{spare}")
@@ -469,9 +457,7 @@ def test_explain_says_why_each_step_runs_where_it_does_and_what_is_left_out(abou
     assert "cal: not run; nothing reads it" in out
 
 
-def test_explain_prints_brackets_as_they_are(
-    about: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_explain_prints_brackets_as_such(about: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
     monkeypatch.setattr(
         "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, why)

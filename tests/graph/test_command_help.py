@@ -80,9 +80,7 @@ def completed(shell: str, words: str, number: int) -> list[str]:
         ("run live --with ros2 names", 5, {"plain,namespace="}),
     ],
 )
-def test_bash_completes_graphs_params_and_values(
-    words: str, number: int, offered: set[str]
-) -> None:
+def test_bash_completes_graphs_params_values(words: str, number: int, offered: set[str]) -> None:
     assert set(completed("bash", words, number)) == offered
 
 

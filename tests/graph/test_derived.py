@@ -21,9 +21,7 @@ def first(file: str, backend: str) -> Result:
 
 
 @pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
-def test_a_size_is_another_divided_by_a_parameter_rounded_up(
-    backend: str, rows: int, left: int
-) -> None:
+def test_a_size_is_another_by_a_parameter_rounded_up(backend: str, rows: int, left: int) -> None:
     text = added(f"  thin: {{op: strips, in: {{image: light}}, with: {{rows: {rows}}}}}", "t: thin")
     assert first(graph_of(text), backend)["t"].shape == (3, left, 5)
 

@@ -44,9 +44,7 @@ def test_signatures_are_read_with_their_macros_and_attributes() -> None:
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.int64(2), np.float32(2)])
-def test_a_number_arrives_as_what_the_kernel_takes(
-    device: OpenCL, fill: Kernel, value: Any
-) -> None:
+def test_a_number_arrives_as_the_kernel_takes_it(device: OpenCL, fill: Kernel, value: Any) -> None:
     out = device.upload(np.zeros(2, np.float32))
     arguments = fill.converted([out, value, np.int64(1), 3])
     fill.enqueue(device.queue, (1,), (1,), arguments)

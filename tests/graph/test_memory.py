@@ -79,9 +79,7 @@ def test_images_of_another_size_start_afresh_and_say_so(backend: str) -> None:
         ("truth: frames.truth", "elevation: frames.truth", r"it takes: image, truth"),
     ],
 )
-def test_a_previous_value_or_an_input_that_cannot_be_is_refused(
-    old: str, new: str, message: str
-) -> None:
+def test_a_wrong_previous_value_or_input_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
         opened(graph_of(SUMMED.replace(old, new)))
 

@@ -79,9 +79,7 @@ nodes:
 """
 
 
-def test_what_is_inside_a_use_of_a_group_is_kept_too(
-    toys: list[str], about: Command, tmp_path: Path
-) -> None:
+def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_path: Path) -> None:
     words = ("run", GROUPED, f"out={tmp_path}")
     done = about(*words, "--keep", "use.one,use.light,use.two.doubled")
     assert done.code == 0, done.err

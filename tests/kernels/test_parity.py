@@ -101,9 +101,7 @@ def test_both_back_ends_agree(as_written: OpenCL, name: str, only_small: bool) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KERNEL_NODES)
-def test_both_back_ends_agree_in_every_case(
-    device: OpenCL, one_lane: OpenCL | None, name: str
-) -> None:
+def test_back_ends_agree_in_every_case(device: OpenCL, one_lane: OpenCL | None, name: str) -> None:
     """Where work-items do one element each, too: there large images hold random values alone, for
     what else they hold matters on small ones."""
     node = find_node(name)

@@ -17,9 +17,7 @@ from tests.pipelines.conftest import Image, Reconstruct, changed_rig, run
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("rig", "scale"), [("far28", 1), ("far28_vga16", 2)])
-def test_shadow_handling_on_the_papers_hard_case(
-    reconstruct: Reconstruct, rig: str, scale: int
-) -> None:
+def test_shadows_in_the_papers_hard_case(reconstruct: Reconstruct, rig: str, scale: int) -> None:
     found = reconstruct("paper", rig, "sphere")["metrics"]
     without = reconstruct("paper_no_shadow", rig, "sphere")["metrics"]
     assert found["peak_px"] == pytest.approx(70 * scale, abs=0.1)
@@ -84,9 +82,7 @@ def test_near_lights_need(reconstruct: Reconstruct, graph: str, shape: str, time
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
-def test_where_light_comes_from_needs_no_full_resolution(
-    reconstruct: Reconstruct, shape: str
-) -> None:
+def test_where_light_comes_from_needs_few_pixels(reconstruct: Reconstruct, shape: str) -> None:
     coarse, full = (reconstruct(f"reconstruct{end}", "near33", shape) for end in ("", "_full"))
     apart = np.abs(coarse["height"] - full["height"]) / RIG_PIXEL_MM["near33"]
     assert np.sqrt(np.mean(apart**2)) < 0.005
@@ -100,9 +96,7 @@ def test_larger_cells_do_for_the_rough_height(reconstruct: Reconstruct, shape: s
 
 
 @pytest.mark.slow
-def test_three_lights_are_enough(
-    raytraced: Raytraced, reconstruct: Reconstruct, tmp_path: Path
-) -> None:
+def test_three_lights_do(raytraced: Raytraced, reconstruct: Reconstruct, tmp_path: Path) -> None:
     taken = {"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]}
     run("calibrate", tmp_path / "three.npz", changes=taken, **images_of(raytraced / "near33"))
     given = {"capture": raytraced / "near33/sphere_film", "calibration": tmp_path / "three.npz"}
@@ -121,9 +115,7 @@ def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None
 @pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "paper", "paper_no_shadow"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_both_back_ends_find_the_same_height(
-    reconstruct: Reconstruct, rig: str, graph: str
-) -> None:
+def test_back_ends_find_the_same_height(reconstruct: Reconstruct, rig: str, graph: str) -> None:
     host, device = (
         reconstruct(graph, rig, "cat_film", backend=name) for name in ("numpy", "opencl")
     )
@@ -134,9 +126,7 @@ def test_both_back_ends_find_the_same_height(
     assert apart[~flipped].max() < 0.01
 
 
-def test_a_touch_leaves_every_file_of_the_contract(
-    reconstruct: Reconstruct, tmp_path: Path
-) -> None:
+def test_a_touch_leaves_all_files_of_the_contract(reconstruct: Reconstruct, tmp_path: Path) -> None:
     result = reconstruct("paper", "far28", "sphere", out=tmp_path)
     pictures = {"height.png", "shadow.png", "shadow_view.png"}
     data = {"height.npy", "height.tiff", "height.ply", "result.json"}

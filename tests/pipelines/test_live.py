@@ -93,9 +93,7 @@ def test_ctrl_c_ends_it_in_order(sensor: Path) -> None:
         ({"calibration": "nothing.npz"}, "nothing.npz"),
     ],
 )
-def test_what_is_not_there_is_told_in_one_line(
-    sensor: Path, wrong: dict[str, object], says: str
-) -> None:
+def test_what_is_missing_is_one_line(sensor: Path, wrong: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says) as error:
         run("live", **{**given(sensor), **wrong})
     assert "\n" not in str(error.value)

@@ -92,9 +92,7 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
 
 
 @pytest.mark.realtime
-def test_a_recording_gives_contacts_and_markers_as_topics_of_ros(
-    printed: Path, tmp_path: Path
-) -> None:
+def test_a_recording_gives_contacts_and_markers_as_topics(printed: Path, tmp_path: Path) -> None:
     given = {"calibration": printed, "recording": tmp_path / "frames"}
     live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": tmp_path / "live"}
     written = {"out": tmp_path / "heights", "refresh": "cycle"}

@@ -64,9 +64,7 @@ def in_daylight(image: Image) -> Image:
 
 
 @pytest.mark.slow
-def test_daylight_is_taken_off_the_flat_frame_that_keeps_its_markers(
-    sensor: Path, tmp_path: Path
-) -> None:
+def test_daylight_is_taken_off_a_flat_frame_not_its_markers(sensor: Path, tmp_path: Path) -> None:
     printed = sensor / "printed"
     capture, flat = (changed(printed / n, tmp_path / n, in_daylight) for n in ("ball", "flat"))
     known = {"ball_radius_mm": 7.0, "pixel_size_mm": PIXEL_MM}

@@ -43,9 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
-def test_heights_are_those_of_square_pixels_but_have_no_pixel_size(
-    folder: Path, graph: str
-) -> None:
+def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, graph: str) -> None:
     given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
     result = run(graph, **given, out=str(folder / graph))
     off = result["height"] - squeezed(TOUCH[None])[0]

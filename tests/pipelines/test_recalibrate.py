@@ -80,9 +80,7 @@ def test_without_a_check_press_only_the_flat_frame_is_new(gels: Path, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_calibration_is_right_for_its_own_film_and_not_for_another(
-    gels: Path, tmp_path: Path
-) -> None:
+def test_a_calibration_is_right_for_its_own_film_alone(gels: Path, tmp_path: Path) -> None:
     old, out = gels / "old" / "cal.npz", tmp_path / "check.png"
     seen = {
         gel: run("check_calibration", calibration=old, capture=gels / gel / "flat")

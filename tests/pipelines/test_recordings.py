@@ -38,9 +38,7 @@ def graph(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_replayed_stream_runs_through_a_graph_and_is_recorded_again(
-    tmp_path: Path, graph: Path
-) -> None:
+def test_a_replayed_stream_runs_through_a_graph_and_is_kept(tmp_path: Path, graph: Path) -> None:
     frames = make_recording(tmp_path / "first", 3)
     given = {"recording": tmp_path / "first", "again": tmp_path / "again"}
     with open_pipeline(str(graph), given) as pipeline:
@@ -64,9 +62,7 @@ def test_a_file_that_is_no_recording_is_one_line_and_exit_code_2(
     assert "is no MCAP file" in one_line(tactograph(*words))
 
 
-def test_a_torn_end_is_a_warning_on_the_terminal(
-    tmp_path: Path, graph: Path, tactograph: Command
-) -> None:
+def test_a_torn_end_is_a_warning(tmp_path: Path, graph: Path, tactograph: Command) -> None:
     # Of more frames than are read ahead of the first touch.
     make_recording(tmp_path / "first", 15)
     (path,) = log_files(tmp_path / "first")

@@ -83,9 +83,7 @@ def altered(calibration: Calibration, tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def test_a_lens_shows_the_even_grid_as_the_camera_sees_it(
-    truth: F4, altered: Callable[..., Path]
-) -> None:
+def test_a_lens_bends_the_even_grid(truth: F4, altered: Callable[..., Path]) -> None:
     """The height comes back on the camera's pixels, as `see_touch` gives it there."""
     bent = altered(lens=[-0.1, 0, 0, 0, 0, 0, 0, 0])
     seen = load("see_touch", calibration=bent)(height=truth)

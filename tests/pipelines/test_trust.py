@@ -182,9 +182,7 @@ def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -
         ("other light", "keep other light out"),
     ],
 )
-def test_the_cause_is_among_those_named(
-    raytraced: Raytraced, opened: Opened, what: str, cause: str
-) -> None:
+def test_the_cause_is_named(raytraced: Raytraced, opened: Opened, what: str, cause: str) -> None:
     right, another = (images(raytraced / "far28" / name) for name in ("sphere", "cat_film"))
     assert cause in verdict(opened("reconstruct", "far28"), WRONG[what](right, another))
 
@@ -277,8 +275,11 @@ def real_presses() -> list[Images]:
     return [cv2.imread(str(file)).transpose(2, 0, 1).astype(np.uint8) for file in files]
 
 
+OneShot = tuple[Pipeline, list[Images]]
+
+
 @pytest.fixture(scope="module", params=["simulated", pytest.param("real", marks=pytest.mark.slow)])
-def one_shot(request: pytest.FixtureRequest, made_once: MadeOnce) -> tuple[Pipeline, list[Images]]:
+def one_shot(request: pytest.FixtureRequest, made_once: MadeOnce) -> OneShot:
     """A one-shot sensor, simulated or real, and presses into it."""
     if request.param == "real":
         file, presses = made_once("real_mini.npz", calibrated_by_balls), real_presses()
@@ -288,23 +289,17 @@ def one_shot(request: pytest.FixtureRequest, made_once: MadeOnce) -> tuple[Pipel
     return load("gelsight_mini", calibration=str(file)), presses
 
 
-def test_right_presses_of_a_one_shot_sensor_are_trusted(
-    one_shot: tuple[Pipeline, list[Images]],
-) -> None:
+def test_right_presses_of_a_one_shot_sensor_are_trusted(one_shot: OneShot) -> None:
     pipeline, presses = one_shot
     assert [verdict(pipeline, press) for press in presses] == [""] * 6
 
 
 @pytest.mark.parametrize("what", COLOURS)
-def test_wrong_pictures_of_a_one_shot_sensor_are_told(
-    one_shot: tuple[Pipeline, list[Images]], what: str
-) -> None:
+def test_wrong_pictures_of_a_one_shot_sensor_are_told(one_shot: OneShot, what: str) -> None:
     pipeline, presses = one_shot
     assert all(verdict(pipeline, COLOURS[what](press, press)) for press in presses)
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_a_good_calibration_raises_no_warning(
-    raytraced: Raytraced, tmp_path: Path, rig: str
-) -> None:
+def test_a_good_calibration_has_no_warning(raytraced: Raytraced, tmp_path: Path, rig: str) -> None:
     assert not run("calibrate", tmp_path / "cal.npz", **images_of(raytraced / rig)).warnings

@@ -26,7 +26,7 @@ def test_a_buffer_comes_back_when_nobody_holds_it_and_not_before(pool: BufferPoo
 
 
 @given(st.lists(st.tuples(st.sampled_from([64, 100, 5000]), st.integers(0, 5)), max_size=20))
-def test_the_same_steps_get_the_same_buffers_however_they_are_returned(
+def test_same_steps_get_same_buffers_however_these_return(
     steps: list[tuple[int, int]],
 ) -> None:
     """Each step takes a buffer and returns it some steps later; so do all items of a stream."""

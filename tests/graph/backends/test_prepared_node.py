@@ -60,9 +60,7 @@ def test_other_buffers_are_taken_in_turns(device: OpenCL, counted: Counted) -> N
     assert counted.times == 4
 
 
-def test_another_array_in_the_same_buffer_is_another_launch(
-    device: OpenCL, counted: Counted
-) -> None:
+def test_another_array_in_one_buffer_is_another_launch(device: OpenCL, counted: Counted) -> None:
     """Buffers are lent to arrays that need a few bytes less, too."""
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     height = device.upload(HEIGHT)

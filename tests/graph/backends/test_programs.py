@@ -118,9 +118,7 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert [seven(device, number) for number in numbers] == [*numbers]
 
 
-def test_a_device_knows_whether_kernels_are_still_to_be_compiled(
-    folder: Path, device: OpenCL
-) -> None:
+def test_a_device_knows_whether_kernels_are_to_be_compiled(folder: Path, device: OpenCL) -> None:
     node = find_node("threshold")
     device.compile([node])
     assert not device.built

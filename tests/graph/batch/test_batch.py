@@ -211,9 +211,7 @@ def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch) -> 
     assert {*found.coords} == {"capture"}
 
 
-def test_what_runs_elsewhere_than_wanted_is_told_once(
-    batch: Batch, write: Write, no_device: None
-) -> None:
+def test_what_runs_elsewhere_is_told_once(batch: Batch, write: Write, no_device: None) -> None:
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     reason = "opencl is preferred, but no OpenCL device works"
     assert batch(graph=graph) == (0, f"fallback: lit runs on numpy: {reason}\n")
@@ -351,9 +349,7 @@ def test_what_failed_is_done_again_only_when_asked_and_never_told_as_finished(
     np.testing.assert_array_equal(lit(batch.store, 2), expected(batch.captures[2]))
 
 
-def test_images_of_another_size_fail_and_leave_the_store_as_it_was(
-    batch: Batch, tmp_path: Path
-) -> None:
+def test_images_of_another_size_fail_and_leave_the_store(batch: Batch, tmp_path: Path) -> None:
     make_capture(tmp_path / "day" / "capture_99", 99, size=(5, 5))
     code, err = batch()
     assert code == 1
@@ -417,9 +413,7 @@ def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], 
         (["--maps", "image"], r"was made with other maps \(lit\); give"),
     ],
 )
-def test_a_store_takes_no_captures_of_another_kind(
-    batch: Batch, more: list[str], what: str
-) -> None:
+def test_a_store_takes_captures_of_one_kind(batch: Batch, more: list[str], what: str) -> None:
     batch()
     assert re.search(what, refusal(batch(*more)))
 
@@ -638,9 +632,7 @@ def killer() -> Iterator[list[int]]:
     thread.join()
 
 
-def test_captures_survive_the_death_of_processes(
-    graph: str, tmp_path: Path, killer: list[int]
-) -> None:
+def test_captures_survive_dead_processes(graph: str, tmp_path: Path, killer: list[int]) -> None:
     made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
     out = str(tmp_path / "out.zarr")
     workers = Processes(2)
@@ -759,9 +751,7 @@ def test_what_is_called_done_but_is_damaged_is_done_again(batch: Batch, damage, 
     ("lost", "told"),
     [("capture", "'capture' is missing"), ("capture/c/0", "'capture' lacks 3 of 7 names")],
 )
-def test_a_store_without_the_names_of_its_captures_is_refused(
-    batch: Batch, lost: str, told: str
-) -> None:
+def test_a_store_without_names_of_captures_is_refused(batch: Batch, lost: str, told: str) -> None:
     batch()
     (batch.place / lost).rename(batch.place.with_name("lost"))
     assert f"{told}; remove it, or give another --out" in refusal(batch())
@@ -821,9 +811,7 @@ def test_a_store_that_speaks_of_endless_captures_is_refused_unread(batch: Batch)
     assert "is damaged" in refusal(batch())
 
 
-def test_results_that_were_removed_are_made_again(
-    batch: Batch, saving: str, tmp_path: Path
-) -> None:
+def test_removed_results_are_made_again(batch: Batch, saving: str, tmp_path: Path) -> None:
     place = tmp_path / "out"
     batch(graph=saving, out=place)
     removed = place / batch.captures[2].name

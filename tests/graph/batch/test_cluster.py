@@ -126,9 +126,7 @@ def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 9, bytes(99)])
-def test_another_program_at_the_address_is_no_scheduler(
-    monkeypatch: pytest.MonkeyPatch, says: bytes
-) -> None:
+def test_another_program_is_no_scheduler(monkeypatch: pytest.MonkeyPatch, says: bytes) -> None:
     def answer(server: socket.socket) -> None:
         caller, _ = server.accept()
         callers.append(caller)

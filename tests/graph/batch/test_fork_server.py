@@ -120,9 +120,7 @@ def test_ctrl_c_while_the_server_imports_is_not_the_server_s(start: Start) -> No
 
 
 @pytest.mark.parametrize("module", ["numpy", "random", "threading"])
-def test_nothing_is_imported_from_the_working_folder(
-    start: Start, tmp_path: Path, module: str
-) -> None:
+def test_no_import_is_from_the_working_folder(start: Start, tmp_path: Path, module: str) -> None:
     (tmp_path / f"{module}.py").write_text("open('ran', 'w')\n")
     assert start(FROM_HERE, tmp_path).communicate() == ("0\n", "")
     assert not (tmp_path / "ran").exists()

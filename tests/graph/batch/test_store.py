@@ -104,9 +104,7 @@ def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: A
 
 
 @pytest.mark.parametrize(("name", "text"), [("", "null"), ("status", '{"fill_value": 300}')])
-def test_descriptions_that_zarr_did_not_write_are_refused(
-    tmp_path: Path, name: str, text: str
-) -> None:
+def test_descriptions_not_by_zarr_are_refused(tmp_path: Path, name: str, text: str) -> None:
     place = tmp_path / "out.zarr"
     create_store(str(place), JOB, ORIGIN, 4)
     file = place / name / "zarr.json"

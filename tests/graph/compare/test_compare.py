@@ -95,9 +95,7 @@ def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(compared:
     assert "mean of 3 captures" in done.out
 
 
-def test_a_terminal_gets_no_escape_codes_as_text(
-    compared: Compared, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_escape_codes_come_as_text(compared: Compared, monkeypatch: pytest.MonkeyPatch) -> None:
     # With this, rich takes any output for a terminal.
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
@@ -117,7 +115,7 @@ def test_what_was_finished_is_not_run_again(compared: Compared, toys: list[str])
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
-def test_what_has_changed_is_run_again(
+def test_changes_are_run_again(
     compared: Compared, toys: list[str], write: Write, what: str
 ) -> None:
     words: list[str] = []
@@ -170,9 +168,7 @@ def test_if_every_run_fails_the_command_fails(compared: Compared) -> None:
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
-def test_a_fallback_for_one_reason_is_told_once(
-    compared: Compared, write: Write, no_device: None
-) -> None:
+def test_a_fallback_is_told_once(compared: Compared, write: Write, no_device: None) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "")
     graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
     done = compared(graphs=graphs, over=compared.captures)
@@ -183,9 +179,7 @@ def test_a_fallback_for_one_reason_is_told_once(
     assert (compared.out / "report.html").read_text().count(f"Fallback: first, second: {line}") == 1
 
 
-def test_warnings_are_counted_told_and_marked(
-    compared: Compared, tmp_path: Path, write: Write
-) -> None:
+def test_warnings_are_counted_and_marked(compared: Compared, tmp_path: Path, write: Write) -> None:
     text = GRAPH.replace("op: doubled", 'op: noticed, with: {text: "<LEDs> swapped"}')
     graphs = [write(GRAPH, "first.yaml"), write(text, "second.yaml")]
     done = compared(graphs=graphs, over=[tmp_path / "captures"])

@@ -152,9 +152,7 @@ def test_a_package_that_cannot_be_loaded_harms_only_the_graph_that_names_it(
     assert "flat_field" in listed.out
 
 
-def test_a_name_that_two_packages_use_is_an_error_that_names_both(
-    install: Install, write: Write
-) -> None:
+def test_a_name_of_two_packages_is_an_error_that_names_both(install: Install, write: Write) -> None:
     install("acme-optics", "acme_scale")
     install("other-optics", "acme_scale")
     with pytest.raises(InputError, match="in acme-optics and other-optics; uninstall one"):

@@ -26,9 +26,7 @@ from tests.graph.conftest import SLOPES, Write
         (float, "number", "number [1]"),
     ],
 )
-def test_a_port_has_dimensions_an_element_type_and_a_unit(
-    annotation: Any, kind: str, said: str
-) -> None:
+def test_a_port_has_dimensions_type_and_unit(annotation: Any, kind: str, said: str) -> None:
     port = read_port("light", annotation)
     assert (port.kind, str(port)) == (kind, said)
 

@@ -138,9 +138,7 @@ def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
 @pytest.mark.parametrize(
     "change", ["{set: pixel, with: {other: 1}}", "{backend: pixel, to: numpy}", "{neutral: pixel}"]
 )
-def test_an_error_in_what_a_patch_left_alone_is_placed_in_the_base(
-    write: Write, change: str
-) -> None:
+def test_an_error_in_what_a_patch_left_is_placed_in_the_base(write: Write, change: str) -> None:
     graph = patched(write, change)
     where = graph.nodes["pixel"].where("with.mm")
     assert "base.yaml" in where

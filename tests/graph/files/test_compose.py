@@ -147,9 +147,7 @@ def test_an_overlay_that_reads_what_is_not_there_does_not_fit(write: Write, tmp_
         ("[base.yaml, 5]", "extends[1]: text is needed, not 5"),
     ],
 )
-def test_what_cannot_be_extended_is_told_with_its_place(
-    write: Write, names: str, message: str
-) -> None:
+def test_what_cannot_be_extended_is_told_by_place(write: Write, names: str, message: str) -> None:
     said = refusal(write(f"format: 1\nextends: {names}"))
     assert re.sub(r":2:2\d: extends", ":4: extends", said).find(message) >= 0, said
 
@@ -246,9 +244,7 @@ def test_a_study_is_its_base_and_its_variants(write: Write) -> None:
         ("patch: [{set: pixel", "patch: [{set: pixle", "9:13: variants.fine.patch[0]: set: "),
     ],
 )
-def test_a_slip_in_a_study_is_told_with_its_place(
-    write: Write, old: str, new: str, message: str
-) -> None:
+def test_a_slip_in_a_study_is_told_by_place(write: Write, old: str, new: str, message: str) -> None:
     file = write(STUDY.replace(old, new, 1).replace("format: 1\n", "\nformat: 1\n"), "study.yaml")
     with pytest.raises(GraphError) as caught:
         read_graphs(file)

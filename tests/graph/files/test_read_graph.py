@@ -84,9 +84,7 @@ def test_a_file_that_is_not_there_is_an_input_error(name: str) -> None:
         ("outputs:", "patch: []\noutputs:", "patch: 'patch' needs 'extends'"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(
-    write: Write, old: str, new: str, message: str
-) -> None:
+def test_what_is_wrong_is_said_with_place(write: Write, old: str, new: str, message: str) -> None:
     assert SLOPES.count(old) >= 1
     file = write(SLOPES.replace(old, new, 1))
     said = refusal(file)
@@ -156,9 +154,7 @@ def test_a_loop_of_extends_is_named(write: Write) -> None:
 
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "nowhere", "a" * 300 + ".yaml"])
-def test_a_base_that_is_not_there_is_blamed_on_the_line_that_names_it(
-    write: Write, name: str
-) -> None:
+def test_a_missing_base_is_blamed_on_the_line_that_names_it(write: Write, name: str) -> None:
     file = write(f"format: 1\nextends: {name}")
     assert refusal(file).startswith(f"{file}:2:1: extends:")
 
@@ -215,9 +211,7 @@ def test_any_text_is_a_graph_or_an_input_error(write: Write, text: str) -> None:
 
 @patient
 @given(st.data())
-def test_a_graph_file_with_a_slip_is_a_graph_or_an_input_error(
-    write: Write, data: st.DataObject
-) -> None:
+def test_a_slip_in_a_file_is_a_graph_or_an_input_error(write: Write, data: st.DataObject) -> None:
     start = data.draw(st.integers(0, len(SLOPES)))
     length = data.draw(st.integers(0, 20))
     slip = data.draw(st.text(alphabet=":{}[],-&*!%#'\" \n\tx1", max_size=3))

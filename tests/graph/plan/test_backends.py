@@ -34,9 +34,7 @@ def without_vkfft(monkeypatch: pytest.MonkeyPatch) -> None:
     hide("pyvkfft", monkeypatch)
 
 
-def test_a_node_with_a_kernel_runs_on_the_device_that_is_preferred(
-    write: Write, device: OpenCL
-) -> None:
+def test_a_node_with_a_kernel_runs_on_the_preferred_device(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
     assert plan.placements["slope"].backend == "opencl"
     assert plan.placements["slope"].why == "preferred"
@@ -137,9 +135,7 @@ def test_a_library_that_would_not_be_used_is_not_asked_for(
     assert here.fallbacks == there.fallbacks == []
 
 
-def test_a_node_that_is_bound_stays_where_it_is_bound(
-    write: Write, device: OpenCL, backend: str
-) -> None:
+def test_a_bound_node_stays_where_it_is_bound(write: Write, device: OpenCL, backend: str) -> None:
     other = "opencl" if backend == "numpy" else "numpy"
     text = SLOPES.replace("{op: height_slopes", f"{{backend: {backend}, op: height_slopes")
     plan = planned(write(text.replace("nodes:", f"prefer: [{other}]\nnodes:", 1)), device)
@@ -155,9 +151,7 @@ def test_a_node_that_is_bound_stays_where_it_is_bound(
         ("pixel_size", "'pixel' is bound to opencl, but node 'pixel_size' has no opencl kernel"),
     ],
 )
-def test_a_node_that_is_bound_to_what_cannot_run_it_is_refused(
-    write: Write, op: str, message: str
-) -> None:
+def test_a_node_bound_to_what_cannot_run_it_is_refused(write: Write, op: str, message: str) -> None:
     with pytest.raises(GraphError) as caught:
         planned(write(SLOPES.replace(f"{{op: {op}", f"{{backend: opencl, op: {op}")), None)
     assert message in str(caught.value)

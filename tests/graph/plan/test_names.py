@@ -139,9 +139,7 @@ def test_sinks_run_unless_they_are_left_out(toys: list[str], write: Write) -> No
     assert "save" not in bound(file, sinks=False).tasks
 
 
-def test_what_reads_the_stream_is_part_of_it_and_nothing_else_is(
-    toys: list[str], write: Write
-) -> None:
+def test_what_reads_the_stream_is_part_of_it_and_no_more_is(toys: list[str], write: Write) -> None:
     tasks = bound(write(STREAM)).tasks
     assert {name for name, task in tasks.items() if task.stream} == {
         "frames", "light", "score", "save"

@@ -30,9 +30,7 @@ def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
     assert runs[:2] == ["cal", "frames"]
 
 
-def test_the_device_is_given_work_before_the_host_starts_on_its_own(
-    write: Write, device: OpenCL
-) -> None:
+def test_the_device_gets_work_before_the_host_begins_its_own(write: Write, device: OpenCL) -> None:
     """And before all what the host waits for."""
     text = STREAM.replace(
         "  score:",
@@ -63,9 +61,7 @@ def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Wri
     assert [step.name for step in planned(file, None).steps] == ["frames", "n9", "n3", "n7"]
 
 
-def test_a_value_on_the_device_is_let_go_after_its_last_reader(
-    write: Write, device: OpenCL
-) -> None:
+def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: OpenCL) -> None:
     released = {
         value: step.name for step in planned(write(STREAM), device).steps for value in step.release
     }
@@ -108,9 +104,7 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     ],
     ids=["what waits for sizes comes after what the host has to do", "most steps' need first"],
 )
-def test_neither_the_host_nor_the_device_is_idle(
-    device: OpenCL, graph: str, names: tuple[str, ...]
-) -> None:
+def test_host_and_device_are_busy(device: OpenCL, graph: str, names: tuple[str, ...]) -> None:
     steps = [step.name for step in planned(graph, device).steps]
     places = [steps.index(name) for name in names]
     assert places == sorted(places)

@@ -53,9 +53,7 @@ outputs: {three: three}
         planned(write(text))
 
 
-def test_a_fixed_size_that_a_node_does_not_take_is_refused_before_anything_runs(
-    write: Write,
-) -> None:
+def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Write) -> None:
     text = SLOPES.replace(
         "outputs: {", "  more: {op: many_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
     )

@@ -52,9 +52,7 @@ def test_what_does_not_depend_on_the_stream_goes_up_once(
     assert stream["upload frames.image"] is True
 
 
-def test_a_node_that_is_bound_elsewhere_costs_a_transfer_each_way(
-    write: Write, device: OpenCL
-) -> None:
+def test_a_node_bound_elsewhere_costs_a_transfer_each_way(write: Write, device: OpenCL) -> None:
     text = SLOPES.replace(
         "again:  {op: integrate_dct", "again:  {backend: numpy, op: integrate_dct"
     )

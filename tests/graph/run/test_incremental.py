@@ -45,9 +45,7 @@ def test_a_second_call_with_equal_arrays_computes_nothing(toys: list[str], backe
     assert second.warnings == first.warnings == ["a warning"]
 
 
-def test_a_change_computes_what_depends_on_it_and_nothing_else(
-    toys: list[str], backend: str
-) -> None:
+def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: str) -> None:
     pipeline = load(graph_of(CHAIN), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)

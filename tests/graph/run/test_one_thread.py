@@ -70,9 +70,7 @@ def test_an_item_that_fails_leaves_the_pipeline_free() -> None:
     assert pipeline(frames=STACK)["light"].max() == 1
 
 
-def test_what_runs_once_and_keeps_something_opens_it_again_with_each_stream(
-    toys: list[str],
-) -> None:
+def test_what_runs_once_and_keeps_something_opens_it_anew_with_each_stream(toys: list[str]) -> None:
     pipeline = opened(added("  once: {op: opens_once}", "once: once"))
     for _ in range(2):
         list(pipeline.items())

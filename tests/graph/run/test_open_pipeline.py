@@ -89,9 +89,7 @@ def test_changes_change_parameters_of_nodes() -> None:
         ("cal.level", "x", "--set: cal.level: a number is needed"),
     ],
 )
-def test_a_change_that_is_wrong_is_blamed_on_the_change(
-    target: str, value: Any, message: str
-) -> None:
+def test_a_wrong_change_is_blamed_on_the_change(target: str, value: Any, message: str) -> None:
     with pytest.raises(InputError) as caught:
         load(graph_of(WAITING), backend="numpy", changes={target: value})
     assert str(caught.value).startswith(message)

@@ -51,9 +51,7 @@ def test_nothing_is_being_done_while_a_source_waits(monkeypatch: pytest.MonkeyPa
     assert stages == [""]
 
 
-def test_a_step_outside_the_stream_is_counted_where_it_is_shown(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_step_off_the_stream_counts_where_it_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     still = "  still: {op: untouched_film, in: {flat: cal.flat}}"
     pipeline = opened(added(still, "still: still.height"))
     stages: list[str] = []
@@ -271,9 +269,7 @@ outputs: {pixel: found.pixel, light: found.light}
     assert [result["light"].tolist() for result in results] == [[], [2.0] * 20, [3.0] * 20]
 
 
-def test_a_steady_stream_allocates_nothing_after_its_first_item(
-    toys: list[str], device: OpenCL
-) -> None:
+def test_a_steady_stream_allocates_nothing_after_one_item(toys: list[str], device: OpenCL) -> None:
     text = STREAM.replace("with: {count: $count}", "with: {count: $count, rows: 64, columns: 80}")
     text = text.replace("{op: at_rest}", "{op: at_rest, with: {rows: 64, columns: 80}}")
     pipeline = opened(text, "opencl", count=200)
@@ -421,9 +417,7 @@ def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("op", ["flat_field", "doubled"])
-def test_integers_are_the_same_fractions_on_the_device_and_on_the_host(
-    dtype: type, op: str
-) -> None:
+def test_integers_are_the_same_fractions_on_device_and_host(dtype: type, op: str) -> None:
     text = WAITING.replace(
         "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
     )
@@ -463,9 +457,7 @@ def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item() 
     np.testing.assert_array_equal(pipeline(frames=one)["hit"], one)
 
 
-def test_a_device_without_memory_is_named_with_the_transfer(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_device_out_of_memory_is_named_with_the_transfer(monkeypatch: pytest.MonkeyPatch) -> None:
     pipeline = load(graph_of(WAITING), backend="opencl")
 
     def full(self: OpenCL, array: Any) -> Any:

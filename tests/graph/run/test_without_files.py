@@ -155,9 +155,7 @@ def test_plain_data_may_extend_what_ships() -> None:
         ({"format": 2}, "this version reads format 1, not 2"),
     ],
 )
-def test_mistakes_in_plain_data_are_told_with_the_line(
-    changes: dict[str, Any], message: str
-) -> None:
+def test_mistakes_in_plain_data_are_told_by_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(GraphError, match=message):
         load(data(**changes), nodes=[brightened])
 
@@ -187,9 +185,7 @@ def test_names_of_own_nodes_are_their_own() -> None:
         ((48, 64), r"not one image of \(48, 64\): np\.stack"),
     ],
 )
-def test_arrays_of_another_order_are_told_how_to_be_turned(
-    shape: tuple[int, ...], message: str
-) -> None:
+def test_arrays_of_another_order_are_told_how_to_turn(shape: tuple[int, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         load(data(), nodes=[brightened], backend="numpy")(frames=np.zeros(shape, np.uint8))
 

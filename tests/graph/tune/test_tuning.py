@@ -185,9 +185,7 @@ def test_a_file_that_was_saved_here_is_saved_again_unless_it_was_changed_since(
         tuning.save(file)
 
 
-def test_no_graph_is_replaced_by_one_that_extends_it(
-    opened: Open, write: Write, tmp_path: Path
-) -> None:
+def test_no_graph_is_replaced_by_its_extension(opened: Open, write: Write, tmp_path: Path) -> None:
     base = Path(write(GRAPH, "base.yaml"))
     tuning = opened("format: 1\nextends: base.yaml\n")
     tuning.set("high", "above", 5.0)

@@ -46,9 +46,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("said", NAMES)
-def test_images_of_one_name_are_the_leds_in_the_order_of_their_numbers(
-    tmp_path: Path, said: str
-) -> None:
+def test_images_of_one_name_are_the_leds_in_their_numbers_order(tmp_path: Path, said: str) -> None:
     capture, notes = read_one(write(tmp_path, NAMES[said]))
     assert np.array_equal(capture.image, IMAGES / np.float32(255))
     assert notes == [said]
@@ -272,9 +270,7 @@ LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
 
 
 @pytest.mark.parametrize("repository", LAYOUTS)
-def test_folders_of_public_repositories_are_read_as_they_are(
-    tmp_path: Path, repository: str
-) -> None:
+def test_folders_of_public_repositories_are_read_as_is(tmp_path: Path, repository: str) -> None:
     settings, names, count = LAYOUTS[repository]
     colours = RNG.integers(1, 250, (len(names), 12, 16, 3)).astype(np.uint8)
     for name, image in zip(names, colours, strict=True):

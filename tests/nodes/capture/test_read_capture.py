@@ -34,9 +34,7 @@ def read_one(folder: Path, **settings):
         *((suffix, np.uint16) for suffix in (".png", ".tiff", ".pgm")),
     ],
 )
-def test_eight_and_sixteen_bits_are_fractions_of_full_scale(
-    tmp_path: Path, suffix: str, dtype: type
-) -> None:
+def test_bits_are_fractions_of_full_scale(tmp_path: Path, suffix: str, dtype: type) -> None:
     images = IMAGES.astype(dtype) * dtype(np.iinfo(dtype).max // 255)
     capture = read_one(write(tmp_path, images, suffix))
     assert np.allclose(capture.image, IMAGES / np.float32(255), rtol=0, atol=1e-7)
@@ -239,9 +237,7 @@ def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images, whole
 
 
 @pytest.mark.parametrize(("counts", "bits"), [(250, 8), (320, 12)])
-def test_what_is_dark_for_its_container_is_told_of_bits(
-    tmp_path: Path, counts: int, bits: int
-) -> None:
+def test_what_is_dark_for_its_type_is_told_of_bits(tmp_path: Path, counts: int, bits: int) -> None:
     with pytest.raises(InputError, match=rf"too dark to measure.*say 'bits: {bits}'"):
         read_one(write(tmp_path, dark(counts, np.uint16)))
 

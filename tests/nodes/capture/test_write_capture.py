@@ -29,9 +29,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert np.array_equal(read_image(tmp_path / "a.png"), image)
 
 
-def test_a_disk_that_fills_up_leaves_no_capture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_no_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(file: Path, data: bytes) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 

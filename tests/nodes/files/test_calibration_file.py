@@ -289,9 +289,7 @@ BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}
         ("calibrate_camera", {"image": "missing", "pitch_mm": 1.0}),
     ],
 )
-def test_another_suffix_is_refused_before_anything_is_read(
-    graph: str, given: dict[str, object]
-) -> None:
+def test_another_suffix_is_refused_before_reading(graph: str, given: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r"something\.npz"):
         open_pipeline(graph, {**given, "out": "cal.yaml"})
 
@@ -311,9 +309,7 @@ def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
         ("kept", "radius", "'fit_film' as 'evidence'"),
     ],
 )
-def test_a_graph_that_names_an_earlier_input_is_told_the_new_one(
-    name: str, node: str, told: str
-) -> None:
+def test_a_graph_of_an_earlier_input_is_told_the_new_one(name: str, node: str, told: str) -> None:
     patch = [{"set": node, "in": {name: "even_pixel"}}]
     changed = read_graph({"format": 1, "title": "t", "extends": "calibrate", "patch": patch})
     with pytest.raises(GraphError, match=f"no input '{name}' any more: .*{told}"):

@@ -60,9 +60,7 @@ def recorded(folder: Path, calibration: Path, serial: str = "") -> Path:
     return folder
 
 
-def test_a_recording_is_replayed_with_its_own_sensor_alone(
-    tmp_path: Path, calibrated: Calibrated
-) -> None:
+def test_a_recording_is_replayed_with_its_sensor(tmp_path: Path, calibrated: Calibrated) -> None:
     left, right = calibrated("left"), calibrated("right")
     recording = recorded(tmp_path / "touch", left)
     assert len(list(replay(recording=recording, calibration=left, speed=0))) == 1
@@ -78,9 +76,7 @@ def test_a_recording_is_replayed_with_its_own_sensor_alone(
     assert "taken on purpose" in told[0]
 
 
-def test_sensors_of_one_name_differ_by_their_cameras(
-    tmp_path: Path, calibrated: Calibrated
-) -> None:
+def test_sensors_of_one_name_differ_by_camera(tmp_path: Path, calibrated: Calibrated) -> None:
     mini = calibrated("mini", "28F5K4RR")
     list(replay(recording=recorded(tmp_path / "a", mini, "28F5K4RR"), calibration=mini, speed=0))
     other = recorded(tmp_path / "b", mini, "28F5K4ZZ")

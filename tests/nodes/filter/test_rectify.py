@@ -33,9 +33,7 @@ def test_a_frame_that_shows_the_rectangle_already_does_not_change() -> None:
 
 
 @pytest.mark.parametrize("size_mm", [(3.0, 2.0), (0.4, 0.3)])
-def test_both_back_ends_agree_on_a_rectangle_askew(
-    device: OpenCL, size_mm: tuple[float, float]
-) -> None:
+def test_back_ends_agree_on_a_rectangle_askew(device: OpenCL, size_mm: tuple[float, float]) -> None:
     """The second reaches far beyond the rectangle: to the frame's border and the horizon."""
     width, height = size_mm
     settings = {"width_mm": width, "height_mm": height, "corners": SEEN}

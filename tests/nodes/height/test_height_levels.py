@@ -19,7 +19,7 @@ def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
 
 
 @given(st.lists(st.tuples(*[st.integers(0, ROWS * COLUMNS - 1)] * 2), max_size=60))
-def test_ties_of_a_coarser_level_join_those_between_the_same_blocks(
+def test_coarser_ties_join_those_between_the_same_blocks(
     ends: list[tuple[int, int]],
 ) -> None:
     """Level after level, as the host joins them; what lies within a block joins none."""

@@ -206,9 +206,7 @@ def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_polynomial_for_each_led_is_enough_where_film_is_at_rest(
-    scene, calibration: Path
-) -> None:
+def test_a_polynomial_for_each_led_does_where_film_is_at_rest(scene, calibration: Path) -> None:
     rest, touch = errors("reconstruct", scene, calibration)
     assert rest < 0.004
     assert touch < 0.01

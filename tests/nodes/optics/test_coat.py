@@ -18,9 +18,7 @@ def test_a_dielectric_mirrors_what_fresnel_says(index: float) -> None:
 
 @pytest.mark.parametrize("roughness", [0.1, 0.2, 0.4])
 @pytest.mark.parametrize("index", [1.3, 1.6])
-def test_a_rough_coat_lets_in_what_its_microfacets_do_on_average(
-    roughness: float, index: float
-) -> None:
+def test_a_rough_coat_lets_in_its_microfacets_average(roughness: float, index: float) -> None:
     """Facets of Beckmann's distribution, weighted by how large light sees them."""
     x, y = RNG.normal(0, roughness / np.sqrt(2), (2, 1_000_000))
     for cosine in (0.05, 0.1, 0.2, 0.4, 0.7, 1.0):

@@ -259,9 +259,7 @@ def test_a_slow_disk_costs_touches_but_no_memory(
     assert len(numbers) % LEDS == 0
 
 
-def test_the_disk_is_asked_to_keep_every_touch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_disk_has_to_keep_every_touch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept: queue.Queue[int] = queue.Queue()
     fsync = os.fsync
 

@@ -121,7 +121,7 @@ def points(cloud: Any) -> dict[str, np.ndarray]:
     return {each.name: column for each, column in zip(cloud.fields, values.T, strict=True)}
 
 
-def test_a_contact_is_a_point_with_its_figures_in_metres_and_radians(
+def test_a_contact_is_a_point_with_figures_in_metres_and_radians(
     messages: dict[str, Any],
 ) -> None:
     found = points(messages["/contacts"][0][2])

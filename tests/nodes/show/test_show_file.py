@@ -56,9 +56,7 @@ def result(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-def test_a_calibration_shows_verdict_settings_values_and_picture(
-    tmp_path: Path, shown: Shown
-) -> None:
+def test_a_calibration_shows_verdict_values_and_picture(tmp_path: Path, shown: Shown) -> None:
     file = tmp_path / "cal.npz"
     write_flashed(file, doubts=["LED 1 is 1.2 m away"], lights="bgr")
     told = shown(file)
@@ -121,9 +119,7 @@ def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown)
     assert "  1 x too bright" in told
 
 
-def test_a_result_shows_figures_warnings_and_height(
-    result: Path, tmp_path: Path, shown: Shown
-) -> None:
+def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown: Shown) -> None:
     told = shown(result)
     assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
@@ -169,9 +165,7 @@ def test_of_many_doubts_the_first_are_shown(tmp_path: Path, shown: Shown) -> Non
     assert "… and 9980 more" in text
 
 
-def test_a_result_tells_which_files_are_not_as_they_were_written(
-    result: Path, shown: Shown
-) -> None:
+def test_a_result_tells_which_files_are_not_as_written(result: Path, shown: Shown) -> None:
     assert "not as they were written" not in shown(result)
     (result / "shadow.png").unlink()
     (result / "height.tiff").write_bytes(b"another")

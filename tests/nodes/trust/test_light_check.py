@@ -162,9 +162,7 @@ def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
 
 
 @pytest.mark.parametrize(("dimmed", "is_dirt"), [(0.1, False), (0.25, True)])
-def test_dirt_on_a_one_shot_sensor_dims_less_and_needs_no_labels(
-    dimmed: float, is_dirt: bool
-) -> None:
+def test_dirt_on_a_one_shot_sensor_dims_less_without_labels(dimmed: float, is_dirt: bool) -> None:
     """Its colours are smoothed, and its map tells by how much film is darker than its slope."""
     names = "departure", "slope", "misfit", "brighter"
     what = {name: plane for name, plane in touch().items() if name in names}

@@ -44,9 +44,7 @@ def departure(light: F4, sigma: F4, slope: F4, lights: F4, **given: object) -> F
 
 @pytest.mark.parametrize("count", [3, 4, 8])
 @pytest.mark.parametrize("noise", [0.001, 0.01, 0.05])
-def test_light_of_a_known_surface_departs_by_its_noise_whatever_that_is(
-    count: int, noise: float
-) -> None:
+def test_light_of_known_shapes_departs_by_noise_whatever_that_is(count: int, noise: float) -> None:
     """Of both: the camera's noise, and the model's error that grows with the light."""
     lights, vectors = world(count)
     shown = expected_light(vectors, SLOPE)

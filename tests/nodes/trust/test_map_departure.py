@@ -44,9 +44,7 @@ def lit(count: int, noise: float = 0.0) -> F4:
 
 @pytest.mark.parametrize("count", [3, 4])
 @pytest.mark.parametrize("noise", [0.008, 0.03])
-def test_light_of_a_known_surface_departs_by_the_calibrations_misfit(
-    count: int, noise: float
-) -> None:
+def test_light_of_known_shapes_departs_by_the_calibrations_misfit(count: int, noise: float) -> None:
     assert departure(lit(count, noise), noise).mean() == pytest.approx(1, abs=0.1)
 
 

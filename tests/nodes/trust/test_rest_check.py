@@ -58,9 +58,7 @@ def test_leds_that_faded_a_little_pass(found: bool) -> None:
 
 @pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
 @pytest.mark.parametrize(("level", "sense"), [(0.88, "darker"), (1.14, "brighter")])
-def test_an_led_that_changed_by_more_than_a_tenth_is_named(
-    found: bool, level: float, sense: str
-) -> None:
+def test_an_led_changed_by_over_a_tenth_is_named(found: bool, level: float, sense: str) -> None:
     levels = (1.0, 1.0, level, 1.0)
     check = told(scaled(pressed(), *levels), drifted(*levels) if found else None)
     assert check.figure > 1

@@ -153,9 +153,7 @@ def test_infinite_heights_and_nothing_known_are_refused(
 
 
 @pytest.mark.parametrize("graph", ["export", "texture"])
-def test_export_and_texture_take_a_height_that_is_unknown_in_parts(
-    tmp_path: Path, graph: str
-) -> None:
+def test_export_and_texture_take_a_height_unknown_in_parts(tmp_path: Path, graph: str) -> None:
     np.save(tmp_path / "height.npy", partly_known())
     more = {"out": tmp_path / "out", "formats": "stl,png"} if graph == "export" else {}
     given = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL, **more}
@@ -208,9 +206,7 @@ def test_touches_of_a_stream_go_into_folders_of_their_names(tmp_path: Path) -> N
         elements=st.floats(-1, 5, width=32),
     )
 )
-def test_any_height_map_survives_a_tmd(
-    tmp_path_factory: pytest.TempPathFactory, height: F4
-) -> None:
+def test_any_height_survives_a_tmd(tmp_path_factory: pytest.TempPathFactory, height: F4) -> None:
     file = tmp_path_factory.mktemp("tmd") / "height.tmd"
     write_tmd(file, height, PIXEL)
     np.testing.assert_array_equal(read_tmd(file).height, height)
@@ -252,9 +248,7 @@ def png_that_says(file: Path, **words: str) -> Path:
 
 @pytest.mark.parametrize("number", NO_NUMBERS)
 @pytest.mark.parametrize("name", ["step", "offset"])
-def test_a_scale_that_is_no_number_of_mm_gives_no_height(
-    tmp_path: Path, name: str, number: str
-) -> None:
+def test_a_scale_that_is_no_number_gives_no_height(tmp_path: Path, name: str, number: str) -> None:
     file = png_that_says(tmp_path / "height.png", **{name: number})
     with pytest.raises(InputError, match=r"height\.png: (holds|cannot be decoded)"):
         read_height(file=file)

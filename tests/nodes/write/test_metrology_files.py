@@ -67,9 +67,7 @@ def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
 
 @pytest.mark.parametrize("end", [0, 60, -1])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_file_cut_short_is_refused_in_one_line(
-    tmp_path: Path, height: F4, kind: str, end: int
-) -> None:
+def test_a_file_cut_short_is_one_line(tmp_path: Path, height: F4, kind: str, end: int) -> None:
     export_height(height, PIXEL, folder=tmp_path, formats=(kind,))
     file = tmp_path / f"height.{kind}"
     file.write_bytes(file.read_bytes()[:end])

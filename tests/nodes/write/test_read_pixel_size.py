@@ -32,9 +32,7 @@ def stored(folder: Path, suffix: str, result: object = None) -> Path:
 
 
 @pytest.mark.parametrize("suffix", ["tiff", "png", "tmd", "sur"])
-def test_a_format_that_states_the_pixel_size_needs_nothing_else(
-    tmp_path: Path, suffix: str
-) -> None:
+def test_a_format_that_states_the_pixel_size_needs_no_more(tmp_path: Path, suffix: str) -> None:
     file = stored(tmp_path, suffix, {"pixel_size_mm": 0.07})
     assert read_pixel_size(height=file) == pytest.approx(PIXEL)
 

@@ -48,9 +48,7 @@ def producer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         harvester.reset()
 
 
-def test_cameras_are_listed_with_serial_number_and_formats(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_cameras_are_listed_with_serial_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert [each.device for each in genicam_cameras()] == [RED, GREEN, "genicam:2"]
     list_cameras()
     told = capsys.readouterr().out

@@ -46,9 +46,7 @@ def test_frames_have_the_kernels_time_and_number(driver: Driver) -> None:
     assert not driver.streaming
 
 
-def test_of_the_formats_that_there_are_the_best_is_taken_or_the_one_asked_for(
-    driver: Driver,
-) -> None:
+def test_of_the_formats_the_best_is_taken_or_the_one_asked_for(driver: Driver) -> None:
     LinuxCapture(driver.node, colour=True).grab()
     assert driver.format == "MJPG"
     driver.frames.clear()

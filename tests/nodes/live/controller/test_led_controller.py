@@ -125,18 +125,14 @@ def test_without_a_controller_the_ports_are_listed(monkeypatch: pytest.MonkeyPat
     assert "/dev/ttyUSB9 (Mouse)" in said
 
 
-def test_a_port_that_is_not_there(
-    monkeypatch: pytest.MonkeyPatch, board: SimulatedController
-) -> None:
+def test_a_missing_port(monkeypatch: pytest.MonkeyPatch, board: SimulatedController) -> None:
     on_usb(monkeypatch, board)
     said = refusal("/dev/ttyACM77")
     assert "no such port" in said
     assert f"there is a controller at {board.port}" in said
 
 
-def test_a_port_taken_by_another_program_is_named_with_the_program(
-    board: SimulatedController,
-) -> None:
+def test_a_port_that_is_taken_is_named_with_the_program(board: SimulatedController) -> None:
     hold = (
         "import fcntl, os, sys, time; f = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY);"
         "fcntl.flock(f, fcntl.LOCK_EX); print('held', flush=True); sys.stdin.read()"
@@ -154,9 +150,7 @@ def test_a_port_taken_by_another_program_is_named_with_the_program(
         pass
 
 
-def test_two_hosts_cannot_have_one_controller(
-    board: SimulatedController, controller: LedController
-) -> None:
+def test_no_two_hosts_have_one_board(board: SimulatedController, controller: LedController) -> None:
     assert "taken by another program" in refusal(board.port)
 
 

@@ -91,9 +91,7 @@ def test_a_film_that_is_never_pressed_ends_in_a_line_that_says_what_to_do(tmp_pa
         next(touches)
 
 
-def test_a_wrong_ball_is_told_and_not_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wrong_ball_is_told_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(line: str) -> None:
         if line.endswith("press again."):
             raise KeyboardInterrupt(line)

@@ -59,9 +59,7 @@ def in_turn(cycles: int) -> list[Verdict]:
     return [Verdict(led) for led in CYCLE * cycles]
 
 
-def test_what_is_to_be_expected_until_the_phase_is_found_is_one_line(
-    stream: Stream, said: Said
-) -> None:
+def test_what_to_expect_until_the_phase_is_found_is_one_line(stream: Stream, said: Said) -> None:
     assert said(MIXED, MIXED, MIXED._replace(about=3), DIM, MIXED) == [SEARCH_MESSAGE]
     assert stream.state.faults == {"mixed": 4, "brightness": 1}
     assert said(*in_turn(CLEAN_CYCLES)) == []
