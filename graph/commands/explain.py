@@ -122,8 +122,8 @@ def _when(step: Step, task: Task | None, kept: Mapping[str, bool]) -> str:
     """Occasion of a step's run, and whether an earlier result stands for it."""
     from tactograph.graph.cache.store import has_stored
 
-    if task is not None and task.conditions:
-        return f"if {' and '.join(map(str, task.conditions))}"
+    if step.conditions:
+        return f"if {' and '.join(map(str, step.conditions))}"
     if step.stream:
         return "every item"
     if step.name in kept:

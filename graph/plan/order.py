@@ -13,16 +13,17 @@ from tactograph.graph.plan.plan import Step
 def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
-    The device's steps come before the host's own, and before steps whose sizes depend on the data,
-    so that both sides work.  Among them, those with the most transfers ahead come first, then those
-    with the most steps of the host, which needs them soonest: the device does the others meanwhile.
+    Steps that the device's wait for come before the host's last ones, those with the most
+    downloads ahead first, then those with the most steps of the host, which needs them soonest: the
+    device does the others meanwhile.  Of equal ones the device's come before the host's, and before
+    steps whose sizes depend on the data, so that both sides work.
     Sinks come last within the limits of the edges, so that nothing is written if a later
     computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
     ahead = _ways_ahead(dag)
 
-    def rank(name: str) -> tuple[bool, int, bool, int, int, int, int, str]:
+    def rank(name: str) -> tuple[bool, int, bool, int, int, bool, int, int, str]:
         step: Step = dag.nodes[name]["step"]
         task = draft.tasks.get(name)
         group = 1
@@ -30,23 +31,27 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
             group = 0
         elif task is not None and task.node.sink:
             group = 2
-        transfers, of_host, steps = ahead[name]
+        downloads, of_host, steps = ahead[name]
         place = file_order.get(name, len(file_order))
-        waits = task is not None and task.node.finds_sizes
-        late = not step.on_device or waits
-        return step.stream, group, late, -transfers, -of_host, -steps, place, name
+        waits = not step.on_device or (task is not None and task.node.finds_sizes)
+        last = waits and not downloads
+        return step.stream, group, last, -downloads, -of_host, waits, -steps, place, name
 
     names = list(nx.lexicographical_topological_sort(dag, key=rank))
     return _with_releases([dag.nodes[name]["step"] for name in names], draft)
 
 
 def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int, int]]:
-    """The most transfers, then steps of the host, then steps on any way from each to the end."""
+    """The most downloads, then steps of the host behind it, then steps from each to the end."""
     ahead: dict[str, tuple[int, int, int]] = {}
     for name in reversed(list(nx.topological_sort(dag))):
-        step: Step = dag.nodes[name]["step"]
-        most = max((ahead[after] for after in dag.successors(name)), default=(0, 0, 0))
-        ahead[name] = most[0] + step.is_transfer, most[1] + (not step.on_device), most[2] + 1
+        behind = [(*ahead[each], dag.nodes[each]["step"]) for each in dag.successors(name)]
+        downloads, of_host, steps = max(
+            ((moves, hosts + (not step.on_device), steps) for moves, hosts, steps, step in behind),
+            default=(0, 0, 0),
+        )
+        is_download = dag.nodes[name]["step"].kind == "download"
+        ahead[name] = downloads + is_download, of_host, steps + 1
     return ahead
 
 

@@ -35,7 +35,11 @@ class Placement:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the plan: a node, a constant, or a transfer."""
+    """A step of the plan: a node, a constant, or a transfer.
+
+    It rests where one of its `conditions` does not hold: those of a node, or of all readers of
+    what is transferred.
+    """
 
     kind: Literal["run", "fill", "upload", "download"]
     name: str
@@ -44,6 +48,7 @@ class Step:
     writes: tuple[Value, ...]
     stream: bool
     why: str = ""
+    conditions: tuple[Value, ...] = ()
     release: tuple[Value, ...] = ()
 
     @property

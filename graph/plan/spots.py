@@ -22,9 +22,9 @@ def put_out(plan: Plan, value: Value) -> Spot:
 
 def read_by(plan: Plan, step: Step) -> list[Spot]:
     """The spots of this item that a step reads."""
+    conditions = [Spot(value, "host") for value in step.conditions]
     if step.is_transfer:
-        return [Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
-    conditions = [Spot(value, "host") for value in plan.tasks[step.name].conditions]
+        return [*conditions, Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
     if step.kind == "fill":
         return conditions
     ports = plan.tasks[step.name].node.inputs

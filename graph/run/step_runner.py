@@ -10,6 +10,7 @@ from tactograph.graph.errors import DeviceError, InputError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
+from tactograph.graph.plan.spots import written_by
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
 from tactograph.graph.run.make_provenance import make_provenance
@@ -76,15 +77,15 @@ class StepRunner:
         `given` holds what the stream's source yielded, by node.
         """
         self.stage = step.name
+        if not all(map(self.host.holds, step.conditions)):
+            self._leave_out(step)
+            return known
         if step.is_transfer:
             assert self.device is not None
             self.times[step.name] = 0.0  # what is absent is not moved
             self.device.transfer(step)
             return known
         task = self.plan.tasks[step.name]
-        if not all(map(self.host.holds, task.conditions)):
-            self._leave_out(step)
-            return known
         sized = self._around(task, known)
         if step.kind == "fill":
             shapes = self._fill(task, step, sized)
@@ -101,8 +102,8 @@ class StepRunner:
         """Let the outputs of a step be absent from this item."""
         self._sized.pop(step.name, None)
         self.times[step.name] = 0.0
-        for value in step.writes:
-            side = self.device if step.on_device and self.device is not None else self.host
+        for value, name in written_by(step):
+            side = self.device if name == "device" and self.device is not None else self.host
             side.put(value, None)
 
     def release(self, step: Step) -> None:
