@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.abc import InspectLoader
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from importlib.util import resolve_name
 from modulefinder import ModuleFinder
 from pathlib import Path
@@ -160,11 +159,12 @@ def _spec(name: str) -> ModuleSpec | None:
 def _imports(module: str, changed: int) -> list[str]:
     """The full names of what a module's bytecode imports: modules, or objects in them."""
     spec, names = _spec(module), dict[str, None]()
-    if spec is None or not isinstance(spec.loader, InspectLoader):
+    if spec is None or not spec.origin or not spec.origin.endswith(".py"):
         return []
     package = module if spec.submodule_search_locations is not None else module.rpartition(".")[0]
     with suppress(SyntaxError, ValueError, ImportError):  # the node itself tells
-        codes = [spec.loader.get_code(module)]
+        # Not by its own loader: that of pytest has no code to give.
+        codes = [SourceFileLoader(module, spec.origin).get_code(module)]
         for code in filter(None, codes):  # a list that grows by the functions and classes in each
             codes += [each for each in code.co_consts if isinstance(each, CodeType)]
             for kind, found in _IMPORT_FINDER.scan_opcodes(code):
