@@ -8,6 +8,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.files.flat_graph import Entry, Graph
+from tactograph.graph.files.groups import uses_of
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.variant import changes_between, write_variant
 
@@ -45,9 +46,8 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
 
 def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
     base = read_graph("reconstruct")
-    passes = [f"pass_{number}" for number in range(1, 5)]
     graph = base
-    for name in passes:
+    for name in uses_of(base, "pass"):
         settings = {**base.nodes[f"{name}.label"].settings, "dark": 0}
         graph = changed(graph, f"{name}.label", settings=settings)
     graph = changed(graph, "pass_2.bounce", neutral=True)
