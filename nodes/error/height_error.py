@@ -109,7 +109,7 @@ def height_error(
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
-    kink: Annotated[float, Ge(0)] = 0.3,
+    kink: Annotated[float, Ge(0)] = 0.2,
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
