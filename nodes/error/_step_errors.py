@@ -1,6 +1,6 @@
 """The errors of the steps from pixel to pixel, and of edges that no pixel resolves.
 
-``kernels/error/height_error.cl`` holds the same (err_steps, err_kinks, bends).
+``kernels/error/height_error.cl`` holds the same (err_steps, err_kinks, deviation).
 """
 
 import math
@@ -53,13 +53,9 @@ def random_steps(slopes: F4, turn: Steps, keys: Keys, pixel: float, aperture: fl
 
 def kinks(steps: Steps, turn: Steps, kink: float, pixel: float) -> Steps:
     """Return the lack of steps where slopes change within a pixel: all are too small, uphill."""
-    right, down = (_lacking(*each, kink, pixel) for each in zip(steps, turn, strict=True))
-    return right, down
-
-
-def _lacking(step: F4, turn: F4, kink: float, pixel: float) -> F4:
-    bend = np.minimum(turn / np.float32(pixel), RESOLVED_BEND)
-    return np.asarray(np.float32(kink * pixel) * (bend * bend * bend) * np.sign(step), np.float32)
+    right, down = (np.minimum(each / np.float32(pixel), RESOLVED_BEND) ** 3 for each in turn)
+    lack = np.float32(kink * pixel)
+    return lack * right * np.sign(steps[0]), lack * down * np.sign(steps[1])
 
 
 def common_rise(blur: float | None, pixel: float) -> np.float32:
