@@ -323,11 +323,14 @@ LANED __kernel void err_steps(
 
 __kernel void err_rises(
     __global float *restrict rise, __global const float *restrict want_rise,
-    __global const float *restrict z, __global const int *restrict tie_ends, const int ties,
-    const int to, const float error, const float common, const float share, const uint key)
+    __global const float *restrict z, __global const int *restrict tie_ends,
+    __global const float *restrict diffuse, const int K, const int ties, const int to,
+    const float error, const float common, const float share, const uint key)
 {
     GRID_1(t, ties)
-    const float apart = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
+    float apart = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
+    for (int k = 0; k < K; ++k)
+        if (diffuse[k] > 0.0f) apart = 0.0f;
     rise[to * ties + t] = error > 0.0f ? common + share * apart + error * drawn(t, key) : 0.0f;
 }
 

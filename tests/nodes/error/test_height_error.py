@@ -37,6 +37,7 @@ def stated_error(
     others: F4 | None = None,
     system: HeightSystem | None = None,
     refraction: float = 1.0,
+    diffuse: float = 0.0,
     **given: Any,
 ) -> F4:
     """The error that is stated of a height whose slopes four LEDs of this noise have told."""
@@ -45,6 +46,7 @@ def stated_error(
         others=exact(lights) if others is None else others,
         uneven=UNEVEN,
         refraction=refraction,
+        diffuse=np.full(4, diffuse, np.float32),
     )
     system = system or equations(slope, 1e-4, at_rest(z))
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
@@ -189,11 +191,11 @@ def test_what_shadows_say_otherwise_is_an_error_of_all_that_a_rim_carries() -> N
     top, foot = (pixels[rows, 20:36].ravel() for rows in ([12, 27], [10, 29]))
     rises = ShadowRises(top, foot, np.ones(32, np.float32), np.ones(32, np.uint8))
     system = equations(slope, 1e-4, at_rest(z), rises)
-    agreed, apart = (
-        stated_error(z, slope, 1e-6, system=system._replace(rise=system.rise + np.float32(off)))
-        for off in (0.0, 0.1)
-    )
-    assert apart[TOP].min() > 1.5 * agreed[TOP].max()
+    longer = system._replace(rise=system.rise + np.float32(0.1))
+    agreed, apart = (stated_error(z, slope, 1e-6, system=each)[TOP] for each in (system, longer))
+    assert apart.min() > 1.5 * agreed.max()
+    diffused = stated_error(z, slope, 1e-6, system=longer, diffuse=0.4)[TOP]
+    assert diffused.max() < 1.1 * agreed.max()
 
 
 def test_noise_does_to_the_height_what_the_error_says() -> None:
