@@ -29,7 +29,7 @@ class Record:
     """The kernels that a launch enqueued, and the scratch buffers that it took."""
 
     def __init__(self) -> None:
-        self.kernels: list[Callable[[], cl.Event]] = []
+        self.kernels: list[Callable[[], cl.Event | None]] = []
         self.scratch: list[DeviceArray] = []
 
 
@@ -71,13 +71,9 @@ class Launch:
         marker on a single core.
         """
         if not self._events:
-            self.mark()
+            self.repeats = False
+            self._events.append(cl.enqueue_marker(self._device.queue))
         return self._events[0], self._events[-1]
-
-    def mark(self) -> None:
-        """End the timing here, for a library's kernels, which leave no event."""
-        self.repeats = False
-        self._events.append(cl.enqueue_marker(self._device.queue))
 
     @property
     def lanes(self) -> int:
@@ -229,17 +225,23 @@ class Launch:
 
         return arrived
 
-    def as_array(self, source: DeviceArray) -> pyopencl.array.Array:
-        """View a device array as pyopencl's own array class, for a library that takes it.
+    def library(self, enqueue: Callable[[Any], object], array: DeviceArray, *, last: bool) -> None:
+        """Enqueue a library's kernels over an array of pyopencl's own class.
 
-        The library's kernels cannot be repeated.
+        They leave no event; the `last` operation of a launch is followed by a marker.
         """
-        self.repeats = False
-        array: Any = pyopencl.array.Array(
-            self._device.queue, source.shape, source.dtype, data=source.buffer
-        )
-        array.memory = source.memory  # which stays on loan as long as the array is held
-        return array  # type: ignore[no-any-return]
+        queue = self._device.queue
+        view = pyopencl.array.Array(queue, array.shape, array.dtype, data=array.buffer)
+
+        def launch() -> cl.Event | None:
+            enqueue(view)
+            return cl.enqueue_marker(queue) if last else None
+
+        if self._record is not None:
+            self._record.kernels.append(launch)
+        event = launch()
+        if event is not None:
+            self._events.append(event)
 
     def found(self, symbol: str, size: int) -> None:
         """Set a size that depends on the data, and make the outputs that have it.

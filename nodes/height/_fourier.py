@@ -23,10 +23,10 @@ class _Vkfft:
         self._app = VkFFTApp(shape, dtype, queue=run.queue, ndim=2, dct=dct, norm=1, inplace=True)
 
     def forward(self, run: Launch, field: DeviceArray) -> None:
-        self._app.fft(run.as_array(field))
+        run.library(self._app.fft, field, last=False)
 
     def inverse(self, run: Launch, field: DeviceArray) -> None:
-        self._app.ifft(run.as_array(field))
+        run.library(self._app.ifft, field, last=True)
 
 
 class _OnePixel:

@@ -29,6 +29,8 @@ ONE_GROUP_PIXELS = 20480
 CPU that is one core: it finishes before two cores would have started.  A GPU would wait for the
 host, which takes 15 us for each launch."""
 SUM_PARTS = 1024
+STARTS_PER_ITEM = 32
+"""Beginnings of knots that a work-item finds."""
 
 
 @dataclass
@@ -166,7 +168,8 @@ class HeightNetworks:
         marks, starts = run.scratch((runs,), np.uint8), run.scratch((runs + 1,), np.int32)
         self.knot_tie, stiffness = run.put(levels.knot_tie), run.scratch(levels.knot_tie.shape)
         own, other = run.put(levels.knot_own), run.put(levels.knot_other)
-        run.kernel("find_knots", (runs + 1,), own, starts, runs + 1, *own.shape)
+        items = -(-starts.shape[0] // STARTS_PER_ITEM)
+        run.kernel("find_knots", (items,), own, starts, *starts.shape, *own.shape)
         self._knots = marks, starts, own, other, stiffness
 
     @property

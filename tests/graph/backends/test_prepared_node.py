@@ -86,10 +86,13 @@ def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> N
             lambda run: run.begin_download(run.inputs["height"])(), 5, id="begin_download"
         ),
         pytest.param(lambda run: run.put(np.zeros(3, np.float32)), 5, id="put"),
-        pytest.param(lambda run: run.as_array(run.inputs["height"]), 5, id="as_array"),
         pytest.param(lambda run: run.queue, 5, id="queue"),
-        pytest.param(lambda run: run.mark(), 5, id="mark"),
         pytest.param(lambda run: run.capture(lambda: None), 5, id="capture"),
+        pytest.param(
+            lambda run: run.library(lambda array: None, run.inputs["height"], last=True),
+            2,
+            id="but not a library",
+        ),
         pytest.param(
             lambda run: run.keep(__name__, lambda: run.upload(np.zeros(3, np.float32))),
             2,
