@@ -13,8 +13,9 @@ The real sensor (GelSight bench sensor, six LEDs, grids of steel balls; gelsight
 is calibrated with the first scan and measured on the second, or `--exchanged`, at full resolution
 or, by `--scale`, at a part of it; of a graph that states an error the share of it that holds is
 printed.  Each rig is calibrated with both ball presses, the grid on its film and the height of its
-pupil, if it has one.  With `--mosaic` its camera has the colour of the LEDs in every second pixel of every second row;
-with `--blur` a lens spreads every point by a Gaussian, and the noise is as it was.
+pupil, if it has one.  With `--mosaic` its camera has the colour of the LEDs in every second pixel
+of every second row; with `--blur` a lens spreads every point by a Gaussian, and the noise is as it
+was.
 Long because one scan is judged in one way, as heights and, with `--rendered`, as images.
 """
 
