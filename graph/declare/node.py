@@ -53,13 +53,15 @@ class SizeRule:
 
     of: str
     by: str
-    rule: Callable[..., int] = lambda size, by: -(-size // int(by))
+    rule: Callable[..., int] | None = None
 
     def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
+        if self.rule is None:
+            return -(-sizes[self.of] // int(settings[self.by]))
         return self.rule(*(sizes[symbol] for symbol in self.of.split()), settings[self.by])
 
     def __str__(self) -> str:
-        return f"{self.of}, {self.by}"
+        return f"{self.of}{', ' if self.rule else ' / '}{self.by}"
 
 
 Parts = SizeRule
