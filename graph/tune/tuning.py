@@ -156,10 +156,11 @@ class Tuning:
 
     def go(self, steps: int) -> None:
         """Go to the next capture or item, or, among captures, to one before."""
-        if self.captures:
-            self._ask(capture=(self.asked.capture + steps) % len(self.captures))
-        elif steps > 0:
-            self._ask(item=self.asked.item + 1)
+        with self._changed:  # a stream that plays goes on meanwhile
+            if self.captures:
+                self._ask(capture=(self.asked.capture + steps) % len(self.captures))
+            elif steps > 0:
+                self._ask(item=self.asked.item + 1)
 
     def play(self, on: bool) -> None:
         """Run a stream, or pause it."""

@@ -12,6 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Ge, Gt, Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import Entries, parse_yaml
@@ -66,11 +67,13 @@ class _Mark(_Entries):
     r: float
 
 
-def _balls(marks: Any) -> Any:
-    """The balls among the marks of a scan."""
-    if not isinstance(marks, list):
-        return marks or []
-    return [each for each in marks if isinstance(each, dict) and each.get("type") == "GridCircle"]
+def _ball(mark: Any) -> Any:
+    """A mark of a scan, None if it is of another kind."""
+    return mark if isinstance(mark, dict) and mark.get("type") == "GridCircle" else None
+
+
+def _no_scan(_: Any) -> None:
+    raise PydanticCustomError("scan", "is a scan; give its folder, or the model that it names")
 
 
 class _Target(_Entries):
@@ -80,12 +83,16 @@ class _Target(_Entries):
 class _ScanFile(_Entries):
     images: Annotated[list[str], Len(1)]
     crop: list[float] = []
-    mmperpixel: Annotated[PixelSide | None, BeforeValidator(lambda size: size or None)] = None
+    mmperpixel: Annotated[
+        PixelSide | None, BeforeValidator(lambda size: None if size == 0 else size)
+    ] = None
     calibradius: BallRadius | None = None
     target: Annotated[
         _Target | None, BeforeValidator(lambda said: said if isinstance(said, dict) else None)
     ] = None
-    annotations: Annotated[list[_Mark], BeforeValidator(_balls)] = []
+    annotations: Annotated[
+        list[Annotated[_Mark | None, BeforeValidator(_ball)]], BeforeValidator(lambda a: a or [])
+    ] = []
     calib: Any = None
 
 
@@ -101,13 +108,13 @@ class FlatField(_Entries):
     """Flat frames of all LEDs in one image, three tiles a row, and the scale of each."""
 
     image: str = Field(alias="modelfile")
-    scale: list[Annotated[float, Gt(0)]]
+    scale: Annotated[list[Annotated[float, Gt(0)]], Len(1)]
 
 
 class LightModelFile(_Entries):
     """The light of K LEDs as functions of normal and position."""
 
-    images: Any = None
+    images: Annotated[None, BeforeValidator(_no_scan)] = None
     leds: LedCount = Field(alias="nL")
     width: Annotated[int, Ge(1)]
     height: Annotated[int, Ge(1)]
@@ -116,7 +123,7 @@ class LightModelFile(_Entries):
     """R x K m: m is 3, or 4 with a scale."""
     quadratic: Matrix = Field(alias="quadfit")
     """R x K m: m is 10, or 11 with a scale."""
-    black: list[Annotated[float, Interval(ge=0, lt=1)]] = []
+    black: Annotated[list[Annotated[float, Interval(ge=0, lt=1)]], Len(1)] = []
     """Light in the shadow of each LED."""
     flat: FlatField | None = Field(None, alias="flatfield")
 
@@ -153,7 +160,7 @@ def read_scan(folder: Path) -> Scan:
         [folder / name for name in said.images],
         said.mmperpixel or 0.0,
         PureWindowsPath(str(said.calib or "")).name,
-        [Circle(int(each.gx), int(each.gy), each.x, each.y, each.r) for each in said.annotations],
+        [Circle(int(m.gx), int(m.gy), m.x, m.y, m.r) for m in said.annotations if m],
         of_target if said.calibradius is None else said.calibradius,
     )
 
@@ -185,8 +192,6 @@ def read_light_model_file(file: Path) -> LightModelFile:
         If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
     """
     said = _read(file, LightModelFile)
-    if said.images is not None:
-        raise InputError(f"{file}: is a scan; give its folder, or the light model that it names")
     if said.width * said.height > MAX_PIXELS:
         raise InputError(f"{file}: {said.width} x {said.height} px are no frame of a camera")
     for name, values in (("black", said.black), ("scale", said.flat.scale if said.flat else [])):

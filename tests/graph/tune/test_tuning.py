@@ -1,6 +1,7 @@
 """The state behind the page: the latest change wins, a bad one changes nothing."""
 
 import os
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -131,6 +132,16 @@ def test_a_stream_goes_on_and_ends(tuning: Tuning) -> None:
         assert tuning.settled().result["light"][0, 0, 0] == level
         tuning.go(1)
     assert "its stream has ended" in tuning.settled().error
+
+
+def test_a_step_forward_counts_from_where_a_playing_stream_is(tuning: Tuning) -> None:
+    step = threading.Thread(target=tuning.go, args=(1,))
+    with tuning._changed:
+        step.start()
+        step.join(0.2)
+        tuning.go(1)
+    step.join()
+    assert tuning.asked.item == 2
 
 
 def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:

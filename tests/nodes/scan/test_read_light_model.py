@@ -63,7 +63,7 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("nL: 6", "images: []\nnL: 6", "is a scan; give its folder, or the light model"),
+        ("nL: 6", "images: []", "images: is a scan; give its folder, or the model"),
         ("nL: 6", "nL: 2", "nL: input should be greater than or equal to 3"),
         ("    cols: 18", "    cols: 17", "linfit: 54 values in 3 rows of 17"),
         ("    rows: 3", "    rows: 4", "has 4 rows; known are 1, 3, 6, 10, 15"),
@@ -73,6 +73,8 @@ def test_the_one_image_of_a_scan_is_in_colour(tmp_path: Path) -> None:
         ("width: 96", "width: 96.5", "width: input should be a valid integer"),
         ("width: 96", "width: 1000000", "1000000 x 64 px are no frame of a camera"),
         ("black: [0.06", "black: [9", "black\\[0\\]: input should be less than 1"),
+        ("scale: ", "scale: []\n    x: ", "flatfield.scale: list should have at least 1 item"),
+        ("black: ", "black: []\nx: ", "black: list should have at least 1 item"),
         ("scale: [0.4", "scale: [0", "flatfield.scale\\[0\\]: input should be greater than 0"),
     ],
 )
@@ -118,6 +120,8 @@ def test_every_model_of_real_sensors_is_read() -> None:
         ("images: [a.png, a.png, b.png]\n", "names a file twice"),
         ("images: [a.png]\nmmperpixel: -1\n", "mmperpixel: input should be greater"),
         ("images: [a.png]\nmmperpixel: 1e-30\n", "mmperpixel: input should be greater"),
+        ("images: [a.png]\nmmperpixel: []\n", "mmperpixel: input should be a valid number"),
+        ("images: [a.png]\nannotations: [5, {type: GridCircle}]\n", r"\[1\].gx: field required"),
         ("images: [a.png]\nannotations: 5\n", "annotations: input should be a valid list"),
         ("images: [a\0.png]\n", "is not a text file"),
     ],
