@@ -3,7 +3,6 @@
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 
 from tactograph import ctrl_c
 from tactograph.graph.cores import cores, environment, share_of, take_over
+from tactograph.graph.errors import Terminated
 
 Given = TypeVar("Given")
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
@@ -74,7 +74,11 @@ def _begin(share: Mapping[str, str]) -> None:
     take_over(share)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # On the way out half-written files are removed.  Set last: until then there are none.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    signal.signal(signal.SIGTERM, _terminate)
+
+
+def _terminate(number: int, _: object) -> None:
+    raise Terminated(128 + number)
 
 
 def _end_with_parent() -> None:

@@ -5,6 +5,7 @@ from tactograph.graph.errors import (
     EndOfStream,
     NodeError,
     TactographError,
+    Terminated,
     WriteError,
     full_disk,
     is_of_printing,
@@ -12,7 +13,7 @@ from tactograph.graph.errors import (
 )
 from tactograph.graph.plan.draft import Task
 
-_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
+_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit, Terminated)
 
 
 class Blaming:

@@ -3,18 +3,23 @@
 import os
 import signal
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from tactograph.graph.batch.fork_server import start_processes
 from tactograph.graph.batch.processes import Processes
 from tactograph.graph.errors import InputError
+from tactograph.graph.run.node_errors import Blaming
 
 
 def answer(question: str) -> str:
     """Answer a question, or die of it."""
     if question == "deadly":
         os.kill(os.getpid(), signal.SIGKILL)
+    if question == "ended":
+        with Blaming(SimpleNamespace(id="it", node=SimpleNamespace(name="innocent"))):
+            os.kill(os.getpid(), signal.SIGTERM)
     if question == "foolish":
         raise InputError("cannot be answered")
     return f"{question}!"
@@ -25,6 +30,8 @@ def test_processes_answer_also_after_one_has_died_of_a_question() -> None:
         assert workers.ask(answer, "easy") == "easy!"
         with pytest.raises(InputError, match="deadly: its process died; run this capture alone"):
             workers.ask(answer, "deadly")
+        with pytest.raises(InputError, match="ended: its process died"):
+            workers.ask(answer, "ended")
         with pytest.raises(InputError, match="cannot be answered"):
             workers.ask(answer, "foolish")
         assert workers.ask(answer, "easy again") == "easy again!"
