@@ -17,20 +17,25 @@ MIN_STEEP_CELLS = 20
 
 
 @node
-def folded_film(slope: Slope, *, least: Annotated[float, Ge(0)] = 0.5) -> bool:
+def folded_film(
+    slope: Slope,
+    *,
+    least: Annotated[float, Ge(0)] = 0.16,
+    below: Annotated[float, Ge(0)] = 1e6,
+) -> bool:
     """Return whether the film's light on itself asks for a finer height.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
     light on itself.  So the slopes' squared second differences are compared with their squares, on
-    steep cells (equation B3): 0.1 times as large on a ball, 0.4 on a soft cat, 1 on walls that are
-    two cells wide.
+    steep cells (equation B3): 0.06 times as large on a ball, 0.4 on a soft cat, 1 on walls that
+    are two cells wide.  From 0.17 on a groove or a step may be 1 % too shallow without that height.
 
     Parameters
     ----------
     slope
         2 x H x W, mm per mm, on the cells of a rough pass.  Where they are more than those of
         `film_bounce`, every n-th row and column counts.
-    least : squared bend over squared slope from which on film is folded
+    least, below : squared bend over squared slope from which on film is folded, and up to which
     """
     step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
     slope = slope[:, ::step, ::step]
@@ -40,4 +45,4 @@ def folded_film(slope: Slope, *, least: Annotated[float, Ge(0)] = 0.5) -> bool:
         return False
     across, down = (np.square(np.diff(slope, 2, axis)).sum(axis=0) for axis in (2, 1))
     bend = across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()
-    return bool(bend >= least * squared[steep].sum())
+    return bool(least <= bend / squared[steep].sum() < below)

@@ -52,6 +52,7 @@ def matt_light(
     pixel: PixelSize,
     bounced: Light | None = None,
     finer: Light | None = None,
+    finest: Light | None = None,
     *,
     steps: Annotated[int, Interval(ge=0, le=8)] = 2,
     uncoated_steps: Annotated[int, Interval(ge=0, le=8)] = 2,
@@ -73,7 +74,7 @@ def matt_light(
     film : the LEDs' and the film's properties
     pixel : mm per px
     bounced : K x H x W, the light that the film throws on itself, as `film_bounce` gives it
-    finer : K x H x W, the same of a finer pass, in place of `bounced` where such a pass has run
+    finer, finest : K x H x W, the same of a finer pass, in place of `bounced` where one has run
     steps : Gauss-Newton steps of the normal on a coated film
     uncoated_steps : the same on a film without a coat, whose harmonics vary gently
 
@@ -81,7 +82,7 @@ def matt_light(
     -------
     Both K x H x W; the standard deviation includes the film's grain.
     """
-    thrown = bounced if finer is None else finer
+    thrown = next((found for found in (finest, finer, bounced) if found is not None), None)
     direct = light if thrown is None else light - thrown
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
     rows, columns = height.shape
@@ -112,8 +113,8 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     inputs, out = run.inputs, run.outputs
     stretch = STRETCH_PX if run.lanes > 1 else 1
-    finer = inputs.get("finer")
-    thrown = inputs.get("bounced") if finer is None else finer
+    passes = map(inputs.get, ("finest", "finer", "bounced"))
+    thrown = next((found for found in passes if found is not None), None)
     film = [inputs[f"film.{name}"] for name in NOISY_LIGHT_FIELDS]
     film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
@@ -138,6 +139,7 @@ def _is_matt(
     film_emission: float,
     bounced: Light | None = None,
     finer: Light | None = None,
+    finest: Light | None = None,
 ) -> bool:
     """Return whether the film is matt already."""
     more = film_wrap, film_camera, film_grain, film_emission

@@ -18,11 +18,12 @@ def walls(cells: int, steep: float = 0.8) -> F4:
     return slope
 
 
-@pytest.mark.parametrize(("cells", "folded"), [(1, True), (2, True), (6, False)])
+@pytest.mark.parametrize(("cells", "folded"), [(1, True), (2, True), (6, True), (14, False)])
 def test_narrow_walls_are_folds(cells: int, folded: bool) -> None:
     """Whichever way they run, and on as many smaller cells of a larger image."""
     slope = walls(cells)
     assert folded_film(slope) == folded
+    assert not folded_film(slope, below=0.15)
     assert folded_film(slope[::-1].transpose(0, 2, 1)) == folded
     assert folded_film(slope.repeat(2, axis=1).repeat(2, axis=2)) == folded
 

@@ -62,7 +62,7 @@ def test_no_film_that_departs_from_a_matt_one_is_left_alone(name: str) -> None:
 
     def idle(film: Film) -> bool:
         known = {f"film_{part}": value for part, value in film._asdict().items()}
-        known["bounced"] = known["finer"] = None
+        known |= dict.fromkeys(("bounced", "finer", "finest"))
         return matt_light.is_idle(**{part: known[part] for part in asked})
 
     assert idle(MATT)
@@ -82,7 +82,8 @@ def test_diffused_and_bounced_light_is_taken_off() -> None:
     assert matt(film, shadow, REST, REST[0]).light == pytest.approx(0, abs=1e-6)
     light, height, slope, _ = seen(film)
     more = np.full_like(light, 0.1)
-    for found in ({"bounced": more}, {"bounced": 2 * more, "finer": more}):
+    wrong = {"bounced": 2 * more}
+    for found in ({"bounced": more}, wrong | {"finer": more}, wrong | {"finest": more}):
         with_it = matt(film, light + more, slope, height, **found)
         assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
 
