@@ -14,6 +14,8 @@ from tactograph.graph.show.sketch import Box, Edge, Sketch
 
 WIDTH_PX, HEIGHT_PX = 150, 34
 """Size of a box."""
+MAX_LETTERS = 21
+"""Letters that fit into a box of that width, bold ones too."""
 MARGIN_PX = 20
 """Space around the drawing."""
 ARROW_TIP = ' marker-end="url(#tip)"'
@@ -171,8 +173,10 @@ def _drawn_segment(
 ) -> str:
     (x1, y1), (x2, y2) = start, end
     bend = y1 + LAYER_GAP_PX
-    # Straight down past the boxes of a layer, and across between two layers.
-    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}V{y2}"
+    # Across between two layers, and straight down past the boxes of a layer.  A last line of no
+    # length would turn the tip aside.
+    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}"
+    way += "" if arrives else f"V{y2}"
     return _drawn_edge(way, ports, ARROW_TIP if arrives else "")
 
 
@@ -198,10 +202,16 @@ def _drawn_box(box: Box, centre: float, layer: int, times: Mapping[str, float]) 
         f'<g data-node="{escape(box.name)}">',
         f'<rect x="{x}" y="{top}" width="{WIDTH_PX}" height="{HEIGHT_PX}" rx="5" '
         f'fill="{BACKEND_COLOURS[box.backend]}" stroke="#555"{rim}/>',
-        f'<text {middle} y="{top + 14}" font-weight="bold">{escape(title)}</text>',
-        f'<text {middle} y="{top + 27}">{escape(words)}</text>',
+        f'<text {middle} y="{top + 14}" font-weight="bold"{_within(title)}>{escape(title)}</text>',
+        f'<text {middle} y="{top + 27}"{_within(words)}>{escape(words)}</text>',
         "</g>",
     ]
+
+
+def _within(text: str) -> str:
+    """Attributes that squeeze a long text into its box."""
+    long = f' textLength="{WIDTH_PX - 10}" lengthAdjust="spacingAndGlyphs"'
+    return long if len(text) > MAX_LETTERS else ""
 
 
 def _drawing(title: str, width: float, height: float, lines: Iterable[str]) -> str:

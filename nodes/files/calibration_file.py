@@ -257,7 +257,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     try:
         return load_arrays(file)
     except (OSError, ValueError) as error:
-        why = "it holds a pickle" if "pickle" in str(error) else f"it is damaged: {error}"
+        why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
         raise InputError(f"{file}: the calibration is refused: {why}") from None
 
 

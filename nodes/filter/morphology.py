@@ -47,7 +47,7 @@ def morphology(
 
     Parameters
     ----------
-    mask : H x W, 1 where a pixel counts, else 0
+    mask : H x W
     operation
         ``erode`` removes the rim; ``dilate`` adds one; ``open`` (erode, then dilate) removes
         what is smaller than the element; ``close`` (dilate, then erode) fills such holes.

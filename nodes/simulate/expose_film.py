@@ -60,7 +60,7 @@ def expose_film(
     ----------
     light : K x H x W, relative to the film at rest
     flat : K x H x W, the untouched film
-    noise : (shot, read): the variance of an image I is shot I + read
+    noise : that of the images, in their units
     correlation
         Variance of a mean over pixels, relative to that with independent noise; without it the
         noise of neighbours is independent.

@@ -279,7 +279,8 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
             f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
-            "is ball_radius_mm its diameter, or pixel_size_mm wrong? Measure both",
+            f"is ball_radius_mm {'its diameter' if best.factor < 1 else 'too small'}, or "
+            f"pixel_size_mm too {'small' if best.factor < 1 else 'large'}? Measure both",
             best.departure < min(REFUSED_BELOW * given.departure, BELIEVED_BELOW * left),
         )
     if best.departure < BELIEVED_BELOW * left < np.inf:

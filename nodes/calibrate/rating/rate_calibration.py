@@ -234,7 +234,7 @@ def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[st
     farthest = int(np.argmax(distance))
     if distance[farthest] > MAX_LED_WIDTHS * width_mm:
         return [
-            f"LED {farthest + 1} is found {distance[farthest] / 1000:,.1f} m from the film, more "
+            f"LED {farthest + 1} is found {distance[farthest] / 1000:,.4g} m from the film, more "
             f"than {MAX_LED_WIDTHS:.0f} widths of the image: check the ball's radius, the pixel "
             "size and the order of the images"
         ]

@@ -120,6 +120,10 @@ def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
     assert "<svg" in done.stdout
 
 
+LETTER_PX = 6.8
+"""Width of a letter of 11 px, some of them bold."""
+
+
 class Box(NamedTuple):
     """A rectangle of an SVG."""
 
@@ -169,7 +173,7 @@ def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: Ope
 
 
 @pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
-@pytest.mark.parametrize("name", ["reconstruct", "precise", "calibrate", "live"])
+@pytest.mark.parametrize("name", ["paper", "reconstruct", "precise", "calibrate", "live"])
 def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     name: str, sketched: Callable[[Plan], Sketch], widest: float, device: OpenCL
 ) -> None:
@@ -181,9 +185,12 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     assert len(boxes) == len(sketch.boxes)
     for number, box in enumerate(boxes):
         assert not any(box.meets(other) for other in boxes[number + 1 :])
-    ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?V([\d.]+)" fill="none" stroke="#777"', svg)
+    ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?([\d.]+)" fill="none" stroke="#777"', svg)
     assert ways
     assert all(float(start) < float(end) for start, end in ways)
+    assert not re.search(r" ([\d.]+)V\1\"", svg), "a tip points down, as the last line does"
+    for how, words in re.findall(r"<text ([^>]*)>([^<]*)<", svg):
+        assert len(words) * LETTER_PX < boxes[0].width or "textLength" in how, words
 
 
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:

@@ -76,6 +76,8 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
     assert doubt.is_clear
     assert BALL * factor * best.factor == pytest.approx(BALL, rel=0.02)
     assert f"a ball of {BALL * factor * best.factor:.3g} mm radius" in doubt.sentence
+    assert ("its diameter" in doubt.sentence) == (factor > 1)
+    assert ("pixel_size_mm too large" in doubt.sentence) == (factor < 1)
 
 
 @pytest.mark.one_case
