@@ -83,9 +83,9 @@ def _message(
     given = settings.get(name)
     is_pair = isinstance(given, list) and len(given) == 2 and all(type(n) is int for n in given)
     hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
-    return (
-        f"{where(name)}: {said[0].lower()}{said[1:]}, not {shortened(repr(first['input']))}{hint}"
-    )
+    at = "".join(f"[{part}]" for part in first["loc"][1:] if isinstance(part, int))
+    told = f"{said[0].lower()}{said[1:]}, not {shortened(repr(first['input']))}"
+    return f"{where(name)}: {told}{at and f' at {at}'}{hint}"
 
 
 @cache

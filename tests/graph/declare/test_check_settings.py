@@ -65,7 +65,7 @@ def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
         ({"level": 10**400}, "with.level:"),
         ({"corner": [1]}, "with.corner: 2 values are needed, not [1]"),
         ({"corner": [True, 1]}, "with.corner: a number is needed"),
-        ({"corner": "1,x"}, "with.corner: input should be a valid integer"),
+        ({"corner": "1,x"}, "integer, not 'x' at [1]"),
         ({"corner": [0.5, 1]}, "with.corner: input should be a valid integer"),
         ({"corner": 5}, "with.corner: input should be a valid tuple"),
         ({"shares": 0.1}, "node 'choosy' has no parameter 'shares'; did you mean 'share'?"),
