@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from tactograph.graph.backends.devices import choose_device
@@ -19,6 +20,9 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
+# The first example on a busy machine imports and compiles.
+hypothesis.settings.register_profile("untimed", deadline=None)
+hypothesis.settings.load_profile("untimed")
 # Tests must neither see nor leave what is kept from start to start; see `once`.
 os.environ["TACTOGRAPH_CACHE"] = "off"
 # Most programs are built but once or twice; PoCL's own files serve the second time.

@@ -53,7 +53,12 @@ class GraphCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[WORDS_KEY] = [*args]
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name, param = error.option_name, error.option_name.lstrip("-")
+            told = f"No such option '{name}'; a param is written {param}=VALUE"
+            raise click.NoSuchOption(name, told, error.possibilities, ctx) from None
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

@@ -121,6 +121,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("run", "paper", "capture=x", "calibration=x", "crop=1,2"), "needed (x0,y0,x1,y1), not ["),
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "'capture': write values as name=value"),
+        (("run", "paper", "--capture", "a"), "'--capture'; a param is written capture=VALUE"),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
         (("run", "paper", "zzz=x"), "paper has no parameter 'zzz' (it takes: capture, "),
         (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),

@@ -134,7 +134,7 @@ def groups(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Any]]:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(groups())
 def test_any_graph_with_a_group_is_the_one_written_by_hand(
     pair: tuple[dict[str, Any], dict[str, Any]],

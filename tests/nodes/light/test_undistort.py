@@ -130,7 +130,7 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
             assert made.outputs[port or made.name].port.low < 0, entry.inputs
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     bend=st.tuples(*[st.floats(-0.06, 0.06)] * 2),
     centre=st.tuples(*[st.floats(-0.1, 0.1)] * 2),

@@ -26,7 +26,7 @@ def groove(depth: float, width: float, wall_deg: float, tilt: float = 0.0) -> F4
     return z + tilt * PIXEL * (np.arange(600, dtype=np.float32) - 300)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     depth=st.floats(0.02, 0.3),
     width=st.floats(0.5, 0.9),

@@ -54,7 +54,7 @@ def level(p: float, q: float) -> F4:
 slopes = st.integers(-80, 80).map(lambda hundredths: hundredths / 100)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(p=slopes, q=slopes, height=st.integers(-1, 6))
 def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
     slope, raised = level(p, q), FILM + np.float32(height)
@@ -80,7 +80,7 @@ def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> Non
     assert found[0].mean() == pytest.approx(tilt, abs=5e-4)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(p=slopes, q=slopes, brighter=st.integers(-6, 6))
 def test_film_of_another_brightness_has_the_same_slope(p: float, q: float, brighter: int) -> None:
     light = light_of(level(p, q)) * np.float32(1 + brighter / 100)
@@ -98,7 +98,7 @@ def test_film_known_to_be_even_tells_slopes_by_its_brightness_too() -> None:
     assert sure < unsure < 2 * sure
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(p=slopes, q=slopes, led=st.integers(0, 3))
 def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> None:
     slope = level(p, q)

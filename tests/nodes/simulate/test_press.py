@@ -26,7 +26,7 @@ def test_bare_film_is_the_object_in_front_of_the_film_at_rest():
     np.testing.assert_array_equal(film, in_front(shape.height, 5.5))
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(stand_off=st.floats(0, 3.9), reach=st.floats(0, 3))
 def test_film_never_cuts_the_object_and_never_rises_above_it(stand_off, reach):
     shape = ball(radius_mm=4.0)

@@ -52,7 +52,7 @@ slants = st.floats(5, 70)
 azimuths = st.floats(0, 360)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(p=st.floats(-2, 2), q=st.floats(-2, 2), slant=slants, azimuth=azimuths)
 def test_plane_under_distant_light_obeys_lamberts_cosine(p, q, slant, azimuth):
     led = towards(slant, azimuth)
@@ -62,7 +62,7 @@ def test_plane_under_distant_light_obeys_lamberts_cosine(p, q, slant, azimuth):
     np.testing.assert_allclose(found.light, expected, rtol=1e-4, atol=1e-4)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(slant=slants, azimuth=azimuths, distance=st.floats(5, 500))
 def test_flat_film_falls_off_with_the_inverse_square_and_the_cosine(slant, azimuth, distance):
     (led,) = lights = towards(slant, azimuth, distance)
@@ -89,7 +89,7 @@ def test_level_is_the_brightest_light_of_the_film_at_rest(lights, distant):
     assert light.max() == pytest.approx(0.6, rel=1e-3)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(rise=st.floats(0.5, 3), slant=st.floats(10, 65))
 def test_distant_light_casts_a_step_s_shadow_of_height_over_tan_elevation(rise, slant):
     found = render(wall(rise), PIXEL, towards(slant, 180), distant=True)

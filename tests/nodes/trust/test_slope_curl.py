@@ -36,7 +36,7 @@ def where_tested(curl: F4) -> F4:
     return curl[curl >= 0]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(smooth_slopes(), st.sampled_from([1, 2, 4]))
 def test_a_smooth_surface_does_not_curl(slope: F4, factor: int) -> None:
     found = slope_curl(slope, EXACT, factor=factor)

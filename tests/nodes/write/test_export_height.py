@@ -198,7 +198,7 @@ def test_touches_of_a_stream_go_into_folders_of_their_names(tmp_path: Path) -> N
     assert (tmp_path / "touch_1" / "height.tmd").is_file()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     arrays.arrays(
         np.float32,

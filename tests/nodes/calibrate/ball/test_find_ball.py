@@ -49,7 +49,7 @@ def normalized(rig, thing):
     return image_of(Raytraced() / rig / thing) / np.maximum(flat, np.float32(0.02))
 
 
-@settings(deadline=None, max_examples=3)
+@settings(max_examples=3)
 @given(
     x=st.floats(45, 115), y=st.floats(45, 75), contact=st.floats(22, 32), lights=st.integers(3, 6)
 )

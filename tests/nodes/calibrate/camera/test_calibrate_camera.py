@@ -40,7 +40,7 @@ def largest_departure(found: F4, true: F4) -> float:
     return float(np.hypot(there[0] - here[0], there[1] - here[1]).max())
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     k1=st.floats(-0.08, 0.06),
     pitch=st.floats(15, 40),

@@ -1,7 +1,7 @@
 """Lines between host and controller: what is damaged never passes, what is whole always does."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tactograph.firmware import protocol as board
@@ -10,11 +10,9 @@ from tactograph.nodes.live.controller import _led_line as host
 BODIES = st.text(
     st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="$*"), max_size=100
 )
-UNTIMED = settings(deadline=None)
 ENDS = [pytest.param(board, id="controller"), pytest.param(host, id="host")]
 
 
-@UNTIMED
 @given(BODIES)
 def test_both_ends_frame_alike(body: str) -> None:
     assert host.frame(body) == board.frame(body)
@@ -26,14 +24,12 @@ def test_the_checksum_is_the_one_documented() -> None:
 
 
 @pytest.mark.parametrize("end", ENDS)
-@UNTIMED
 @given(body=BODIES)
 def test_a_whole_line_is_understood(end, body: str) -> None:
     assert end.unframe(end.frame(body)[:-1]) == body
 
 
 @pytest.mark.parametrize("end", ENDS)
-@UNTIMED
 @given(body=BODIES, data=st.data())
 def test_a_line_with_one_altered_byte_is_refused(end, body: str, data: st.DataObject) -> None:
     line = end.frame(body)[:-1]
@@ -44,7 +40,6 @@ def test_a_line_with_one_altered_byte_is_refused(end, body: str, data: st.DataOb
 
 
 @pytest.mark.parametrize("end", ENDS)
-@UNTIMED
 @given(body=BODIES, data=st.data())
 def test_a_line_cut_off_is_refused(end, body: str, data: st.DataObject) -> None:
     line = end.frame(body)[:-1]
@@ -52,7 +47,6 @@ def test_a_line_cut_off_is_refused(end, body: str, data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize("end", ENDS)
-@UNTIMED
 @given(noise=st.binary(max_size=1000), sizes=st.lists(st.integers(1, 40)))
 def test_after_any_bytes_the_next_line_is_understood(end, noise: bytes, sizes: list[int]) -> None:
     lines = end.Lines()
@@ -75,7 +69,6 @@ def test_a_number_within_its_range_is_read() -> None:
     assert [host.whole_number(word, -1) for word in ("-1", "0", "1" + "0" * 15)] == [-1, 0, 10**15]
 
 
-@UNTIMED
 @given(st.one_of(st.text(), BODIES, st.from_regex(r"[0-9]{1,3} (ok|no)( [a-z]*=?[0-9]*)*")))
 def test_any_text_is_an_answer_an_event_or_nothing(body: str) -> None:
     assert isinstance(host.parse(body), host.Answer | host.Event | None)
