@@ -173,10 +173,9 @@ def _drawn_segment(
 ) -> str:
     (x1, y1), (x2, y2) = start, end
     bend = y1 + LAYER_GAP_PX
-    # Across between two layers, and straight down past the boxes of a layer.  A last line of no
-    # length would turn the tip aside.
-    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}"
-    way += "" if arrives else f"V{y2}"
+    # Across between two layers, then down past boxes; a line of no length would turn the tip.
+    past = "" if arrives else f"V{y2}"
+    way = f"M{x1:.1f} {y1}C{x1:.1f} {bend - 8} {x2:.1f} {y1 + 8} {x2:.1f} {bend}{past}"
     return _drawn_edge(way, ports, ARROW_TIP if arrives else "")
 
 

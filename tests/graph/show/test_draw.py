@@ -120,10 +120,6 @@ def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
     assert "<svg" in done.stdout
 
 
-LETTER_PX = 6.8
-"""Width of a letter of 11 px, some of them bold."""
-
-
 class Box(NamedTuple):
     """A rectangle of an SVG."""
 
@@ -190,7 +186,8 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     assert all(float(start) < float(end) for start, end in ways)
     assert not re.search(r" ([\d.]+)V\1\"", svg), "a tip points down, as the last line does"
     for how, words in re.findall(r"<text ([^>]*)>([^<]*)<", svg):
-        assert len(words) * LETTER_PX < boxes[0].width or "textLength" in how, words
+        letter_px = 6.8  # of 11 px type, some of it bold
+        assert len(words) * letter_px < boxes[0].width or "textLength" in how, words
 
 
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
