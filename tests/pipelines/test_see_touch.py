@@ -44,7 +44,7 @@ def test_the_height_comes_back_within_its_stated_error(
     assert np.sqrt(np.mean(off[0] ** 2)) < 0.15 * RIG_PIXEL_MM[rig]
     band = BAND_DEVIATIONS * back["error"]
     touched = truth > 0.02
-    assert np.mean((off <= band)[:2, touched]) > 0.88
+    assert 0.84 < np.mean((off <= band)[:2, touched]) < 0.97
     assert off[2].max() < 1e-3
 
 
