@@ -261,7 +261,7 @@ def _ending(pipeline: Pipeline, told: Collection[str]) -> str:
         if isinstance(name, str) and name.startswith("$")
         if (param := plan.graph.params[name[1:]]).kind == "path"
     }
-    written = ", ".join(place for place in places if place != "None")
+    written = ", ".join(place for place in places if Path(place).exists())
     warned = f"{len(told)} warning{'s' if len(told) > 1 else ''}, see above" if told else ""
     return "; ".join(filter(None, [f"written to {written}" if written else "", warned]))
 

@@ -609,6 +609,13 @@ def test_a_tilde_is_the_user_s_home(
     assert not (tmp_path / "~").exists()
 
 
+def test_what_ends_before_it_writes_is_not_called_written(
+    run_writing: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tactograph.graph.commands.run._run_items", lambda *_: 0)
+    assert "written" not in run_writing().out
+
+
 def test_what_matplotlib_is_told_to_draw_with_does_not_matter() -> None:
     told = "import matplotlib; print(matplotlib.rcParams['backend'])"
     assert after_help(told, MPLBACKEND="nonsense") == "agg"

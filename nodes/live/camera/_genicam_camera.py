@@ -11,6 +11,7 @@ import re
 import signal
 import threading
 import time
+import warnings
 from collections import deque
 from contextlib import suppress
 from pathlib import Path
@@ -309,7 +310,8 @@ def _updated() -> Any:
     """The process's Harvester; it updates only while no camera is open, because that closes it."""
     if not _shared:
         need("genicam", "a GenICam camera", "harvesters")
-        harvester = importlib.import_module("harvesters.core").Harvester()
+        with warnings.catch_warnings():  # its import lets every warning through
+            harvester = importlib.import_module("harvesters.core").Harvester()
         for file in _producers():
             harvester.add_file(str(file))
         _shared.append(harvester)

@@ -1,6 +1,7 @@
 """GenICam cameras: harvesters itself, on the simulated producer that comes with its bindings."""
 
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -126,6 +127,14 @@ def test_ctrl_c_stays_the_pipelines() -> None:
     before = signal.getsignal(signal.SIGINT)
     GenicamCapture(RED, colour=False).release()
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_what_the_library_warns_of_stays_its_own() -> None:
+    told = (
+        "import warnings; from tactograph.nodes.live.camera._genicam_camera import genicam_cameras;"
+        "genicam_cameras(); print('once' in [kind for kind, *_ in warnings.filters])"
+    )
+    assert subprocess.check_output([sys.executable, "-c", told], text=True) == "False\n"
 
 
 def test_a_serial_number_that_no_camera_has_is_told_with_those_there_are() -> None:
