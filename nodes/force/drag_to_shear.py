@@ -1,4 +1,7 @@
-"""The shear that drags the film, and the shear force and torque on every contact."""
+"""The shear that drags the film, and the shear force and torque on every contact.
+
+Long because the answer of a layer to a traction is tabulated here: nothing else needs it.
+"""
 
 from functools import lru_cache
 from itertools import product

@@ -16,7 +16,7 @@ from tactograph.nodes.motion._surface import Surface, small_motion
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0
-RIM = np.ones((5, 5), np.uint8)
+RIM_ELEMENT = np.ones((5, 5), np.uint8)
 """Cells around one that are touched where its curvature is the object's."""
 MIN_INNER_SHARE = 0.4
 """Share of the touched cells that are no rim's, from which the cells resolve the contacts."""
@@ -64,7 +64,7 @@ def resolves(surface: Surface) -> bool:
 
 def _inner(surface: Surface) -> F4:
     """Touched cells whose curvature is not that of a rim, as 0 and 1."""
-    return np.asarray(cv2.erode(surface.touched.astype(np.float32), RIM, borderValue=0))
+    return np.asarray(cv2.erode(surface.touched.astype(np.float32), RIM_ELEMENT, borderValue=0))
 
 
 def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
