@@ -1,14 +1,12 @@
 """Measure the size, depth and position of each contact."""
 
-from typing import Annotated
-
 import cv2
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
 from tactograph.nodes import Contacts, Height, Lens, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.optics.lens import pixel_sides
 
 PIXEL_VARIANCE = 1 / 12
@@ -22,7 +20,7 @@ def measure_contact(
     pixel: PixelSize,
     lens: Lens | None = None,
     *,
-    most: Annotated[int, Ge(1)] = 16,
+    most: Most = MAX_MEASURED,
 ) -> Metrics:
     """Return area, depth, volume, position and principal axes of the largest contacts.
 
@@ -55,15 +53,15 @@ def measure_contact(
         the part that is seen, and area, depth and volume lower bounds.
     """
     sides = pixel_sides(lens, pixel)
-    numbers, areas = np.unique(contact[contact > 0], return_counts=True)
-    figures: Metrics = {"contacts": float(len(numbers))}
-    if len(numbers) > most:
+    count = np.count_nonzero(np.bincount(contact.ravel(), minlength=1)[1:])
+    figures: Metrics = {"contacts": float(count)}
+    if count > most:
+        # The same words in each frame, so that a stream says it once.
         warn(
-            f"measure_contact: {len(numbers)} contacts, of which the {most} largest are measured; "
-            "'most' sets how many"
+            f"measure_contact: of all contacts (figure 'contacts') the {most} largest are "
+            "measured; 'most' sets how many"
         )
-        numbers = np.sort(numbers[np.argsort(-areas, kind="stable")[:most]])
-    for number in numbers:
+    for number in largest_contacts(contact, most):
         measured = _measured(height, (contact == number).view(np.uint8), *sides)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures

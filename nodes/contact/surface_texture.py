@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
 from tactograph.nodes import Contacts, Height, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.files.areal_surface import areal_surface
 
 POINTS_PER_TERM = 10
@@ -25,6 +26,7 @@ def surface_texture(
     *,
     form_degree: Annotated[int, Interval(ge=0, le=8)] = 1,
     edge_px: Annotated[int, Interval(ge=0, le=50)] = 4,
+    most: Most = MAX_MEASURED,
 ) -> Metrics:
     """Return Sa, Sq, Sz, Ssk and Sku of ISO 25178-2, of each contact or of the whole map.
 
@@ -43,6 +45,7 @@ def surface_texture(
         Degree of the form, a polynomial in x and y: 0 is the mean, 1 a plane (levelling), 2 also
         a ball or a cylinder.
     edge_px : width in px of the border of a contact that is excluded, because the film bends there
+    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -62,7 +65,7 @@ def surface_texture(
     if contact is None:
         return _texture(height, known, pixel, form_degree, "the height map")
     figures: Metrics = {}
-    for number in range(1, int(contact.max(initial=0)) + 1):
+    for number in largest_contacts(contact, most):
         inside = _without_edge((contact == number).astype(np.uint8), edge_px) & known
         texture = _texture(height, inside, pixel, form_degree, f"contact {number}")
         figures |= {f"{name}/c{number}": figure for name, figure in texture.items()}

@@ -1,4 +1,7 @@
-"""The shear that drags the film, and the shear force and torque on every contact."""
+"""The shear that drags the film, and the shear force and torque on every contact.
+
+Long because the answer of a layer to a traction is tabulated here: nothing else needs it.
+"""
 
 from functools import lru_cache
 from itertools import product
@@ -13,6 +16,7 @@ from scipy.special import j0, j1
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.force.elastic_layer import Modulus, Poisson, Thickness, layer_compliance
 from tactograph.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.nodes.marker.marker_places import marker_places
@@ -65,6 +69,7 @@ def drag_to_shear(
     poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     marker_error_px: Annotated[float, Gt(0)] = 0.05,
+    most: Most = MAX_MEASURED,
 ) -> ShearForce:
     """Find the shear, inside the contacts only, that drags the film's markers to where they are.
 
@@ -85,6 +90,7 @@ def drag_to_shear(
     view : the calibration, for the lens and the camera's height
     modulus_kpa, thickness_mm, poisson, modulus_error : of the gel, as for `press_to_pressure`
     marker_error_px : standard deviation of a marker's place
+    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -95,6 +101,7 @@ def drag_to_shear(
     """
     markers = marker_places(height, tracks, pixel, view)
     seen = (tracks.seen > 0) & markers.inside
+    largest = largest_contacts(contact, most)
     count = np.bincount(contact[markers.pixel][seen], minlength=256)
     count[0] = 0
     contact = np.where(count[contact] >= MIN_MARKERS, contact, np.uint8(0))
@@ -113,6 +120,8 @@ def drag_to_shear(
     figures: Metrics = {}
     for name, value, spread in zip(product(numbers, FORCE_TOTALS), total, deviation, strict=True):
         number, (what, unit) = name
+        if number not in largest:
+            continue
         figures[f"contact_{what}_{unit}/c{number}"] = float(value)
         figures[f"contact_{what}_sd_{unit}/c{number}"] = float(spread)
     by_cell = np.pad(shear.reshape(2, -1), ((0, 0), (0, 1))).astype(np.float32)

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, F8, Contacts, Metrics
-from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.contact.find_contact import MAX_CONTACTS, find_contact
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.force.elastic_layer import MODULUS_RANGE_KPA, Poisson, Thickness
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
@@ -132,5 +132,5 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
 def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> float:
     """The force in newtons of all contacts, at a modulus of 1 kPa."""
     gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
-    pressure = press_to_pressure(*press, **gel)
+    pressure = press_to_pressure(*press, **gel, most=MAX_CONTACTS)
     return sum(v for name, v in pressure.figures.items() if name.startswith("contact_force_n"))

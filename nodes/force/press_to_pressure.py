@@ -13,6 +13,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from tactograph.graph import Port, node, warn
 from tactograph.graph.cores import cores
 from tactograph.nodes import F4, F8, Contacts, Height, HeightError, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.force.elastic_layer import (
     Modulus,
     Poisson,
@@ -53,6 +54,7 @@ def press_to_pressure(
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     steps: Annotated[int, Interval(ge=1, le=100)] = 8,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    most: Most = MAX_MEASURED,
 ) -> PressForce:
     """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
 
@@ -76,6 +78,7 @@ def press_to_pressure(
     modulus_error : relative standard deviation of the modulus
     steps : of conjugate gradients
     cell_px : side of the cells that have a pressure of their own
+    most : largest number of contacts that have figures, the largest; all press
 
     Returns
     -------
@@ -84,7 +87,7 @@ def press_to_pressure(
     centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
     """
     _warn_of_limits(height, contact, thickness_mm)
-    numbers = np.unique(contact[contact > 0])
+    numbers = largest_contacts(contact, most)
     rows, columns = (-(-size // cell_px) for size in height.shape)
     k = wave_numbers((rows, columns), cell_px * pixel)
     compliance = layer_compliance(k, thickness_mm, poisson).normal / modulus_kpa
@@ -97,7 +100,7 @@ def press_to_pressure(
     size = columns * cell_px, rows * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
     pressure = np.where(contact > 0, enlarged[: height.shape[0], : height.shape[1]], np.float32(0))
-    figures = _figures(pressure, contact, pixel)
+    figures = _figures(pressure, contact, numbers, pixel)
     if error is not None:
         deviation = _cells(np.nan_to_num(error), cell_px)
         for number in numbers:
@@ -149,9 +152,9 @@ def _deviation(sensitivity: F4, k: F8) -> float:
     return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
 
 
-def _figures(pressure: F4, contact: Contacts, pixel: float) -> Metrics:
+def _figures(pressure: F4, contact: Contacts, numbers: NDArray[np.intp], pixel: float) -> Metrics:
     figures: Metrics = {}
-    for number in np.unique(contact[contact > 0]):
+    for number in numbers:
         y, x = np.nonzero(contact == number)
         part = pressure[y, x]
         total = float(part.sum())

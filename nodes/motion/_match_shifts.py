@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from tactograph.nodes import F8
+from tactograph.nodes import F4, F8
 from tactograph.nodes.motion._surface import Surface, small_motion
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0
+RIM_ELEMENT = np.ones((5, 5), np.uint8)
+"""Cells around one that are touched where its curvature is the object's."""
+MIN_INNER_SHARE = 0.4
+"""Share of the touched cells that are no rim's, from which the cells resolve the contacts."""
 MAX_GUESSES = 4
 """Most motions tried per pair."""
 MIN_SHIFT_CELLS = 3
@@ -29,7 +33,7 @@ def likely_motions(
     candidates = []
     size = [next_fast_len(2 * n, real=True) for n in first.height.shape]
     others = _transforms(second, 0.0, size)
-    least = least_overlap * min(np.count_nonzero(s.touched) for s in (first, second))
+    least = least_overlap * min(np.count_nonzero(_inner(s)) for s in (first, second))
     turns = int(turn_deg / STEP_DEG)
     for turn in np.arange(-turns, turns + 1) * STEP_DEG:
         one = [plane.conj() for plane in _transforms(first, float(turn), size)]
@@ -53,6 +57,16 @@ def likely_motions(
     return guesses[:MAX_GUESSES]
 
 
+def resolves(surface: Surface) -> bool:
+    """Return whether the cells are small enough for the contacts, many small ones perhaps."""
+    return _inner(surface).sum() >= MIN_INNER_SHARE * np.count_nonzero(surface.touched)
+
+
+def _inner(surface: Surface) -> F4:
+    """Touched cells whose curvature is not that of a rim, as 0 and 1."""
+    return np.asarray(cv2.erode(surface.touched.astype(np.float32), RIM_ELEMENT, borderValue=0))
+
+
 def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
     """Spectra of the mask of touched cells, their curvature, and its square, turned about the
     middle."""
@@ -62,7 +76,7 @@ def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[
         for plane in (np.nan_to_num(surface.height), seen)
     )
     curved = cv2.Laplacian(height / np.maximum(share, np.float32(0.1)), cv2.CV_32F)
-    inner = cv2.erode(seen, np.ones((5, 5), np.uint8), borderValue=0)
+    inner = _inner(surface)
     rows, columns = inner.shape
     # OpenCV's angles are positive against the clock; here from x to y.
     place = cv2.getRotationMatrix2D(((columns - 1) / 2, (rows - 1) / 2), -turn, 1)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.marker.marker_places import marker_places
 from tactograph.nodes.motion._surface import IN_DEGREES, small_motion
 from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
@@ -54,6 +55,7 @@ def find_slip(
     slip_mm: Annotated[float, Gt(0)] = 0.06,
     hold_frames: Annotated[int, Interval(ge=1, le=1000)] = 3,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 6,
+    most: Most = MAX_MEASURED,
 ) -> Slip:
     """Tell which contacts slip, from the way of the film's markers over the moving object.
 
@@ -80,6 +82,7 @@ def find_slip(
         Least slip.  Above the noise of markers and pose, 3 to 10 um.
     hold_frames : frames
     margin_px : width of the contact's rim whose markers do not count: film hangs there
+    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -99,7 +102,7 @@ def find_slip(
     judged = (number > 0) & (tracks.seen > 0) & (variance < MAX_POSE_MM**2)
     _slide(slides, judged, on_object, variance, slip_mm, hold_frames)
     figures: Metrics = {}
-    for contact_number in np.unique(number[judged]):
+    for contact_number in largest_contacts(contact, most):
         mine = np.flatnonzero(judged & (number == contact_number))
         if begins or len(mine) < MIN_MARKERS:
             continue

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Metrics, PixelSize
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 
 MAX_NUMBER = 254
 """Largest number of a contact: labels have 8 bits."""
@@ -42,6 +43,7 @@ def follow_contacts(
     *,
     reach: Annotated[float, Gt(0)] = 1.5,
     patience: Annotated[int, Interval(ge=0, le=1000)] = 3,
+    most: Most = MAX_MEASURED,
 ) -> FollowedContacts:
     """Give each contact the number that it had in the frames before.
 
@@ -63,6 +65,7 @@ def follow_contacts(
         How far a contact may move in a frame without overlapping itself, in multiples of its
         radius.
     patience : frames
+    most : largest number of contacts that have figures, the largest; all are followed
 
     Returns
     -------
@@ -89,14 +92,14 @@ def follow_contacts(
             _go_on(known[row], places[now])
             lasting[number] = row + 1
     known[known[:, COLUMN_UNSEEN] > patience] = 0
-    seen = np.flatnonzero((known[:, COLUMN_AGE] > 0) & (known[:, COLUMN_UNSEEN] == 0))
+    followed = lasting[contact]
     figures: Metrics = {}
-    for lasts in seen + 1:
+    for lasts in largest_contacts(followed, most):
         age, _, _, _, speed_x, speed_y = known[lasts - 1].tolist()
         figures[f"contact_age/c{lasts}"] = age
         figures[f"contact_speed_x_mm/c{lasts}"] = pixel * speed_x
         figures[f"contact_speed_y_mm/c{lasts}"] = pixel * speed_y
-    return FollowedContacts(lasting[contact], known, figures)
+    return FollowedContacts(followed, known, figures)
 
 
 def _costs(

@@ -12,7 +12,7 @@ from annotated_types import Interval
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
 from tactograph.nodes.motion._held_film import held_film
-from tactograph.nodes.motion._match_shifts import likely_motions
+from tactograph.nodes.motion._match_shifts import likely_motions, resolves
 from tactograph.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.nodes.motion._surface import (
     IN_DEGREES,
@@ -33,11 +33,12 @@ ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 """Motion from the first frame to the key frame, and on to the frame before; frames, key frames,
 and the variance of the key frame's slopes (0: not stated)."""
 MAX_CELLS = 15_000
-"""Touched cells from which larger ones do."""
+"""Touched cells from which larger ones do, where they resolve the contacts."""
 SPARSE_PX = 3
 """Distance of the pixels whose stated variances are looked at."""
 JUMP_CELLS, MAX_JUMPS = 2, 2
-"""Side of the cells on which a jump is looked for, in fine ones, and how many are tried."""
+"""Side of the cells on which a jump is looked for, in fine ones, and how many are tried; small
+contacts need fine ones."""
 MAX_JUMP_DEG, MIN_JUMP_OVERLAP = 15.0, 0.3
 """Largest turn of a jump about z, and the least share of the smaller contact seen after it."""
 TIGHT_SHARE = 0.25
@@ -92,7 +93,7 @@ def track_pose(
     key, memory : this node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``)
     cell_px
         Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
-        touched, but 2 at least.
+        touched, but 2 at least, and so few that the contacts are many cells wide.
     margin_px : width of the contact's rim that is left out, beside the film that hangs there
     least_overlap : share of the smaller contact
 
@@ -145,7 +146,7 @@ def _fit(
     """The motion since the key frame, and the share of the smaller contact that both see."""
     before, now = (int(np.isfinite(plane).sum()) for plane in (key[1], heights[1]))
     fewest = min(before, now)
-    finest = cell_px or next((side for side in (2, 4) if fewest < MAX_CELLS * side**2), 8)
+    finest = cell_px or _cell_px(heights, fewest)
     variance = float(memory[ROW_COUNTS, 2])
     (one, first), (other, second) = (
         [surface_of(plane, doubt or None, pixel).coarser(finest) for plane in planes]
@@ -155,10 +156,20 @@ def _fit(
     return fit, min(1.0, fit.overlap * before / max(fewest, 1)) if fit else 0.0
 
 
+def _cell_px(heights: F4, fewest: int) -> int:
+    """Side of the cells: the more of the film is touched the larger, but small contacts need
+    small ones."""
+    side, whole = 2, surface_of(heights[0], None, 1.0)
+    while side < 8 and fewest >= MAX_CELLS * side**2 and resolves(whole.coarser(2 * side)):
+        side *= 2
+    return side
+
+
 def _guesses(first: Surface, second: Surface, since: F4) -> Iterator[F8]:
     """The motion so far, and where the surfaces may be after a jump."""
     yield small_motion(since.astype(np.float64))
-    one, other = (surface.coarser(JUMP_CELLS) for surface in (first, second))
+    factor = JUMP_CELLS if resolves(second.coarser(JUMP_CELLS)) else 1
+    one, other = (surface.coarser(factor) for surface in (first, second))
     if one.touched.any() and other.touched.any():
         yield from likely_motions(one, other, MAX_JUMP_DEG, MIN_JUMP_OVERLAP)[:MAX_JUMPS]
 

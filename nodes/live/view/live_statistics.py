@@ -165,6 +165,8 @@ class Statistics:
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             count = int(self._contact["contacts"])
             many = f"{count} contact{'s' if count > 1 else ''}"
+            if count > len(depths):
+                many = f"the {len(depths)} largest of {many},"
             cut = sum(_of_all(self._contact, "contact_cut"))
             more = f" or more, {cut:.0f} cut by the frame" if cut else ""
             parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")

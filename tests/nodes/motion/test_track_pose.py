@@ -129,6 +129,26 @@ def test_a_jump_is_found(shift: tuple[float, float]) -> None:
     assert found.figures["pose_sure"] == 1
 
 
+@pytest.mark.parametrize("shift", [(-20.0, 9.0), (40.0, -30.0)])
+def test_a_jump_of_many_small_balls_is_found(shift: tuple[float, float]) -> None:
+    """The film that they touch together is large; each is small."""
+    rng, (y, x) = np.random.default_rng(3), np.mgrid[:480, :600]
+    nodes = np.mgrid[20:480:52, 20:600:52].reshape(2, -1).T
+    places = nodes + rng.uniform(-4, 4, nodes.shape)
+    pixel, key, found = 0.02, None, None
+    for right, down in ((0.0, 0.0), shift):
+        top = np.full(y.shape, 5.0)
+        for row, column in places:
+            square = 22**2 - (y - row - down) ** 2 - (x - column - right) ** 2
+            top = np.maximum(top, np.sqrt(np.maximum(square, 0)))
+        height = (pixel * (top - 5) + rng.normal(0, 2e-4, y.shape)).astype(np.float32)
+        found = track_pose(height, find_contact(height), pixel, None, *(key or ()))
+        key = found.key, found.memory
+    assert found is not None
+    assert found.figures["pose_sure"] == found.figures["pose_keys"] == 1
+    assert found.pose[:2] / pixel == pytest.approx(shift, abs=0.1)
+
+
 @pytest.mark.parametrize("side_mm", [20.0, 2.0], ids=["large", "small"])
 def test_another_object_is_told(side_mm: float) -> None:
     def part(x: F8, y: F8) -> F8:

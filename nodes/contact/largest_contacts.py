@@ -1,0 +1,22 @@
+"""Contacts that have figures of their own: the largest, so many as can be read."""
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+
+from tactograph.nodes import Contacts
+
+MAX_MEASURED = 16
+"""Contacts that are measured unless a node's `most` says more."""
+Most = Annotated[int, Interval(ge=1, le=254)]
+"""Largest number of contacts that have figures."""
+
+
+def largest_contacts(contact: Contacts, most: int) -> NDArray[np.intp]:
+    """Return the numbers, ascending, of the `most` contacts of the largest area."""
+    areas = np.bincount(contact.ravel(), minlength=1)
+    areas[0] = 0
+    largest = np.argsort(-areas, kind="stable")[:most]
+    return np.sort(largest[areas[largest] > 0])
