@@ -20,8 +20,8 @@ from tactograph.nodes.metrology.measure_step import (
 from tactograph.nodes.metrology.scale_height import StepScale
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
-"""Factors by which a known step is deeper or shallower than a light model makes it: that films
-rarely reach (1.06), and from which on it is another step."""
+"""Factors by which a known step is deeper or shallower than a light model makes it: one that films
+rarely reach (they reached 1.06), and one above which it is another step."""
 
 
 class KnownStep(NamedTuple):
