@@ -330,7 +330,7 @@ __kernel void err_rises(
     GRID_1(t, ties)
     float residual = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
     for (int k = 0; k < K; ++k)
-        if (diffuse[k] > 0.0f) residual = 0.0f;
+        if (diffuse[k] > 0.0f) residual = 0.0f; // Their shadows end softly: the rises err.
     const float wrong = common + share * residual + error * drawn(t, key);
     rise[to * ties + t] = error > 0.0f ? wrong : 0.0f;
 }

@@ -1,4 +1,4 @@
-"""Contacts that have figures of their own: the largest, so many as can be read."""
+"""Contacts that have figures of their own: the largest, as many as can be read."""
 
 from typing import Annotated
 

@@ -151,12 +151,9 @@ def height_error(
 
     Parameters
     ----------
-    height
-        H x W in mm, as integrated.
-    slope
-        2 x H x W, as given to `height_system`.
-    system
-        The equations from which the height was integrated.
+    height : H x W in mm, as integrated
+    slope : 2 x H x W, as given to `height_system`
+    system : the equations from which the height was integrated
     light, sigma
         K x H x W, and its standard deviation.
     used

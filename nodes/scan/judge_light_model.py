@@ -40,8 +40,7 @@ def judge_light_model(
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
-    force
-        Warn at most.
+    force : warn at most
 
     Returns
     -------

@@ -55,19 +55,13 @@ def known_step(
 
     Parameters
     ----------
-    height
-        H x W in mm, of the step.
-    parts
-        E x h x w, the parts of its error.
+    height : H x W in mm, of the step
+    parts : E x h x w, the parts of its error
     pixel : mm per px
-    light
-        Figures of `judge_light_model` on the step's scan.
-    folder
-        The step's scan, which messages name.
-    known_um, along, edges
-        As for `measure_step`.
-    crop
-        x0, y0, x1, y1 in pixels, the part that shows one step.
+    light : figures of `judge_light_model` on the step's scan
+    folder : the step's scan, which messages name
+    known_um, along, edges : as for `measure_step`
+    crop : x0, y0, x1, y1 in pixels, the part that shows one step
 
     Returns
     -------
