@@ -328,10 +328,11 @@ __kernel void err_rises(
     const float error, const float common, const float share, const uint key)
 {
     GRID_1(t, ties)
-    float apart = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
+    float residual = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
     for (int k = 0; k < K; ++k)
-        if (diffuse[k] > 0.0f) apart = 0.0f;
-    rise[to * ties + t] = error > 0.0f ? common + share * apart + error * drawn(t, key) : 0.0f;
+        if (diffuse[k] > 0.0f) residual = 0.0f; // Their shadows end softly: the rises err.
+    const float wrong = common + share * residual + error * drawn(t, key);
+    rise[to * ties + t] = error > 0.0f ? wrong : 0.0f;
 }
 
 // By how much steps are too small, all of them uphill.
@@ -431,13 +432,13 @@ LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel, const float share)
+    const int left, const int H, const int W, const float pixel, const float place_px)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
     const floats bend = largest_bend(height, top + y, left + x, count, frame_height, frame_width);
-    const floats beyond = bend - RESOLVED_BEND * pixel, edge = share * MORE_OF(beyond, none);
+    const floats beyond = bend - RESOLVED_BEND * pixel, edge = place_px * MORE_OF(beyond, none);
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
     const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
     const ints free = load_floats(freed + i, count) > 0.0f;

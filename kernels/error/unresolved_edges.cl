@@ -1,8 +1,8 @@
 #include "common.clh"
 #include "bend.clh"
 
-// Where equation H2 of docs/model.md does not hold.
-// 1 where the largest bend of 3 x 3 pixels is that of an edge within one of them.
+#define PLACE_VARIANCE_PX2 0.083333333f
+// Equation H2 of docs/model.md does not hold for an edge within one of 3 x 3 pixels: 1 there.
 LANED __kernel void unresolved_edges(
     __global const float *restrict height,
     const float pixel,
@@ -12,7 +12,8 @@ LANED __kernel void unresolved_edges(
     const float resolved_px)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const floats edge = largest_bend(height, y, x, count, H, W) * sqrt(1.0f + 12.0f * blur * blur);
+    const float wider = sqrt(1.0f + blur * blur / PLACE_VARIANCE_PX2);
+    const floats edge = wider * largest_bend(height, y, x, count, H, W);
     const ints yes = 1, no = 0;
     store_bytes(edge > resolved_px * pixel ? yes : no, out + y * W + x, count);
 }

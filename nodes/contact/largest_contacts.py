@@ -1,4 +1,4 @@
-"""Contacts that have figures of their own: the largest, so many as can be read."""
+"""Contacts that have figures of their own: the largest, as many as can be read."""
 
 from typing import Annotated
 
@@ -7,10 +7,11 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.nodes import Contacts
+from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 
 MAX_MEASURED = 16
-"""Contacts that are measured unless a node's `most` says more."""
-Most = Annotated[int, Interval(ge=1, le=254)]
+"""Number of contacts that have figures unless a node's `most` says another."""
+Most = Annotated[int, Interval(ge=1, le=MAX_CONTACTS)]
 """Largest number of contacts that have figures."""
 
 

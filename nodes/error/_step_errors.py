@@ -15,7 +15,7 @@ MAX_BEND = np.float32(2)
 """A sharper turn counts as this sharp: its step has little weight."""
 RESOLVED_BEND = np.float32(0.5)
 """Difference of slopes from pixel to pixel up to which an edge is resolved.  What a sharper kink
-lacks shows where shadows measure its rise (`APART_SHARE`), and differs in sign elsewhere."""
+lacks shows where shadows measure its rise (`RISE_SHARE`), and differs in sign elsewhere."""
 PLACE_VARIANCE_PX2 = 1 / 12
 """Of an edge that may lie anywhere in a pixel, in px^2."""
 SHARED_RISE_ERROR = 0.2
@@ -63,7 +63,7 @@ def common_rise(blur: float | None, pixel: float) -> np.float32:
     return np.float32((blur or 0.0) * SHARED_RISE_ERROR * pixel)
 
 
-def edge_share(blur: float) -> np.float32:
+def edge_deviation_px(blur: float) -> np.float32:
     """Return the standard deviation in px of the place of an edge that a pixel does not resolve.
 
     It may lie anywhere in the pixel, and as far away as the blur spreads it.
@@ -72,9 +72,9 @@ def edge_share(blur: float) -> np.float32:
 
 
 def unresolved(height: Height, pixel: float, blur: float = 0.0) -> F4:
-    """Return a share of the height's largest bend beyond `RESOLVED_BEND` (`edge_share`)."""
+    """Return by how much an edge's place (`edge_deviation_px`) moves heights, in mm."""
     beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
-    return np.asarray(np.maximum(beyond, np.float32(0)) * edge_share(blur), np.float32)
+    return np.asarray(np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur), np.float32)
 
 
 def largest_bend(height: Height) -> F4:

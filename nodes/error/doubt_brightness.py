@@ -48,8 +48,8 @@ def doubt_brightness(
     if scale is not None:
         factor, uncertain = scale
         return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
-    apart = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
-    share = level_plane(integrate_dct(apart, pixel), level=level) / 2
+    change = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
+    share = level_plane(integrate_dct(change, pixel), level=level) / 2
     combined = np.hypot(error, share)
     of_brightness, of_all = (
         UM_PER_MM * float(np.sqrt(np.nanmean(np.square(each, dtype=float))))

@@ -42,7 +42,7 @@ def doubt_rest(
     free : H x W in mm, a height for which no film was held at zero
     variance : 2 x H x W, the variance of p and q
     pixel : mm per px
-    zero : In mm, as `zero_error` gives it; without it the zero is known
+    zero : in mm, as `zero_error` gives it; without it the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
     steepest : largest standard deviation of a slope
 

@@ -33,8 +33,8 @@ from tactograph.nodes import (
     Slope,
 )
 from tactograph.nodes.error._random_errors import (
-    APART_SIGNS,
     ERROR_COUNT,
+    RISE_SIGNS,
     Keys,
     drawn,
     keys_of,
@@ -43,7 +43,7 @@ from tactograph.nodes.error._random_errors import (
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.error._step_errors import (
     common_rise,
-    edge_share,
+    edge_deviation_px,
     kinks,
     random_steps,
     turns,
@@ -75,7 +75,7 @@ SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
 """The Gaussian by which the variance is averaged over neighbours."""
 MIN_ENERGY_SHARE = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
-APART_SHARE = np.float32(1.3)
+RISE_SHARE = np.float32(1.3)
 """Share that counts of what shadows' rises and the height disagree by: rims and caps are off by
 1.1 to 1.6 times what it moves them by, on ray-traced and simulated balls, cones and teapots.  On a
 gel that diffuses light (`Film.diffuse`) shadows end softly, and it is their rises that err."""
@@ -151,12 +151,9 @@ def height_error(
 
     Parameters
     ----------
-    height
-        H x W in mm, as integrated.
-    slope
-        2 x H x W, as given to `height_system`.
-    system
-        The equations from which the height was integrated.
+    height : H x W in mm, as integrated
+    slope : 2 x H x W, as given to `height_system`
+    system : the equations from which the height was integrated
     light, sigma
         K x H x W, and its standard deviation.
     used
@@ -191,8 +188,8 @@ def height_error(
     """
     seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
     inside = system.cut(height)
-    *_, apart = system.residuals(inside)
-    share = APART_SHARE * (not film.diffuse.any())
+    *_, residual = system.residuals(inside)
+    residual *= RISE_SHARE * (not film.diffuse.any())
     shared = np.float32(math.sqrt(correlation or 1.0))
     causes = Causes(film, misfit, np.float32(flat_noise), shared)
     slopes, turn = slope_errors(seen, causes, seed), turns(system.steps)
@@ -201,9 +198,9 @@ def height_error(
     def random_load(number: int) -> Wants:
         keys = keys_of(seed, number)
         wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
-        each = np.float32(rise_error) * drawn(keys.rises, apart.shape)
-        all_alike = common_rise(blur, pixel) + APART_SIGNS[number] * share * apart
-        return *wrong, np.asarray(each + all_alike)
+        rise = np.float32(rise_error) * drawn(keys.rises, residual.shape)
+        systematic = common_rise(blur, pixel) + RISE_SIGNS[number] * residual
+        return *wrong, np.asarray(rise + systematic)
 
     common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
     springs = system.springs(inside, robust)
@@ -324,12 +321,12 @@ def _launch(run: Launch) -> None:
     def clear(plane: DeviceArray) -> None:
         run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
 
-    def err_rises(to: int, error: float, key: int, apart: float) -> None:
+    def err_rises(to: int, error: float, key: int, share: float) -> None:
         if ties:
             run.kernel(
                 "err_rises", (ties,), wants.rise, networks.wants.rise, inside,
                 networks.finest_ends, inputs["film.diffuse"], run.sizes["K"], ties, to, error,
-                common, apart, np.uint32(key),
+                common, share, np.uint32(key),
             )  # fmt: skip
 
     def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
@@ -349,8 +346,8 @@ def _launch(run: Launch) -> None:
             wants.right, wants.down, *shape, number, to, pixel,
             settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
         )  # fmt: skip
-        apart = float(APART_SIGNS[number] * APART_SHARE)
-        err_rises(to, networks.rise_error, keys.rises, apart)
+        share = float(RISE_SIGNS[number] * RISE_SHARE)
+        err_rises(to, networks.rise_error, keys.rises, share)
         if cells is not None:
             networks.wants_of_cells(wants, to, wanted, number)
     first_energy = networks.energies(pixels, wants)
@@ -416,11 +413,11 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out, lies = run.outputs["height_error"], float(edge_share(run.inputs.get("blur") or 0.0))
+    out, place_px = run.outputs["height_error"], edge_deviation_px(run.inputs.get("blur") or 0.0)
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel(
         "deviation", by_rows, total, weight, free, run.inputs["height"], out,
-        *frame, *networks.place, networks.pixel, lies,
+        *frame, *networks.place, networks.pixel, float(place_px),
     )  # fmt: skip
 
 

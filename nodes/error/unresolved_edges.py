@@ -7,7 +7,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Blur, Height, Mask, PixelSize
-from tactograph.nodes.error._step_errors import edge_share, largest_bend
+from tactograph.nodes.error._step_errors import edge_deviation_px, largest_bend
 
 
 @node(tolerance=Flips(1e-3, why="a threshold on rounded differences"))
@@ -24,7 +24,7 @@ def unresolved_edges(
     share it has of each.  One Gaussian, as that of H2, does not describe such a height.  The mark
     is set on all 3 x 3 pixels around one whose height departs by more than `resolved_px` from a
     line through its neighbours; soft film does not bend so sharply.  A blurred edge bends less, by
-    as much as its place is less certain than in a sharp image (`edge_share`).
+    as much as its place is less certain than in a sharp image (`edge_deviation_px`).
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def unresolved_edges(
     blur : px, of the camera; without it the camera is sharp
     resolved_px : in pixels of height
     """
-    edge = largest_bend(height) * edge_share(blur or 0.0) / edge_share(0.0)
+    edge = largest_bend(height) * edge_deviation_px(blur or 0.0) / edge_deviation_px(0.0)
     return np.asarray(edge > np.float32(resolved_px) * np.float32(pixel), np.uint8)
 
 

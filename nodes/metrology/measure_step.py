@@ -92,7 +92,7 @@ def measure_step(
         ``step_depth_um`` (the median over the profiles; below 0: a ridge, or a step up),
         ``step_spread_um`` (their standard deviation), ``step_uncertainty_um`` (standard
         uncertainty of the depth: the spread of the mean, and the stated error, which profiles
-        share; unless a known step settled it, also what edges within a pixel may hide),
+        share; without `parts` also what edges within a pixel may hide),
         ``step_width_mm``, ``wall_1_deg``, ``wall_2_deg`` (steepest part of the walls against the
         level), ``step_profiles``.  Of a known depth also ``step_scale``, by which heights are to
         be multiplied, and its standard uncertainty ``step_scale_error``.

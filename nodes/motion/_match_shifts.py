@@ -58,7 +58,7 @@ def likely_motions(
 
 
 def resolves(surface: Surface) -> bool:
-    """Return whether the cells are small enough for the contacts, many small ones perhaps."""
+    """Return whether the cells are small enough for the contacts, which may be many small ones."""
     return _inner(surface).sum() >= MIN_INNER_SHARE * np.count_nonzero(surface.touched)
 
 

@@ -10,10 +10,9 @@ from scipy.optimize import linear_sum_assignment
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Metrics, PixelSize
+from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 
-MAX_NUMBER = 254
-"""Largest number of a contact: labels have 8 bits."""
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
 px per frame."""
@@ -72,7 +71,7 @@ def follow_contacts(
     Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
     ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
     """
-    known = np.zeros((MAX_NUMBER, 6), np.float32) if tracks is None else tracks.copy()
+    known = np.zeros((MAX_CONTACTS, 6), np.float32) if tracks is None else tracks.copy()
     numbers = np.unique(contact[contact > 0])
     alive = np.flatnonzero(known[:, COLUMN_AGE] > 0)
     places = np.array(center_of_mass(contact > 0, contact, numbers)).reshape(-1, 2)[:, ::-1]
@@ -119,11 +118,11 @@ def _costs(
     expected = tracks[:, [COLUMN_X, COLUMN_Y]] + moved
     area = both[numbers].sum(axis=1)[:, None]
     radius = np.maximum(np.sqrt(area / np.pi), MIN_RADIUS_PX)
-    apart = np.hypot(*np.moveaxis(expected - places[:, None], 2, 0))
-    apart /= reach * radius * np.sqrt(frames)
+    distance = np.hypot(*np.moveaxis(expected - places[:, None], 2, 0))
+    distance /= reach * radius * np.sqrt(frames)
     shared = both[np.ix_(numbers, earlier)]
     either = np.maximum(area + both[:, earlier].sum(axis=0) - shared, 1)
-    far = np.where(apart < 1, apart, FORBIDDEN_COST)
+    far = np.where(distance < 1, distance, FORBIDDEN_COST)
     return np.where(shared > 0, -shared / either, far)
 
 

@@ -157,8 +157,7 @@ def _fit(
 
 
 def _cell_px(heights: F4, fewest: int) -> int:
-    """Side of the cells: the more of the film is touched the larger, but small contacts need
-    small ones."""
+    """Side of the cells: larger where more film is touched, as far as they resolve contacts."""
     side, whole = 2, surface_of(heights[0], None, 1.0)
     while side < 8 and fewest >= MAX_CELLS * side**2 and resolves(whole.coarser(2 * side)):
         side *= 2

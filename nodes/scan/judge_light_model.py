@@ -20,9 +20,8 @@ MAX_ORDER_RATIO = 0.75
 """What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
 one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
 crops of them, where they leave enough to be tried, and 1.03 or more for the right one."""
-TRIED_EVERY = 2
-"""Cells of which one is tried."""
-MAX_TRIED_SLOPE = 3
+TRIED_EVERY, MAX_TRIED_SLOPE = 2, 3
+"""Cells of which one is tried, and slope that steeper ones count as: a few would settle all."""
 
 
 @node
@@ -41,8 +40,7 @@ def judge_light_model(
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
-    force
-        Warn at most.
+    force : warn at most
 
     Returns
     -------
@@ -89,10 +87,10 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     given = np.arange(len(light))
     orders = [np.roll(each, by) for each in (given, given[::-1]) for by in given]
     tried = (light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders)
-    left = [(_left(each), _curl(each.slope)) for each in tried]
-    doubt = np.prod(left, axis=1)
-    best = int(np.argmin(doubt))
-    if doubt[best] < MAX_ORDER_RATIO * doubt[0] and left[best][0] < MAX_RESIDUAL:
+    misfits = [(_left(found), _curl(found.slope)) for found in tried]
+    product = np.prod(misfits, axis=1)
+    best = int(np.argmin(product))
+    if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:
         order = ", ".join(str(led + 1) for led in orders[best])
         told = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
@@ -101,6 +99,6 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
 
 
 def _curl(slope: Slope) -> float:
-    """The rotation of all slopes together; those of a surface have none."""
+    """Sum of the magnitudes of the slopes' curl; those of a surface have none."""
     p, q = np.clip(slope, -MAX_TRIED_SLOPE, MAX_TRIED_SLOPE)
     return float(np.abs(np.diff(p, axis=0)[:, 1:] - np.diff(q, axis=1)[1:]).sum())

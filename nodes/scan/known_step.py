@@ -20,8 +20,8 @@ from tactograph.nodes.metrology.measure_step import (
 from tactograph.nodes.metrology.scale_height import StepScale
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
-"""Factors by which a known step is deeper or shallower than a light model makes it: that films
-rarely reach (1.06), and from which on it is another step."""
+"""Factors by which a known step is deeper or shallower than a light model makes it: one that films
+rarely reach (they reached 1.06), and one above which it is another step."""
 
 
 class KnownStep(NamedTuple):
@@ -55,19 +55,13 @@ def known_step(
 
     Parameters
     ----------
-    height
-        H x W in mm, of the step.
-    parts
-        E x h x w, the parts of its error.
+    height : H x W in mm, of the step
+    parts : E x h x w, the parts of its error
     pixel : mm per px
-    light
-        Figures of `judge_light_model` on the step's scan.
-    folder
-        The step's scan, which messages name.
-    known_um, along, edges
-        As for `measure_step`.
-    crop
-        x0, y0, x1, y1 in pixels, the part that shows one step.
+    light : figures of `judge_light_model` on the step's scan
+    folder : the step's scan, which messages name
+    known_um, along, edges : as for `measure_step`
+    crop : x0, y0, x1, y1 in pixels, the part that shows one step
 
     Returns
     -------

@@ -21,7 +21,7 @@ from tactograph.nodes.scan.judge_untouched import MAX_LEAN
 from tactograph.nodes.scan.known_step import KnownStep
 from tactograph.nodes.scan.light_model_slope import ModelSlope
 
-MAX_STEEPNESS = 3.0
+MAX_SQUARED_SLOPE = 3.0
 """Square of the steepest slope that a light model measures."""
 NOMINAL_GROWTH = 0.01
 """Share of a height by which it errs, over the square of its slope, in the last part."""
@@ -104,10 +104,10 @@ def level_scan(
             "(level=plane leaves it)"
         )
     errors, inside = scan_errors(found, single.residual, levelling, cell, seed)
-    steepness = (np.sum(each * each, axis=0) for each in (slope, single.slope))
-    steepest = cv2.dilate(np.maximum(*steepness), np.ones((3, 3)))
-    of_walls = levelling.heights(slope * np.minimum(steepest, MAX_STEEPNESS))
-    parts = np.concatenate([errors, [NOMINAL_GROWTH * of_walls]]).astype(np.float32)
+    squares = (np.sum(each * each, axis=0) for each in (slope, single.slope))
+    square = cv2.dilate(np.maximum(*squares), np.ones((3, 3)))
+    growth = levelling.heights(slope * np.minimum(square, MAX_SQUARED_SLOPE))
+    parts = np.concatenate([errors, [NOMINAL_GROWTH * growth]]).astype(np.float32)
     factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
     said = scale if known is None else known.scale

@@ -21,7 +21,7 @@ from tactograph.nodes import F4, Height, Labels, LightPositions, PixelSize
 from tactograph.nodes.optics.difference import difference
 
 LINES_PER_ITEM = 15
-"""Lines that a work-item follows; it also knows where the next one is."""
+"""Lines that a work-item of a CPU follows, 1 on a GPU; it also knows where the next one is."""
 QUARTER_COUNT = 4
 MIN_AWAY_PX = np.float32(1e-6)
 LEAST_OF_NONE = np.float32(1e30)
