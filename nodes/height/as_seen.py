@@ -21,7 +21,7 @@ def as_seen(height: Height, lens: Lens) -> Height:
     Parameters
     ----------
     height : H x W in mm on the ideal grid
-    lens : Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
     """
     if is_straight(lens):
         return height

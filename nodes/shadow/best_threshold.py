@@ -21,7 +21,7 @@ def best_threshold(
     ----------
     light, lit, slope : N x K, N and N x 2, the calibration's tables (`build_lut`)
     lights : K x 3 in mm; for its slope, every pixel is taken to lie in the middle of the film
-    null : Length K, the vector a of equation 11
+    null : length K, the vector a of equation 11
 
     Returns
     -------

@@ -18,7 +18,7 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     Parameters
     ----------
     confidence : H x W, on the ideal grid
-    lens : Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
     """
     if is_straight(lens):
         return confidence

@@ -18,7 +18,7 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     Parameters
     ----------
     labels : H x W, a bit per LED, on the ideal grid
-    lens : Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
     """
     if is_straight(lens):
         return labels
