@@ -76,8 +76,8 @@ class Trial(NamedTuple):
             return fitted
         film = fitted.film
         direct = balls.light - balls.thrown(fitted.shifts, film)
-        counts = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, SINGLE_BALL_UNEVENNESS, counts)
+        weight = lit_share(film, direct, np.array(film.contact))
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, SINGLE_BALL_UNEVENNESS, weight)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""
