@@ -6,9 +6,9 @@ from tactograph.graph.errors import InputError
 
 
 def need(extra: str, feature: str, *packages: str) -> None:
-    """Refuse a feature, in a line that begins with it, whose packages are not installed.
+    """Refuse a feature whose packages, named as they are imported, are not all installed.
 
-    The packages, by the names under which they are imported, come with ``tactograph[EXTRA]``.
+    Raises InputError, which begins with the feature and names the extra that brings them.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:

@@ -48,7 +48,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """A kernel that ends the process is named, but in a test that takes times."""
+    """Have a kernel that ends the process named, except in a test that takes times."""
     os.environ[WAIT_VARIABLE] = "0" if item.get_closest_marker("realtime") else "1"
 
 

@@ -67,9 +67,9 @@ def usual_lanes(device: Device) -> int:
 
 
 def usual_group(device: Device, lanes: int) -> int:
-    """Return the number of work-items of a work-group that does something alone.
+    """Return the number of work-items of a kernel that is a single work-group.
 
-    Where that was tried, on NVIDIA's, more work-items hide more of the memory's latency.
+    More hide more of the memory's latency; that was tried on NVIDIA's devices alone.
     """
     return 1 if lanes > 1 else 512 if "NVIDIA" in device.name else 128
 
@@ -86,7 +86,7 @@ class Queue:
 
     `lanes` is the number of elements that a work-item does side by side.  None suits it to the
     device: most CPU compilers do not vectorise across work-items, GPUs want one element each.
-    `group` is the number of work-items of a work-group that works alone.
+    `group` is the number of work-items of a kernel that is a single work-group.
     """
 
     error: type[Exception] = cl.Error

@@ -96,7 +96,7 @@ class Cluster:
     def _ended(self, running: dict[Any, Chunk]) -> list[tuple[Any, Tally | Exception]]:
         """Futures that ended, with their tallies or errors.
 
-        Raises ConnectionError, CancelledError if the scheduler has gone, or has forgotten them.
+        Raises ConnectionError or CancelledError if the scheduler has gone, or has forgotten them.
         """
         from distributed import wait
 

@@ -20,10 +20,10 @@ from tactograph.graph.plan.draft import Draft
 class Job:
     """The work on a capture.
 
-    `graph` is the text of the flat graph file, and its `param` takes a capture.  `inputs` hash
-    the files that all captures share, `files` what the ``.npz`` files among these say of
-    themselves.  `folders` is the folder for result folders, which mirror the layout of the folder
-    `below`; None if maps go into the store.
+    `graph` is the text of the flat graph file, and its `param` takes a capture.  `inputs` are
+    content hashes of the files that all captures share, `files` what the ``.npz`` files among these
+    say of themselves.  `folders` is the folder for result folders, which mirror the layout of
+    the folder `below`; None if maps go into the store.
     """
 
     graph: str

@@ -314,8 +314,8 @@ def create_store(
 ) -> Store:
     """Make an empty store, of which `chunk` captures are written together.
 
-    Raises InputError if something else is there, a store without `overwrite`, or it cannot be
-    written.
+    Raises InputError if it cannot be written, or something is there: other than a store, or a store
+    and `overwrite` is False.
     """
     try:
         group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)

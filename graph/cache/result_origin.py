@@ -37,8 +37,8 @@ _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 class Origin:
     """All that makes a graph's results, apart from the graph and its data.
 
-    `code` has, by node and for the engine, a hash of all its source; `versions` those of Python,
-    this package, the nodes' packages, and all that these need; `device` is "" where none is used.
+    `code` has, by node and for the engine, a hash of all its source.  `versions` are of Python,
+    this package, the nodes' packages, and all that these need.  `device` is "" where none is used.
     """
 
     code: dict[str, str]

@@ -149,9 +149,10 @@ def make_jobs(study: Study) -> list[Job]:
 
 
 def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]:
-    """Run one job, or take its row from a former run with the same key; return the row, and which.
+    """Run one job, or take its row from a former run with the same key.
 
-    Nodes whose results are in `cache` from another job do not run again.
+    Nodes whose results are in `cache` from another job do not run again.  Returns the row, and
+    whether a former run made it.
     """
     folder = job.folder(out)
     values = {**study.given[job.graph.name], **_places(job, folder)}

@@ -79,7 +79,7 @@ def seeds(
 def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) -> None:
     """Refuse a parameter that none of the graphs has.
 
-    Raises InputError naming the nodes, or the parameters of the node, that there are.
+    Raises InputError, which names the nodes, or the parameters of the node, that there are.
     """
     for target in targets:
         if not any(has_parameter(graph, target) for graph in graphs):

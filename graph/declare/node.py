@@ -65,7 +65,7 @@ class SizeRule:
 
 
 Parts = SizeRule
-"""The name for one without a rule."""
+"""A size that is another one divided by a parameter, rounded up: a rule without a function."""
 
 
 @dataclass(frozen=True)

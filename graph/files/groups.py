@@ -44,8 +44,8 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
 def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
     """Translate a reference in a scope to its name in the flat graph.
 
-    None for an input of the group that this use leaves out.  Raises GraphError with `where`, if it
-    names nothing that can be read.
+    Returns None for an input of the group that this use leaves out.  Raises GraphError, with
+    `where`, if it names nothing that can be read.
     """
     bare, previous = split_previous(reference)
     name, _, rest = bare.partition(".")

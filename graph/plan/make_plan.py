@@ -27,13 +27,13 @@ def make_plan(
 ) -> Plan:
     """Verify `graph` and plan its run, without running or writing anything.
 
-    Raises GraphError if the graph does not verify; the message says where; InputError if arrays are
-    to stay on a device that no node uses.
-
     `given` are values of the graph's params.  Without a `device`, `no_device` says why.  `sinks`
     tells whether nodes that only write (files, pictures) are part of the run.  `stand_ins` are
     source nodes whose items the caller will hand in as arrays.  `outputs` are references, by name,
     to put out in place of the graph's own; with `stays`, arrays among them are left on the device.
+
+    Raises GraphError, which says where, if the graph does not verify; InputError if arrays are to
+    stay on a device that no node uses.
     """
     draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     if stays:

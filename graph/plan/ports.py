@@ -8,7 +8,7 @@ from tactograph.graph.plan.draft import Draft
 def check(draft: Draft) -> None:
     """Compare the types at both ends of every edge.
 
-    Raises GraphError naming both ports, if kind, element type, number of axes or unit differ.
+    Raises GraphError, which names both ports, if kind, element type, number of axes or unit differ.
     """
     for task in draft.tasks.values():
         for name, value in task.edges.items():

@@ -71,7 +71,7 @@ class SizeClasses:
     def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
         """The sizes that are known behind a node with outputs of the given shapes.
 
-        Raises InputError as `bind`.
+        Raises InputError as `bind` does.
         """
         if sized.shapes is not shapes and sized.shapes != shapes:
             after = dict(sized.derived)

@@ -102,9 +102,9 @@ class StepRunner:
         """Let the outputs of a step be absent from this item."""
         self._sized.pop(step.name, None)
         self.times[step.name] = 0.0
-        for value, name in written_by(step):
-            side = self.device if name == "device" and self.device is not None else self.host
-            side.put(value, None)
+        for value, side in written_by(step):
+            values = self.device if side == "device" and self.device is not None else self.host
+            values.put(value, None)
 
     def release(self, step: Step) -> None:
         """Give back the buffers that a step was the last to read."""

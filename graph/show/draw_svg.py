@@ -129,7 +129,7 @@ def _centres(
     """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
     joined = _neighbours(segments)
 
-    def apart(a: Spot, b: Spot) -> float:
+    def distance_px(a: Spot, b: Spot) -> float:
         sizes = [WIDTH_PX + BOX_GAP_PX if layer[spot[0]] == spot[1] else LANE_PX for spot in (a, b)]
         return sum(sizes) / 2
 
@@ -137,7 +137,7 @@ def _centres(
     for row in layers:
         at = 0.0
         for before, spot in zip([None, *row], row, strict=False):
-            at += 0 if before is None else apart(before, spot)
+            at += 0 if before is None else distance_px(before, spot)
             centre[spot] = at
         for spot in row:
             centre[spot] -= at / 2
@@ -150,7 +150,7 @@ def _centres(
                 wanted.append(sum(centre[o] for o in others) / len(others))
             offsets = [0.0]
             for a, b in itertools.pairwise(row):
-                offsets.append(offsets[-1] + apart(a, b))
+                offsets.append(offsets[-1] + distance_px(a, b))
             free = _increasing([w - o for w, o in zip(wanted, offsets, strict=True)])
             centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
     return centre

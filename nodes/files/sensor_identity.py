@@ -56,8 +56,8 @@ def check_sensor(
     Parameters
     ----------
     place : the images, for people
-    found : their sensor
-    calibration : None: nothing is compared
+    identity : their sensor
+    calibration : of the sensor that is expected; None: nothing is compared
     another_sensor : only warn
 
     Raises

@@ -81,7 +81,7 @@ def touch_misfit(
     slope, used : 2 x H x W and H x W, as `label_lights` found them
     height : H x W in mm, as far as known before that slope
     lights : K x 3 in mm
-    misfit : Length 5, the calibration's misfit
+    misfit : length 5, the calibration's misfit
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as given to `label_lights`
 

@@ -23,7 +23,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     Parameters
     ----------
     image : K x H x W, as captured
-    lens : Length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
     """
     if is_straight(lens):
         return image

@@ -12,7 +12,7 @@ def undistort_dark(dark: Dark, lens: Lens) -> Dark:
     Parameters
     ----------
     dark : H x W, all LEDs off
-    lens : Length 8, as `read_lens` gives it
+    lens : length 8, as `read_lens` gives it
     """
     plane: Dark = undistort(dark[None], lens)[0]
     return plane

@@ -27,7 +27,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     Parameters
     ----------
     height : H x W in mm, as seen
-    lens : Length 8; None: no distortion
+    lens : length 8; None: no distortion
     camera : 1 / D in 1/mm; 0: orthographic
 
     Raises

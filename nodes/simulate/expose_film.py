@@ -65,7 +65,7 @@ def expose_film(
         Variance of a mean over pixels, relative to that with independent noise; without it the
         noise of neighbours is independent.
     dark : H x W, what the camera sees with all LEDs off
-    lens : Length 8; the images are those of the camera's pixels
+    lens : length 8; the images are those of the camera's pixels
     before
         The number of images before, from `taken` of the item before: no two have the same noise.
     bits : bit depth; 0 to 2^bits - 1 become 0 to 1

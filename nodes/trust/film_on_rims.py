@@ -39,7 +39,7 @@ def film_on_rims(
     ----------
     height, rims : H x W in mm, and where its rims are (`rim_cells`), on the cells of a rough pass
     like : K x r x c, an image at full resolution; only its size counts
-    lens : Length 8, as `read_lens` gives it; without it the image is not distorted
+    lens : length 8, as `read_lens` gives it; without it the image is not distorted
     """
     hanging, share = _hanging(height, rims)
     if not share:  # as of nearly all touches

@@ -95,7 +95,7 @@ def light_departure(
     slope, used : 2 x H x W and H x W, as `label_lights` found them
     height : H x W in mm, as given to `label_lights`
     lights : K x 3 in mm
-    misfit : Length 5, the calibration's misfit
+    misfit : length 5, the calibration's misfit
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as given to `label_lights`
     wrap : how far light goes on falling behind the terminator, as given to `label_lights`

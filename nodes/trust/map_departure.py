@@ -37,7 +37,7 @@ def map_departure(
     light : K x H x W, relative to the film at rest
     slope, height : 2 x H x W, and H x W in mm, as given to `solve_reflectance_map`
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
-    misfit : Length 5, the calibration's misfit
+    misfit : length 5, the calibration's misfit
     """
     shown = mapped_light(slope, height, reflectance)
     left = light - shown

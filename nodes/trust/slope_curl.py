@@ -51,7 +51,7 @@ def slope_curl(
     Parameters
     ----------
     slope : 2 x H x W
-    misfit : Length 5, the calibration's misfit; its first number is the level, in radians
+    misfit : length 5, the calibration's misfit; its first number is the level, in radians
     used
         H x W, the LEDs that each slope rests on; where they are fewer than three nothing is tested.
         All are taken if not given.

@@ -34,7 +34,7 @@ def known_balls(
     ----------
     light, flat : K x S x W and K x H x W; only their sizes are used
     circle : B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask
-    radius, of : Length B: the balls' radii in mm, and the press that each is in
+    radius, of : length B: the balls' radii in mm, and the press that each is in
     pixel : mm per px
     """
     rows = flat.shape[1]

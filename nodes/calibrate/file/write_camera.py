@@ -27,7 +27,7 @@ def write_camera(
     Parameters
     ----------
     image : H x W, the image of the grid; only its size is kept
-    lens, pixel, residual : Length 8, mm per px, and px: as `fit_lens` returns them
+    lens, pixel, residual : length 8, mm per px, and px: as `fit_lens` returns them
     quality : the figures of `fit_lens`, for people and for ``result.json``
     file : the file; it is replaced as a whole
 

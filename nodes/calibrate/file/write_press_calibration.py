@@ -38,7 +38,7 @@ def write_press_calibration(
         repeats it.
     area : H x W, where the frame shows film; None: everywhere
     serial : the camera's serial number
-    lens : Length 8, by which the images were undistorted; None: an ideal lens
+    lens : length 8, by which the images were undistorted; None: an ideal lens
     file : the file; it is replaced as a whole
     sensor : as for `write_calibration`
 

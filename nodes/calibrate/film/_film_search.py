@@ -36,7 +36,8 @@ out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may pay only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
-UNEVEN_OF_ONE = 0.03
+"""What direct light alone tells, beside the LEDs."""
+SINGLE_BALL_UNEVENNESS = 0.03
 """Least unevenness after one ball, which does not tell how the gain of touched film varies."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
 MAX_ERROR_RATIO = 1.5
@@ -66,7 +67,7 @@ class Trial(NamedTuple):
 
         Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
         single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
-        light alone, on which slopes rest, and its brightness is known to `UNEVEN_OF_ONE`.
+        light alone, on which slopes rest, and its brightness is known to `SINGLE_BALL_UNEVENNESS`.
         """
         balls = balls or self.balls
         given = self.shift_mm, self.width_mm
@@ -75,8 +76,8 @@ class Trial(NamedTuple):
             return fitted
         film = fitted.film
         direct = balls.light - balls.thrown(fitted.shifts, film)
-        counts = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, UNEVEN_OF_ONE, counts)
+        weight = lit_share(film, direct, np.array(film.contact))
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, SINGLE_BALL_UNEVENNESS, weight)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or slices of a single ball."""

@@ -61,7 +61,7 @@ class _Problem(NamedTuple):
     """The data of the fit, the free parameters, and the standard deviations.
 
     `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame,
-    `uneven` that of the brightness of touched film.  `counts` weighs samples, K x N.
+    `uneven` that of the brightness of touched film.  `sample_weight` is K x N, 0 to 1.
     """
 
     balls: Balls
@@ -70,7 +70,7 @@ class _Problem(NamedTuple):
     shift_mm: float
     width_mm: float
     uneven: float = 0.0
-    counts: F8 | float = 1.0
+    sample_weight: F8 | float = 1.0
     scale: float = LIGHT_DEVIATION
     certain: float = LIGHT_DEVIATION
 
@@ -85,7 +85,7 @@ class _Problem(NamedTuple):
         The root of their covariance, as the LEDs of a sample share its brightness, takes most of
         what another brightness may explain away.
         """
-        unit = np.sqrt(self.counts) / (self.scale * self.balls.reference_light)
+        unit = np.sqrt(self.sample_weight) / (self.scale * self.balls.reference_light)
         light, seen = light * unit, self.balls.light * unit
         square = np.maximum(np.square(seen).sum(axis=0), 1e-12)
         taken = (1 - 1 / np.sqrt(1 + self.uneven**2 * square)) / square
@@ -120,7 +120,7 @@ def fit(
     shift_mm: float,
     width_mm: float,
     uneven: float = 0.0,
-    counts: F8 | float = 1.0,
+    sample_weight: F8 | float = 1.0,
 ) -> Fitted:
     """Return the best film, LEDs and shifts, by a robust Levenberg-Marquardt descent.
 
@@ -133,7 +133,7 @@ def fit(
     shift_mm : standard deviation of a ball's position
     width_mm : width of the film that the camera sees
     uneven : standard deviation of the brightness of touched film, as a share
-    counts : K x N, 0 to 1, how much the light of each sample counts
+    sample_weight : K x N, 0 to 1, how much the light of each sample counts
 
     Raises
     ------
@@ -142,7 +142,7 @@ def fit(
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
     now, damping = opened(start, names), 1e-3
-    problem = _Problem(balls, rest, names, shift_mm, width_mm, uneven, counts)
+    problem = _Problem(balls, rest, names, shift_mm, width_mm, uneven, sample_weight)
     left = problem.left(now)
     problem = problem.judged(left)
     cost = _cost(problem, now, left)

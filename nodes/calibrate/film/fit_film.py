@@ -37,7 +37,7 @@ from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film._film_search import (
     GOOD_ERROR_DEG,
-    UNEVEN_OF_ONE,
+    SINGLE_BALL_UNEVENNESS,
     Model,
     Trial,
     bend,
@@ -184,7 +184,7 @@ def fit_film(
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
-        uneven = max(uneven, UNEVEN_OF_ONE)
+        uneven = max(uneven, SINGLE_BALL_UNEVENNESS)
     rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
     return FilmFit(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),

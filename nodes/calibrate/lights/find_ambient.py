@@ -89,23 +89,23 @@ def find_ambient(
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
     presses = [press for press in presses if press.mask.any()][:MAX_PRESSES]
     # The light that all but a few pixels exceed under every LED.
-    calm = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
-    most = min(float(np.percentile(plane, DARK_PERCENT)) for plane in calm)
+    smooth = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
+    most = min(float(np.percentile(plane, DARK_PERCENT)) for plane in smooth)
     film = float(np.median(flat))
     if not presses or most < MIN_AMBIENT * film:
         return nothing
 
     def misfit(ambient: float) -> float:
         """The misfit of LEDs placed after this much ambient light is subtracted."""
-        less, dark = _less(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
+        rest_light, dark = _led_light(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
         objects = []
         for press in presses:
-            light = flat_field(press.light, less, dark)
+            light = flat_field(press.light, rest_light, dark)
             there = press._replace(light=light, lit=label_lit(light))
             objects.append(sample(there, pixel, MAX_SAMPLES_EACH))
         if unreached(objects):
             return np.inf
-        rest = rest_of(less, pixel)
+        rest = rest_of(rest_light, pixel)
         placed = place_leds(objects, rest, pixel * flat.shape[2])
         return misfit_of(objects, rest, placed)
 
@@ -125,9 +125,9 @@ def find_ambient(
         "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
         "pixel_size_mm and that the camera is linear (gamma 1)"
     )
-    ambient_dark = np.full_like(dark, ambient)
-    return WithoutAmbient(_less(flat, ambient), ambient_dark, {"ambient_percent": percent}, [doubt])
+    rest_light, dark = _led_light(flat, ambient), np.full_like(dark, ambient)
+    return WithoutAmbient(rest_light, dark, {"ambient_percent": percent}, [doubt])
 
 
-def _less(flat: F4, ambient: float) -> F4:
+def _led_light(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)

@@ -97,8 +97,8 @@ def film_change(
     start = _shifted(then, moved.astype(int))
     safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
     # Under an LED that lights the film elsewhere, black pixels are cut off.
-    alive = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
-    known = _known(start, moved) & ~(now[alive] < MIN_LIGHT).any(axis=0)
+    lights_film = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
+    known = _known(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
     known &= (smooth > MIN_KEPT * strength[:, None, None]).all(axis=0)

@@ -379,7 +379,7 @@ class LedController:
                     if self._hear(began, now) and self._courses:
                         self._courses[-1] = replace(self._courses[-1], start=began)
                 elif event.name == "ready":
-                    self._was_reset()
+                    self._note_reset()
                     self._woken.set()
                 elif event.name == "watchdog":
                     self._courses.append(Course(1e-6 * whole_number(event.words[0]), (0,)))
@@ -429,10 +429,10 @@ class LedController:
         state = "off" if wanted == ["set", "0"] else wanted[0]
         if status.state == state and (state != "set" or status.led == int(wanted[1])):
             return True
-        self._was_reset()
+        self._note_reset()
         return False
 
-    def _was_reset(self) -> None:
+    def _note_reset(self) -> None:
         with self._known:
             self._fail("controller reset", "the LED controller started anew")
             self._forget()

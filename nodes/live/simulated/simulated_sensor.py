@@ -132,7 +132,7 @@ class SimulatedSensor:
 
     Attributes
     ----------
-    plugged : False: the cable is unplugged; no camera can be opened, and an open one fails
+    plugged : whether its cable is in; if not, no camera can be opened, and an open one fails
     covered, flooded : the lens is covered; stray light saturates the camera
     frozen : the driver hangs: a fetch does not return
     strength : brightness of each LED, 1 as calibrated; 0 is burnt out

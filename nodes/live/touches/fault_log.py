@@ -61,7 +61,7 @@ class FaultLog:
         self._counted: Counter[str] = Counter()
         self._before: float | None = None
         self._pace: Shot | None = None
-        self._waiting: dict[str, float] = {}
+        self._waiting: dict[str, None] = {}  # in order
         self._told: dict[str, float] = {}
         self._item = time.monotonic()
 
@@ -81,7 +81,7 @@ class FaultLog:
         """Report a line with the next touch, unless it was reported within `again_s`."""
         now = time.monotonic()
         if now - self._told.get(line, -math.inf) >= again_s:
-            self._waiting.setdefault(line, now)
+            self._waiting[line] = None
 
     def tell(self, *, with_item: bool) -> None:
         """Report waiting lines: with a touch, or at once if none comes."""

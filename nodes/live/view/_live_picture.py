@@ -114,11 +114,11 @@ def round_up(value: float) -> float:
 
 def _grey(image: Light, width: int, height: int) -> Picture:
     mean = np.mean([_resized(plane, width, height) for plane in image], axis=0)
-    return np.asarray(cv2.cvtColor(_bright(mean), cv2.COLOR_GRAY2RGB))
+    return np.asarray(cv2.cvtColor(_as_bytes(mean), cv2.COLOR_GRAY2RGB))
 
 
-def _bright(light: F4) -> NDArray[np.uint8]:
-    """8 bits, of which `WHITE_SHARE` are below white."""
+def _as_bytes(light: F4) -> NDArray[np.uint8]:
+    """The light in 8 bits, `WHITE_SHARE` of its pixels below white."""
     white = float(np.quantile(light[::4, ::4], WHITE_SHARE)) or 1.0
     return np.asarray(cv2.convertScaleAbs(light, alpha=255 / white), np.uint8)
 
@@ -128,7 +128,7 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     rows, columns = like.shape[:2]
     planes = [_resized(plane, columns, rows) for plane in image]
     picture = np.stack(planes if lights == "rgb" else planes[::-1], axis=-1)
-    return _bright(picture)
+    return _as_bytes(picture)
 
 
 def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:

@@ -164,12 +164,12 @@ class Statistics:
         if depths := _of_all(self._contact, "contact_depth_mm"):
             area = sum(_of_all(self._contact, "contact_area_mm2"))
             count = int(self._contact["contacts"])
-            many = f"{count} contact{'s' if count > 1 else ''}"
+            counted = f"{count} contact{'s' if count > 1 else ''}"
             if count > len(depths):
-                many = f"the {len(depths)} largest of {many},"
+                counted = f"the {len(depths)} largest of {counted},"
             cut = sum(_of_all(self._contact, "contact_cut"))
             more = f" or more, {cut:.0f} cut by the frame" if cut else ""
-            parts.append(f"{many} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
+            parts.append(f"{counted} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
         if forces := _of_all(self._contact, "contact_force_n"):
             x, y = (sum(_of_all(self._contact, f"contact_shear_{axis}_n")) for axis in "xy")
             shear = f", {np.hypot(x, y):.2f} N in shear" if x or y else ""

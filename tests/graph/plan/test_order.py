@@ -102,7 +102,7 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
         # The device checks the touch while the host looks for contacts.
         ("reconstruct", ("download height.as_seen", "told", "contact")),
     ],
-    ids=["what waits for sizes comes after what the host has to do", "most steps' need first"],
+    ids=["sizes are waited for after the host's own work", "the touch is checked meanwhile"],
 )
 def test_host_and_device_are_busy(device: OpenCL, graph: str, names: tuple[str, ...]) -> None:
     steps = [step.name for step in planned(graph, device).steps]
