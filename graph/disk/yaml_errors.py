@@ -6,6 +6,7 @@ from ruamel.yaml.error import MarkedYAMLError, StringMark
 
 from tactograph.graph.errors import printable
 
+_LINE_END = re.compile(r"\r\n|\r|\n")
 _BAD_CHARACTER = re.compile(r"found character '(.+)' that cannot start any token")
 
 
@@ -80,4 +81,4 @@ def _other_level(context: str, at: StringMark, begun: StringMark) -> str:
 
 
 def _lines(mark: StringMark) -> list[str]:
-    return (mark.buffer or "").split("\n")
+    return _LINE_END.split(mark.buffer or "")

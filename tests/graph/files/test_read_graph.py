@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tactograph.graph import GraphError, InputError
@@ -205,6 +205,7 @@ def test_any_mapping_is_a_graph_or_an_input_error(write: Write, content: dict[st
 
 @patient
 @given(st.text(max_size=100))
+@example("\r{")
 def test_any_text_is_a_graph_or_an_input_error(write: Write, text: str) -> None:
     _graph_or_error(write(f"format: 1\n{text}"))
 

@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("starlette", reason="'make test-all' installs it")
 from tactograph.graph.tune.guard import Guard
 
+pytestmark = pytest.mark.slow
 HOST = (b"host", b"127.0.0.1:8123")
 COOKIE = (b"cookie", b"other=1; tactograph_8123=right")
 
