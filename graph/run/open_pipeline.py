@@ -117,9 +117,11 @@ def open_pipeline(
     strict: bool = False,
     sinks: bool = True,
     cache: Cache | None = None,
-    **wanted: Any,
+    stand_ins: frozenset[str] = frozenset(),
+    outputs: Mapping[str, str] | None = None,
+    stays: bool = False,
 ) -> Pipeline:
-    """Read, plan and compile a graph; see `load`, and `make_plan` for what may be `wanted`.
+    """Read, plan and compile a graph; see `load` and `make_plan`.
 
     Raises InputError also if `strict` and a node would fall back to another back end.
     """
@@ -135,7 +137,10 @@ def open_pipeline(
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, given)
-    plan = make_plan(graph, given, device=opened, no_device=reason, sinks=sinks, **wanted)
+    plan = make_plan(
+        graph, given, device=opened, no_device=reason, sinks=sinks, stand_ins=stand_ins,
+        outputs=outputs, stays=stays,
+    )  # fmt: skip
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
     return Pipeline(plan, opened, cache)

@@ -17,7 +17,6 @@ Most = Annotated[int, Interval(ge=1, le=MAX_CONTACTS)]
 
 def largest_contacts(contact: Contacts, most: int) -> NDArray[np.intp]:
     """Return the numbers, ascending, of the `most` contacts of the largest area."""
-    areas = np.bincount(contact.ravel(), minlength=1)
-    areas[0] = 0
+    areas = np.bincount(contact[contact > 0])
     largest = np.argsort(-areas, kind="stable")[:most]
     return np.sort(largest[areas[largest] > 0])

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
 from tactograph.nodes import Contacts, Height, Lens, Metrics, PixelSize
+from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.optics.lens import pixel_sides
 
@@ -53,15 +54,16 @@ def measure_contact(
         the part that is seen, and area, depth and volume lower bounds.
     """
     sides = pixel_sides(lens, pixel)
-    count = np.count_nonzero(np.bincount(contact.ravel(), minlength=1)[1:])
-    figures: Metrics = {"contacts": float(count)}
-    if count > most:
+    numbers = largest_contacts(contact, MAX_CONTACTS)
+    figures: Metrics = {"contacts": float(len(numbers))}
+    if len(numbers) > most:
         # The same words in each frame, so that a stream says it once.
         warn(
             f"measure_contact: of all contacts (figure 'contacts') the {most} largest are "
             "measured; 'most' sets how many"
         )
-    for number in largest_contacts(contact, most):
+        numbers = largest_contacts(contact, most)
+    for number in numbers:
         measured = _measured(height, (contact == number).view(np.uint8), *sides)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures

@@ -1,7 +1,7 @@
-"""Whether film is folded more narrowly than the cells of a rough height show."""
+"""How narrowly film is folded, against the cells of a rough height."""
 
 import math
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge
@@ -16,14 +16,21 @@ MIN_STEEP_CELLS = 20
 """Fewer steeper cells are no touch."""
 
 
+class Folds(NamedTuple):
+    """Whether the film's light on itself asks for a finer height: one at most holds."""
+
+    wide: bool
+    narrow: bool
+
+
 @node
 def folded_film(
     slope: Slope,
     *,
     least: Annotated[float, Ge(0)] = 0.16,
-    below: Annotated[float, Ge(0)] = 1e6,
-) -> bool:
-    """Return whether the film's light on itself asks for a finer height.
+    narrow: Annotated[float, Ge(0)] = 0.5,
+) -> Folds:
+    """Return whether film is folded, and how narrowly.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
     light on itself.  So the slopes' squared second differences are compared with their squares, on
@@ -35,14 +42,14 @@ def folded_film(
     slope
         2 x H x W, mm per mm, on the cells of a rough pass.  Where they are more than those of
         `film_bounce`, every n-th row and column counts.
-    least, below : squared bend over squared slope from which on film is folded, and up to which
+    least, narrow : squared bend over squared slope from which on film is folded, and narrowly
     """
     step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
     slope = slope[:, ::step, ::step]
     squared = np.square(slope).sum(axis=0)
     steep = squared > MIN_SLOPE * MIN_SLOPE
     if np.count_nonzero(steep) < MIN_STEEP_CELLS:
-        return False
+        return Folds(False, False)
     across, down = (np.square(np.diff(slope, 2, axis)).sum(axis=0) for axis in (2, 1))
-    bend = across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()
-    return bool(least <= bend / squared[steep].sum() < below)
+    bend = (across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()) / squared[steep].sum()
+    return Folds(wide=bool(least <= bend < narrow), narrow=bool(bend >= narrow))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 from annotated_types import Interval
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 STRETCH_PX = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
+Thrown = TypeVar("Thrown")
+"""The light that the film throws on itself, on the host or on a device."""
 NOISY_LIGHT_FIELDS = (*LIGHT_FIELDS, "grain")
 """The fields of `Film` on which light and its deviation depend."""
 
@@ -82,7 +84,7 @@ def matt_light(
     -------
     Both K x H x W; the standard deviation includes the film's grain.
     """
-    thrown = next((found for found in (finest, finer, bounced) if found is not None), None)
+    thrown = _finest_found(finest, finer, bounced)
     direct = light if thrown is None else light - thrown
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
     rows, columns = height.shape
@@ -108,13 +110,17 @@ def matt_light(
     return MattLight(*(plane.reshape(light.shape) for plane in made))
 
 
+def _finest_found(*passes: Thrown | None) -> Thrown | None:
+    """The light of the first pass that has run."""
+    return next((found for found in passes if found is not None), None)
+
+
 @matt_light.opencl()
 def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     inputs, out = run.inputs, run.outputs
     stretch = STRETCH_PX if run.lanes > 1 else 1
-    passes = map(inputs.get, ("finest", "finer", "bounced"))
-    thrown = next((found for found in passes if found is not None), None)
+    thrown = _finest_found(*map(inputs.get, ("finest", "finer", "bounced")))
     film = [inputs[f"film.{name}"] for name in NOISY_LIGHT_FIELDS]
     film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
