@@ -105,7 +105,7 @@ class HostValues:
             if value in self._arriving:
                 self._arriving.pop(value).wait()
         start = time.perf_counter()
-        with Blaming(task):
+        with Blaming(self._plan, task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
             if step.stream or task.looks_outside:
                 made = node(*arguments, **keywords)
@@ -117,7 +117,7 @@ class HostValues:
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
         """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
         shapes: Shapes = {}
-        with Blaming(task):
+        with Blaming(self._plan, task):
             results = task.node.results(made)
         for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]

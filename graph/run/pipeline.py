@@ -188,7 +188,9 @@ class Pipeline:
         keywords = {**source.settings, **self._runner.host.told(source)}
         self._items.ended = False
         with collect_warnings(self._runner.notes):
-            stream = self._stream = begun or SourceStream(source, keywords, ahead=repeats == 1)
+            stream = self._stream = begun or SourceStream(
+                self.plan, source, keywords, ahead=repeats == 1
+            )
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
@@ -215,7 +217,7 @@ class Pipeline:
         others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
         if make is None or any(t.node.session for t in others if t is not source):
             return
-        with self._turn, Blaming(source):
+        with self._turn, Blaming(self.plan, source):
             item = make(**source.settings, **self._runner.host.told_of_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
@@ -236,7 +238,7 @@ class Pipeline:
             return None
         given = {**self.plan.given, **values}
         settings = settings_of(source.entry, self.plan.graph, source.node, given)
-        return SourceStream(source, {**settings, **self._runner.host.told(source)})
+        return SourceStream(self.plan, source, {**settings, **self._runner.host.told(source)})
 
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.
