@@ -1,0 +1,47 @@
+"""What feeds a parameter or an input of a node, in words that the user can act on."""
+
+from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.plan import Plan
+
+
+def feed_of(plan: Plan, task: Task, name: str) -> str | None:
+    """What feeds a parameter or input: ``radius_mm=``, ``--set ball.radius_mm=``, or words.
+
+    Of an input, the graph's param that the value comes from: that of a parameter of the same name
+    upstream, else of the file that was read.  None if the node has no such parameter or input.
+    """
+    if name in task.node.parameters:
+        param = _params(task).get(name)
+        return f"--set {task.id}.{name}=" if param is None else f"{param}="
+    if name not in task.node.inputs:
+        return None
+    value = task.edges.get(name)
+    if value is None:
+        return f"input '{name}' of node '{task.id}'"
+    param = _param_behind(plan, value, {name.rpartition(".")[2]})
+    return f"input '{name}' from node '{value.node}'" if param is None else f"{param}="
+
+
+def _params(task: Task) -> dict[str, str]:
+    """The graph's params that a node takes, by its parameters."""
+    settings = task.entry.settings.items()
+    return {n: v[1:] for n, v in settings if isinstance(v, str) and v.startswith("$")}
+
+
+def _param_behind(plan: Plan, value: Value, names: set[str]) -> str | None:
+    """The graph's param that a value comes from, which goes by one of the names on its way."""
+    task = plan.tasks[value.node]
+    names = {*names, value.port}
+    params = {} if task.stand_in else _params(task)
+    for name, param in params.items():
+        if any(name == each or name.startswith(f"{each}_") for each in names):
+            return param
+    for name, read in task.reads.items():
+        if name in names:
+            return _param_behind(plan, read, names)
+    for param in params.values():
+        if plan.graph.params[param].kind == "path":
+            return param
+    for read in task.reads.values():
+        return _param_behind(plan, read, names)
+    return None
