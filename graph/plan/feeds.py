@@ -8,7 +8,7 @@ def feed_of(plan: Plan, task: Task, name: str) -> str | None:
     """What feeds a parameter or input: ``radius_mm=``, ``--set ball.radius_mm=``, or words.
 
     Of an input, the graph's param that the value comes from: that of a parameter of the same name
-    upstream, else of the file that was read.  None if the node has no such parameter or input.
+    upstream, else the first of a node that reads a file.  None if the node has no such parameter or input.
     """
     if name in task.node.parameters:
         param = _params(task).get(name)
@@ -18,30 +18,31 @@ def feed_of(plan: Plan, task: Task, name: str) -> str | None:
     value = task.edges.get(name)
     if value is None:
         return f"input '{name}' of node '{task.id}'"
-    param = _param_behind(plan, value, {name.rpartition(".")[2]})
+    param = _param_behind(plan, value, name.rpartition(".")[2])
     return f"input '{name}' from node '{value.node}'" if param is None else f"{param}="
 
 
 def _params(task: Task) -> dict[str, str]:
-    """The graph's params that a node takes, by its parameters."""
-    settings = task.entry.settings.items()
+    """The graph's params that a node takes, by its parameters, in the order it declares them."""
+    settings = ((name, task.entry.settings.get(name)) for name in task.node.parameters)
     return {n: v[1:] for n, v in settings if isinstance(v, str) and v.startswith("$")}
 
 
-def _param_behind(plan: Plan, value: Value, names: set[str]) -> str | None:
-    """The graph's param that a value comes from, which goes by one of the names on its way."""
+def _param_behind(plan: Plan, value: Value, name: str) -> str | None:
+    """The graph's param that a value comes from, which goes by `name` further down."""
     task = plan.tasks[value.node]
-    names = {*names, value.port}
+    names = {name, value.port}
     params = {} if task.stand_in else _params(task)
-    for name, param in params.items():
-        if any(name == each or name.startswith(f"{each}_") for each in names):
+    for own, param in params.items():
+        if any(own == each or own.startswith(f"{each}_") for each in names):
             return param
-    for name, read in task.reads.items():
-        if name in names:
-            return _param_behind(plan, read, names)
+    for own, read in task.reads.items():
+        if own in names:
+            return _param_behind(plan, read, name)
+    is_read = not any(port.kind == "array" for port in task.node.inputs.values())
     for param in params.values():
-        if plan.graph.params[param].kind == "path":
+        if is_read or plan.graph.params[param].kind == "path":
             return param
     for read in task.reads.values():
-        return _param_behind(plan, read, names)
+        return _param_behind(plan, read, name)
     return None

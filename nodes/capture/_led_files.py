@@ -17,7 +17,7 @@ MAX_LED_IMAGES = 16
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: the part before its last number, the number, and the part behind."""
-SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
+SAY_LIGHTS = "give `lights`=bgr"
 
 CHOOSE_LEDS = "'leds: [1, 2, ...]' in capture.yaml"
 Named = dict[int, Path]
@@ -82,7 +82,7 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
         than a slope needs, or more than `MAX_LED_IMAGES`.
     """
     if leds is not None and len(set(leds)) < len(leds):
-        raise InputError(f"leds={tuple(leds)}: an LED is named twice")
+        raise InputError(f"`leds`={','.join(map(str, leds))}: an LED is named twice")
     if pattern == USUAL_PATTERN:
         there = _numbered_leds(folder)
     else:
@@ -119,7 +119,7 @@ def _numbered_leds(folder: Path) -> Named:
         names = " and ".join(next(iter(groups[name].values())).name for name in likely)
         raise InputError(
             f"{folder}: images of several names could be those of the LEDs, such as {names}; "
-            "keep one name, or set 'files' of the node that reads them"
+            "keep one name, or give `files`=NAME{}"
         )
     if not likely:
         return {}
@@ -184,7 +184,7 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
         if stem == pattern:
             raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
-        raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
+        raise InputError(f"`files`={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
     likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
     there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]

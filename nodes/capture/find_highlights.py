@@ -57,7 +57,7 @@ def find_highlights(
     nx, ny = (x - center_px[0]) / radius_px, (y - center_px[1]) / radius_px
     on_ball = np.hypot(nx, ny) < BALL_SHARE
     if not on_ball.any():
-        raise InputError(f"ball_center_px={center_px[0]:g},{center_px[1]:g}: lies beside the image")
+        raise InputError(f"`center_px`={center_px[0]:g},{center_px[1]:g}: lies beside the image")
     lit = np.stack(planes) - np.min(planes, axis=0)
     directions = []
     for led, light in zip(files, lit, strict=True):

@@ -127,7 +127,7 @@ def read_balls(
 def refuse_flat(flat: Path | None, folder: Path) -> None:
     """Refuse presses that are said to be the untouched film as well."""
     if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
-        raise InputError(f"flat={flat}: is the folder of the presses; give the untouched film's")
+        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
 
 
 def _spread(
@@ -150,7 +150,7 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
     radius = about.ball_radius_mm or usual
     if radius is None:
         raise InputError(
-            f"{press}: the ball's radius is not known; give ball_radius_mm=..., "
+            f"{press}: the ball's radius is not known; give `radius_mm`=MM, "
             "or write it into the press's capture.yaml"
         )
     return radius
@@ -163,8 +163,8 @@ def _compare_marks(press: Path, scan: Scan) -> None:
     if marked and of_ball and abs(marked / of_ball - 1) > MAX_MARK_DIFFERENCE:
         warn(
             f"{press}: its balls are marked with a radius of {marked:.0f} px, but its radius and "
-            f"pixel size make them {of_ball:.0f} px: settle them by ball_radius_mm= and "
-            "pixel_size_mm="
+            f"pixel size make them {of_ball:.0f} px: settle the radius by `radius_mm`=MM, "
+            "or give another pixel size"
         )
 
 

@@ -158,7 +158,7 @@ def read_capture(
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
     inside = frames or [d for d in folders if _is_capture(d, layout)]
     if not inside:
-        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
+        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
     if single:
         raise InputError(
             f"{folder}: holds {len(inside)} captures, but one is needed; "
@@ -300,13 +300,13 @@ def _only_image(folder: Path) -> Path:
 
 def _what_is_missing(folder: Path, layout: Layout) -> str:
     if layout.lights in ("bgr", "rgb"):
-        return "holds no colour image"
+        return "holds no colour image, and no folder inside it does"
     if len(images := images_of(folder)) == 1:
         return (
-            f"holds {images[0].name} alone, but there is one image per LED (led1.png, led2.png, "
-            f"...); if its channels are the lights, {SAY_LIGHTS}"
+            f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
+            f"led2.png and so on. If the channels of a colour image are the lights, {SAY_LIGHTS}"
         )
     return (
-        f"holds no {layout.files.format(1)}.png (one image per LED, numbered; images of other "
-        "names: set 'files' of the node that reads them)"
+        f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "
+        "image per LED, numbered (`files`=NAME{} for other names)"
     )

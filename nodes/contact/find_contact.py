@@ -66,7 +66,7 @@ def find_contact(
         If `leave` exceeds `enter`.
     """
     if leave > enter:
-        raise InputError(f"find_contact: leave={leave:g} is above enter={enter:g}; make it smaller")
+        raise InputError(f"`leave`={leave:g} is above `enter`={enter:g}; make it smaller")
     if error is None:
         level: Height | np.float32 = np.float32(max(_rest_noise(height), least_error_mm))
     else:

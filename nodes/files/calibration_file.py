@@ -27,7 +27,7 @@ COLOUR_LIGHTS = ("bgr", "rgb")
 KIND_USERS = {
     "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
-    "camera": "lens=",
+    "camera": "a camera's lens",
 }
 """Users of each kind of file."""
 
@@ -228,11 +228,13 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
         return
     if about.lights in COLOUR_LIGHTS and about.lights != lights:
         raise InputError(
-            f"{file}: was made with lights={about.lights}, but lights={lights} is asked for; give "
-            f"lights={about.lights}, or calibrate with lights={lights}"
+            f"{file}: was made of colours in the order {about.lights}, not {lights}; give "
+            f"`lights`={about.lights}, or calibrate with {lights}"
         )
     if about.lights is None and lights == "rgb":
-        warn(f"{file}: does not say whether it was made with lights=rgb; calibrate again")
+        warn(
+            f"{file}: does not say whether it was made of colours in the order rgb; calibrate again"
+        )
 
 
 def _is_number(value: object) -> bool:

@@ -152,8 +152,8 @@ def read_scan(folder: Path) -> Scan:
         raise InputError(f"{file}: images: names a file twice")
     if any(said.crop):
         raise InputError(
-            f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and crop by "
-            "crop=x0,y0,x1,y1"
+            f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and give "
+            "`crop`=x0,y0,x1,y1"
         )
     of_target = said.target.radius if said.target else 0.0
     return Scan(
@@ -175,12 +175,12 @@ def find_light_model(folder: Path) -> Path:
     """
     name = read_scan(folder).model
     if not name:
-        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as model=FILE.yaml")
+        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as `file`=FILE.yaml")
     for place in (folder / name, folder.parent / name):
         with contextlib.suppress(OSError):  # of a name that is too long
             if place.is_file():
                 return place
-    raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
+    raise InputError(f"{folder}: its light model {name} is not there; give it as `file`=FILE.yaml")
 
 
 def read_light_model_file(file: Path) -> LightModelFile:

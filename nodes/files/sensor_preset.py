@@ -62,7 +62,7 @@ def read_preset(sensor: str) -> SensorPreset:
         file = PRESET_FOLDER / f"{sensor}.yaml"
     if not file.is_file():
         there = ", ".join(sorted(each.stem for each in PRESET_FOLDER.glob("*.yaml")))
-        raise InputError(f"sensor={sensor}: is neither a file (.yaml) nor one of {there}")
+        raise InputError(f"`sensor`={sensor}: is neither a file (.yaml) nor one of {there}")
     document = read_yaml(file)
     preset = document.checked(SensorPreset)
     left, top, right, bottom = preset.crop

@@ -111,7 +111,7 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel
     if "height" not in maps.names or pixel is None:
-        lacks = "a pixel size: give pixel_size_mm=" if "height" in maps.names else "heights"
+        lacks = "a pixel size: give `pixel_size_mm`=MM" if "height" in maps.names else "heights"
         raise InputError(f"{folder}: this store lacks {lacks}")
     numbers = _spread(len(maps.captures), most, folder, "run the batch over more captures")
     touches = [maps[number] for number in numbers]
@@ -133,10 +133,10 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
         topics |= file.topics
     if any(topic.endswith("image_raw") for topic in topics) and not heights:
         raise InputError(
-            f"{folder}: holds frames, not heights; give the sensor's calibration=... as well"
+            f"{folder}: holds frames, not heights; give the sensor's `calibration` as well"
         )
     if pixel is None:
-        raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
+        raise InputError(f"{folder}: states no pixel size; give `pixel_size_mm`=MM")
     every = dict(enumerate(heights))
     return _of_recording(every, most, pixel, folder, "no topic /height holds more")
 

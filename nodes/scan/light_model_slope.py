@@ -44,7 +44,11 @@ class ModelSlope(NamedTuple):
 
 
 @node(
-    sizes={"K": SizeLimit(4, 8, "three lights tell no brightness: run calibrate start=MODEL.yaml")},
+    sizes={
+        "K": SizeLimit(
+            4, 8, "three lights tell no brightness: calibrate with the light model as start"
+        )
+    },
     tolerance=Flips(
         1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
     ),

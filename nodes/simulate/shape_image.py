@@ -43,7 +43,9 @@ def shape_image(
         raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
     if values.dtype.kind in "iu":
         if rise_mm is None:
-            raise InputError(f"shape_image: {file} holds integers; say with rise_mm what white is")
+            raise InputError(
+                f"shape_image: {file} holds integers; say with `rise_mm` what white is"
+            )
         return shape(values / np.iinfo(values.dtype).max * rise_mm, pixel_size_mm)
     height: F8 = values.astype(float) * (1.0 if rise_mm is None else rise_mm)
     if not np.isfinite(height).all():

@@ -62,7 +62,7 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
     if columns * rows > MAX_PIXELS:
         raise InputError(
-            f"shape_text: size_mm={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
+            f"`size_mm`={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
             "make the letters smaller or the pixels larger"
         )
     picture = np.zeros((rows, columns), np.uint8)

@@ -59,6 +59,6 @@ def judge_oblong(
         return []
     sides = "wider than long" if oblong > 0 else "longer than wide"
     return [
-        f"pixels are not square: the balls show them {share:.0%} {sides}; give pixel_size_mm=x,y, "
+        f"pixels are not square: the balls show them {share:.0%} {sides}; give `pixel`=X,Y, "
         "or measure both with a grid (calibrate_camera)"
     ]

@@ -46,7 +46,8 @@ BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
 below which the given one is refused."""
 PLAIN_RATIO = 1.02
 """Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
-HOW_TO_FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
+HOW_TO_FORCE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+WHAT_TO_CHECK = " (`evidence.radius`, `evidence.pixel`)"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
 ratio of what they leave on the balls up to which it cannot."""
@@ -147,13 +148,13 @@ def judge_radius(
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
     trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
-    given, doubt = as_given(trials), doubt_of_radius(trials, first, left)
+    given, doubt = as_given(trials), doubt_of_radius(trials, first, left, WHAT_TO_CHECK)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
     if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
         gammas = try_gammas(balls, flat, pixel, lights, strength)
-        doubts += doubt_of_pattern(trials, gammas, first)
+        doubts += doubt_of_pattern(trials, gammas, first, WHAT_TO_CHECK)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
@@ -161,7 +162,8 @@ def judge_radius(
         # Where a plain film leaves noise alone, further parts only hide what it would diffuse.
         is_plain = _is_noise(given, left)
         diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
-        doubts += doubt_of_diffuse(diffuse, balls.light, first, ", or give led_distance_mm=")
+        advice = WHAT_TO_CHECK, ", or give `led_distance_mm`=MM"
+        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice)
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
@@ -220,29 +222,36 @@ def _is_noise(given: Tried, left: float) -> bool:
     return given.pattern < MIN_PATTERN and BELIEVED_BELOW * max(given.departure, left) < noise
 
 
-def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: float) -> list[str]:
-    """Return a doubt if another radius, or linear light, leaves no pattern where this one does."""
+def doubt_of_pattern(
+    tried: list[Tried], gammas: dict[float, float], radius: float, which: str
+) -> list[str]:
+    """Return a doubt if another radius, or linear light, leaves no pattern where this one does.
+
+    `which` names, in brackets, where radius and pixel size are given.
+    """
     given = as_given(tried).pattern
     best, power = min(tried, key=lambda each: each.pattern), min(gammas, key=gammas.__getitem__)
     least = min(best.pattern, gammas[power])
     if given < MIN_PATTERN or least > MAX_PATTERN_RATIO * given:
         return []
-    shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, and "
+    shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, but "
     if gammas[power] < MAX_PATTERN_RATIO * best.pattern:
         return [
-            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g}: switch "
-            "the camera's gamma and contrast off, and give images with linear values"
+            "the camera's values are not linear: switch its gamma and contrast off ("
+            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g})"
         ]
     if abs(best.factor - 1) < RADIUS_TOLERANCE:
         return []
     return [
-        f"{shown}by {least:.2%} with a ball of {radius * best.factor:.3g} mm radius, or "
-        f"{gammas[power]:.2%} where values are raised to the power of {power:.3g}: check "
-        "ball_radius_mm and pixel_size_mm, and that the camera's gamma is off"
+        f"the ball's radius or the pixel size{which} is wrong, or the camera's gamma is on: {shown}"
+        f"by {best.pattern:.2%} with a ball of {radius * best.factor:.3g} mm radius, and by "
+        f"{gammas[power]:.2%} where values are raised to the power of {power:.3g}"
     ]
 
 
-def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "") -> list[str]:
+def doubt_of_diffuse(
+    diffuse: float, light: F8, radius: float, which: str, advice: str = ""
+) -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
     Up to the third power of the slope, a ball that is too small looks like a gel that diffuses
@@ -256,14 +265,13 @@ def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "")
         return []
     without = radius / np.sqrt(1 - diffuse)
     return [
-        f"the ball's radius and the pixel size are not confirmed: a gel that diffuses "
-        f"{diffuse:.0%} of the light under a ball of {radius:.3g} mm looks like one that diffuses "
-        f"none under {without:.3g} mm, and no shadow on the ball tells. Measure both, or press "
-        f"deeper{advice}"
+        f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
+        f"{diffuse:.0%} of the light, {without:.3g} mm if it diffuses none. Measure the ball and "
+        f"the pixel size{which}, or press deeper, until the ball throws a shadow on itself{advice}"
     ]
 
 
-def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
+def doubt_of_radius(tried: list[Tried], radius: float, left: float, which: str) -> Doubt:
     """Return the evidence of the light against a radius; none if it is right.
 
     Parameters
@@ -271,6 +279,7 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     tried : as `try_radii` returns it
     radius : the radius given, in mm
     left : what the film chosen for that radius leaves of the light
+    which : in brackets, where radius and pixel size are given
     """
     best, given = _best(tried), as_given(tried)
     # Of two films that explain the light alike, the plain one is believed.
@@ -278,16 +287,17 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
-            f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
-            f"is ball_radius_mm {'its diameter' if best.factor < 1 else 'too small'}, or "
-            f"pixel_size_mm too {'small' if best.factor < 1 else 'large'}? Measure both",
+            f"{radius:.3g} mm ({best.departure:.1%} unexplained instead of {given.departure:.1%}): "
+            f"is the radius given {'its diameter' if best.factor < 1 else 'too small'}, or the "
+            f"pixel size too {'small' if best.factor < 1 else 'large'}? Measure both{which}",
             best.departure < min(REFUSED_BELOW * given.departure, BELIEVED_BELOW * left),
         )
     if best.departure < BELIEVED_BELOW * left < np.inf:
         return Doubt(
-            f"the film found leaves {left:.1%} of the light of balls and untouched film, and a "
-            f"plain one {best.departure:.1%}: check the ball's radius, the pixel size and the "
-            "order of the images",
+            f"no model of the film explains balls and untouched film together: the best leaves "
+            f"{left:.1%} of the light unexplained, where a plain film with a ball of "
+            f"{radius * best.factor:.3g} mm radius leaves {best.departure:.1%}. Check the order of "
+            f"the images, the ball's radius and the pixel size{which}",
             False,
         )
     smaller = [
@@ -300,9 +310,9 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     if given.diffuse < MIN_DIFFUSE and smaller:
         usual = max(smaller, key=lambda each: each.factor)
         return Doubt(
-            f"with a ball of {radius:.3g} mm radius the gel would diffuse no light; with one of "
-            f"{radius * usual.factor:.2g} mm, {usual.diffuse:.0%}, as gels do: is ball_radius_mm "
-            "its diameter, or pixel_size_mm wrong? Measure both",
+            f"the radius given may be the ball's diameter, or the pixel size wrong: with "
+            f"{radius:.3g} mm the gel would diffuse no light, with {radius * usual.factor:.2g} mm "
+            f"{usual.diffuse:.0%}, as gels do. Measure both{which}",
             False,
         )
     return Doubt("", False)
@@ -379,10 +389,10 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
         f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
     )
     if agreeing and abs((best := _best(agreeing)).factor - 1) > RADIUS_TOLERANCE:
-        return [contradiction + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
+        return [contradiction + f"`evidence.radius`={radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [
         contradiction
-        + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
-        "large; or led_distance_mm is wrong"
+        + f"the ball's radius and the pixel size would agree if both were {share:.3g} times as "
+        f"large{WHAT_TO_CHECK}; or `led_distance_mm` is wrong"
     ]

@@ -143,7 +143,7 @@ def rate_calibration(
         doubts.append(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size"
-            + (", or give flat=DIR" if is_missing else "")
+            + (", or give `flat`=DIR" if is_missing else "")
         )
     if steepest < MIN_STEEPEST_SLOPE:
         warn(

@@ -103,8 +103,8 @@ def _sentence(reasons: list[str], refitted: Metrics, full: float | None) -> str:
         return "a full calibration is due: " + "; ".join(reasons)
     if "check_deg/held_out" not in refitted:
         return (
-            "the flat frame is new, the film is taken to be as before; press a ball and give "
-            "capture= to find out"
+            "the flat frame is new, the film is taken to be as before; give presses of a ball as "
+            "well to find out"
         )
     then = "" if full is None else f" (the full calibration: {full:.2f})"
     error = refitted["check_deg/held_out"]

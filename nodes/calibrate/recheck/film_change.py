@@ -126,8 +126,8 @@ def _check_order(then: F4, now: F4, pixel: float) -> None:
     moved = [f"image {k} has the light of LED {led}" for k, led in enumerate(order, 1) if k != led]
     raise InputError(
         f"the untouched film's images are in another order than the calibration's: "
-        f"{', '.join(moved)}; check the cables and file names (of a colour image lights=), and "
-        "that the camera is not turned"
+        f"{', '.join(moved)}; check the cables, the file names (of a colour image the order of "
+        "its channels), and that the camera is not turned"
     )
 
 

@@ -183,12 +183,12 @@ def _of_ambient(ambient: float) -> str:
         return (
             f"the black level has changed: every image is {-100 * ambient:.1f} % of full scale "
             "darker, lit or not; check the camera's offset, or take an image with all LEDs off "
-            "(dark=) and recalibrate"
+            "and recalibrate with it"
         )
     if ambient > MAX_AMBIENT:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
-            "take an image with all LEDs off (dark=) and recalibrate"
+            "take an image with all LEDs off and recalibrate with it"
         )
     return "right: none"
 

@@ -54,7 +54,7 @@ def find_film(
     if told:
         warn(
             f"the film fills {area.mean():.0%} of the frame: pixels without light are left out "
-            "(crop=x0,y0,x1,y1 would keep the images small)"
+            "(a crop to the film would keep the images small)"
         )
     continued = flat.copy()
     for plane in continued:
