@@ -43,7 +43,35 @@ class InputError(TactographError):
 
 
 class GraphError(InputError):
-    """A graph file that cannot be run, with its place as ``file:line:column``."""
+    """A graph file that cannot be run, with its place as ``file:line:column``.
+
+    `others` are further errors that were found with this one.
+    """
+
+    others: Sequence[str] = ()
+
+
+class ErrorsTogether:
+    """Errors of blocks that do not depend on one another, to be raised as one."""
+
+    def __init__(self) -> None:
+        self._errors: dict[str, GraphError] = {}
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Go on behind the block if that finds the graph wrong."""
+        try:
+            yield
+        except GraphError as error:
+            self._errors.setdefault(str(error), error)
+
+    def raise_any(self) -> None:
+        """Raise the first error, with the others."""
+        if self._errors:
+            first, *others = self._errors
+            error = self._errors[first]
+            error.others = others
+            raise error
 
 
 class WriteError(InputError):

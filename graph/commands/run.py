@@ -54,6 +54,10 @@ FORGOTTEN_S = 10.0
 )
 @click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
 @click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
+@click.option(
+    "--all", "every", is_flag=True, expose_value=False,
+    help="With --help after a graph: list the parameters of its nodes, too.",
+)  # fmt: skip
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
 def command(*, watch: bool, **words: Any) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
@@ -141,7 +145,9 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     try:
         count = _run_items(pipeline, report, wanted.repeats, kept)
     finally:
-        report.warnings(pipeline.closing_warnings)
+        # Of an item that failed, they may tell why.
+        last = [] if pipeline.endless else pipeline.warnings
+        report.warnings([*last, *pipeline.closing_warnings])
     line.end()
     if count == 1:
         line.keep(times)

@@ -8,7 +8,7 @@ def feed_of(plan: Plan, task: Task, name: str) -> str | None:
     """What feeds a parameter or input: ``radius_mm=``, ``--set ball.radius_mm=``, or words.
 
     Of an input, the graph's param that the value comes from: that of a parameter of the same name
-    upstream, else the first of a node that reads a file.  None if the node has no such parameter or input.
+    upstream, else the first of a node that reads a file.  None if the node has no such name.
     """
     if name in task.node.parameters:
         param = _params(task).get(name)

@@ -349,6 +349,11 @@ class Pipeline:
         return self._runner.stage_in_words
 
     @property
+    def warnings(self) -> list[str]:
+        """The warnings of the last item, also of one that failed."""
+        return list(self._runner.notes)
+
+    @property
     def endless(self) -> bool:
         """Return whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())

@@ -129,7 +129,8 @@ def find_ball(
         raise InputError(
             f"no ball of radius {radius_mm:g} mm found: the best circle, at "
             f"{circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
-            f"{MIN_GOODNESS:g} is needed"
+            f"{MIN_GOODNESS:g} is needed; give its place (`center_px`=X,Y and `contact_px`=R), or "
+            "press again"
         )
     return _ball(circle, goodness)
 

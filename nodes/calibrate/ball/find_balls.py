@@ -90,9 +90,9 @@ def find_balls(
                 press, pixel, radius_mm=float(size), center_px=center, contact_px=contact
             )
         except InputError as error:
+            reason = str(error).partition("; ")[0]
             if len(names) == 1:
-                raise InputError(f"{error}; {HOW_TO_MARK}; else press again") from None
-            reason = str(error).partition(":")[0]
+                raise InputError(f"{reason}; {HOW_TO_MARK}; else press again") from None
             warn(f"press {name} is left out: {reason}; {HOW_TO_MARK}")
             ball = None
         balls.append(ball)

@@ -77,7 +77,7 @@ def test_film_of_unknown_height_is_no_contact() -> None:
 def test_specks_are_no_contact_nor_is_level_film() -> None:
     height = np.zeros(SHAPE, np.float32)
     assert not find_contact(height).any()
-    with pytest.raises(InputError, match="leave=11 is above enter=10"):
+    with pytest.raises(InputError, match="`leave`=11 is above `enter`=10"):
         find_contact(height, leave=11.0)
     height[10:13, 10:16] = 0.5
     assert not find_contact(height).any()
