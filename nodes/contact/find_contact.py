@@ -83,11 +83,11 @@ def find_contact(
     contacts = [number for number in areas if cores[number] >= least_px]
     if len(contacts) > most:
         warn(
-            f"find_contact: {len(contacts)} contacts, of which the {most} largest are numbered; "
-            "'most' sets how many"
+            f"{len(contacts)} contacts, of which the {most} largest are numbered; "
+            "`most` sets how many"
         )
     elif len(contacts) == MAX_CONTACTS:
-        warn(f"find_contact: {MAX_CONTACTS} contacts or more; the largest are numbered")
+        warn(f"{MAX_CONTACTS} contacts or more; the largest are numbered")
     largest = sorted(contacts, key=lambda number: -areas[number])[:most]
     numbers = np.zeros(256, np.uint8)
     numbers[largest] = np.arange(1, len(largest) + 1)

@@ -56,7 +56,7 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     outlines = _outlines(text, size_mm)
     points = np.concatenate(outlines) if outlines else np.empty((0, 2))
     if len(points) == 0:
-        raise InputError(f"shape_text: text = {text!r} has nothing to draw; give some letters")
+        raise InputError(f"`text`={text!r} has nothing to draw; give some letters")
     low, high = points.min(0) - 2 * cell_mm, points.max(0) + 2 * cell_mm
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)

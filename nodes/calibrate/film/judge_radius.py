@@ -48,6 +48,7 @@ PLAIN_RATIO = 1.02
 """Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
 HOW_TO_FORCE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
 WHAT_TO_CHECK = " (`evidence.radius`, `evidence.pixel`)"
+OR_A_NEAR_CAMERA = "; if the camera is near the film, give its height (`film.camera`=MM)"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
 ratio of what they leave on the balls up to which it cannot."""
@@ -149,6 +150,8 @@ def judge_radius(
     enough = left if led_distance_mm is None else np.inf
     trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
     given, doubt = as_given(trials), doubt_of_radius(trials, first, left, WHAT_TO_CHECK)
+    if doubt.sentence and not film.camera:
+        doubt = doubt._replace(sentence=doubt.sentence + OR_A_NEAR_CAMERA)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + HOW_TO_FORCE)
@@ -223,7 +226,7 @@ def _is_noise(given: Tried, left: float) -> bool:
 
 
 def doubt_of_pattern(
-    tried: list[Tried], gammas: dict[float, float], radius: float, which: str
+    tried: list[Tried], gammas: dict[float, float], radius: float, which: str = ""
 ) -> list[str]:
     """Return a doubt if another radius, or linear light, leaves no pattern where this one does.
 
@@ -250,7 +253,7 @@ def doubt_of_pattern(
 
 
 def doubt_of_diffuse(
-    diffuse: float, light: F8, radius: float, which: str, advice: str = ""
+    diffuse: float, light: F8, radius: float, which: str = "", advice: str = ""
 ) -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
@@ -271,7 +274,9 @@ def doubt_of_diffuse(
     ]
 
 
-def doubt_of_radius(tried: list[Tried], radius: float, left: float, which: str) -> Doubt:
+def doubt_of_radius(
+    tried: list[Tried], radius: float, left: float = np.inf, which: str = ""
+) -> Doubt:
     """Return the evidence of the light against a radius; none if it is right.
 
     Parameters
@@ -288,7 +293,7 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float, which: str) 
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
             f"{radius:.3g} mm ({best.departure:.1%} unexplained instead of {given.departure:.1%}): "
-            f"is the radius given {'its diameter' if best.factor < 1 else 'too small'}, or the "
+            f"is the radius given {_how_wrong(best.factor)}, or the "
             f"pixel size too {'small' if best.factor < 1 else 'large'}? Measure both{which}",
             best.departure < min(REFUSED_BELOW * given.departure, BELIEVED_BELOW * left),
         )
@@ -316,6 +321,13 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float, which: str) 
             False,
         )
     return Doubt("", False)
+
+
+def _how_wrong(factor: float) -> str:
+    """What a radius may be, if another one is right by a factor."""
+    if factor < SMALLER_FACTOR:
+        return "its diameter"
+    return "too large" if factor < 1 else "too small"
 
 
 def _left(fitted: Metrics) -> float:
