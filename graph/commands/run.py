@@ -149,9 +149,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     try:
         count = _run_items(pipeline, report, wanted.repeats, kept)
     finally:
-        # Of an item that failed, they may tell why.
-        last = [] if pipeline.endless else pipeline.warnings
-        report.warnings([*last, *pipeline.closing_warnings])
+        report.warnings(pipeline.closing_warnings)
     line.end()
     if count == 1:
         line.keep(times)

@@ -308,7 +308,7 @@ def check_exposed(
     counts = stack.dtype.kind == "u"
     full = 2 ** (bits or _bits(stack)) - 1 if counts else 1
     brightest = [plane.max().item() for plane in stack]
-    shallow = ""
+    shallow, told = "", False
     if counts and full > 4095 and max(brightest) < 4096:
         depth = 8 if max(brightest) < 256 else 12
         shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
@@ -322,12 +322,12 @@ def check_exposed(
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
-        spread = _parity_spread(plane)
-        if spread:
+        if not told and (spread := _parity_spread(plane)):
+            told = True
             warn(
-                f"{name}: even and odd pixels differ by {spread:.0%}: a colour camera's raw mosaic "
-                "or interlaced lines? Give the colour image (`channel`=red takes one), or whole "
-                "frames"
+                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
+                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
+                "or whole frames"
             )
     if shallow and bits is None:
         warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")
