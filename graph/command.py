@@ -1,16 +1,20 @@
 """The command line.  It knows graphs and nothing else."""
 
+from __future__ import annotations
+
 import importlib
 import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
+    NodeError,
     TactographError,
     WriteError,
     did_you_mean,
@@ -20,6 +24,9 @@ from tactograph.graph.errors import (
     printable,
 )
 from tactograph.graph.run.collect_seldom import collect_seldom
+
+if TYPE_CHECKING:
+    from tactograph.graph.rings import Ring
 
 COMMANDS = (
     "demo",
@@ -36,7 +43,6 @@ COMMANDS = (
     "nodes",
     "new-node",
     "devices",
-    "cameras",
     "bench",
     "schema",
 )
@@ -54,15 +60,16 @@ class _Lazy(click.Group):
     """Loads a command's module only when it is needed, so that --help stays quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [*COMMANDS, *_ring_verbs()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         cmd_name = COMMAND_ALIASES.get(cmd_name, cmd_name)
-        if cmd_name not in COMMANDS:
-            return None
-        module = importlib.import_module(f"tactograph.graph.commands.{cmd_name.replace('-', '_')}")
-        command: click.Command = module.command
-        return command
+        file = cmd_name.replace("-", "_")
+        if cmd_name in COMMANDS:
+            module = importlib.import_module(f"tactograph.graph.commands.{file}")
+            return cast(click.Command, module.command)
+        verb = _ring_verbs().get(cmd_name)
+        return None if verb is None else _command_of(*verb)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -70,6 +77,7 @@ class _Lazy(click.Group):
         word = args[0]
         if (
             word not in (*COMMANDS, *COMMAND_ALIASES)
+            and word not in _ring_verbs()
             and not word.startswith("-")
             and not ctx.resilient_parsing
         ):
@@ -84,13 +92,36 @@ class _Lazy(click.Group):
             raise _BrokenPipe from error
 
 
+def _ring_verbs() -> dict[str, tuple[Ring, Path]]:
+    """The commands that rings bring, by name; those of the core have precedence."""
+    from tactograph.graph.rings import rings
+
+    verbs = [(ring, file) for ring in rings() for file in ring.files("verbs", "[!_]*.py")]
+    named = {file.stem.replace("_", "-"): (ring, file) for ring, file in reversed(verbs)}
+    return {name: named[name] for name in sorted(named.keys() - {*COMMANDS, *COMMAND_ALIASES})}
+
+
+def _command_of(ring: Ring, file: Path) -> click.Command:
+    """Import a ring's command; the message of a failure says whose it is."""
+    try:
+        command: Any = importlib.import_module(ring.module("verbs", file)).command
+    except Exception as error:
+        raise NodeError(
+            f"'tactograph {file.stem}' of ring '{ring.name}' cannot be loaded: "
+            f"{message_of(error) or type(error).__name__}"
+        ) from error
+    if not isinstance(command, click.Command):
+        raise NodeError(f"'command' in {file.name} of ring '{ring.name}' is no click command")
+    return command
+
+
 def _meant(word: str) -> str:
     """A hint for a word that is no command."""
     from tactograph.graph.files.read_graph import shipped_names
 
     if word in shipped_names() or word.endswith((".yaml", ".yml")):
         return f"; a graph is run by 'tactograph run {printable(word)}'"
-    return did_you_mean(word, COMMANDS)
+    return did_you_mean(word, [*COMMANDS, *_ring_verbs()])
 
 
 class _BrokenPipe(Exception):  # noqa: N818  (not always an error)

@@ -179,8 +179,8 @@ def _add_parameters(name: str, parameters: dict[str, Parameter], more: Iterable[
 def _kernel_package(module: str) -> str:
     """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
-    room = package.removeprefix("tactograph.nodes")
-    return f"tactograph.kernels{room}" if room != package else package or module
+    ring, found, room = f"{package}.".partition(".nodes.")
+    return f"{ring}.kernels.{room}".rstrip(".") if found else package or module
 
 
 def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:

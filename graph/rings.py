@@ -1,0 +1,123 @@
+"""Rings: packages that bring nodes, kernels, graphs and commands; the core is the first of them.
+
+A package registers itself by one entry point of the group ``tactograph.rings``, whose name is
+the ring's and whose value the package.  What lies in its folder is found by place and file name:
+
+==============================  ============================================================
+``nodes/**/NAME.py``            node NAME, declared by ``@node``
+``kernels/**/NAME.cl``          its kernels, in the same room
+``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study
+``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
+``sensors/NAME.yaml``           preset NAME of a sensor
+==============================  ============================================================
+
+Nothing of a package is imported before a graph or a command names what it brings.
+"""
+
+import importlib.util
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from packaging.requirements import InvalidRequirement, Requirement
+
+ENTRY_POINT_GROUP = "tactograph.rings"
+DISTRIBUTION = "tactograph"
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A package that brings nodes, graphs and commands."""
+
+    name: str
+    package: str
+    distribution: str
+    folders: tuple[tuple[str, Path], ...]
+    """What it brings, and the folder of each."""
+
+    @property
+    def shipped(self) -> bool:
+        """Whether it comes with tactograph itself."""
+        return self.distribution == DISTRIBUTION
+
+    def files(self, kind: str, pattern: str) -> list[Path]:
+        """The files of one kind, sorted by path; none if the ring brings none."""
+        folder = dict(self.folders).get(kind)
+        return sorted(folder.glob(pattern)) if folder is not None else []
+
+    def module(self, kind: str, file: Path) -> str:
+        """The name of the module in a file of `files`."""
+        place = file.relative_to(dict(self.folders)[kind]).with_suffix("")
+        return ".".join((self.package, kind, *place.parts))
+
+
+def rings() -> tuple[Ring, ...]:
+    """The core, then the rings of installed packages by name; those that fail are warned of."""
+    return _rings(tuple(sys.path))
+
+
+@cache
+def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
+    """The rings on `path`, cached: reading all packages' metadata takes long."""
+    points = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
+    return (_core(), *_readable(points))
+
+
+def _core() -> Ring:
+    kinds = ("nodes", "kernels", "pipelines")
+    folders = ((kind, _folder(f"{DISTRIBUTION}.{kind}")) for kind in kinds)
+    return Ring(
+        "core", DISTRIBUTION, DISTRIBUTION, tuple((k, f) for k, f in folders if f is not None)
+    )
+
+
+def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
+    """The rings whose package is there and takes this version; a warning for each other."""
+    for point in points:
+        folder = _folder(point.value)
+        distribution = point.dist.name if point.dist else point.value.partition(".")[0]
+        if folder is None:
+            warnings.warn(
+                f"ring '{point.name}' of {distribution}: there is no package {point.value}; "
+                "install it again, or uninstall it",
+                stacklevel=2,
+            )
+        elif needs := _other_version(point):
+            warnings.warn(
+                f"ring '{point.name}' of {distribution} takes {needs}, not the installed version; "
+                "install one of them",
+                stacklevel=2,
+            )
+        else:
+            kinds = tuple((each.name, each) for each in sorted(folder.iterdir()) if each.is_dir())
+            yield Ring(point.name, point.value, distribution, kinds)
+
+
+def _folder(package: str) -> Path | None:
+    """The folder of a package, which is not imported; None if there is none."""
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        return None
+    places = (spec and spec.submodule_search_locations) or ()
+    return next((Path(place) for place in places if Path(place).is_dir()), None)
+
+
+def _other_version(point: EntryPoint) -> str:
+    """What a ring's distribution requires of tactograph, if the installed version is another."""
+    from tactograph import __version__
+
+    for text in (point.dist and point.dist.requires) or ():
+        try:
+            need = Requirement(text)
+        except InvalidRequirement:
+            continue
+        is_this = re.sub(r"[-_.]+", "-", need.name).lower() == DISTRIBUTION
+        if is_this and not need.specifier.contains(__version__, prereleases=True):
+            return f"{DISTRIBUTION} {need.specifier}"
+    return ""
