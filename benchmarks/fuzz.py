@@ -37,8 +37,8 @@ from tactograph.graph.files.graph_places import (
     shipped_studies,
 )
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.recording.nodes.record import record
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 LONGEST_S = 60.0

@@ -1,14 +1,11 @@
 """The command line.  It knows graphs and nothing else."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys
 import warnings
 from contextlib import suppress
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import click
 from click.exceptions import NoArgsIsHelpError
@@ -24,9 +21,6 @@ from tactograph.graph.errors import (
     printable,
 )
 from tactograph.graph.run.collect_seldom import collect_seldom
-
-if TYPE_CHECKING:
-    from tactograph.graph.rings import Ring
 
 COMMANDS = (
     "demo",
@@ -68,8 +62,7 @@ class _Lazy(click.Group):
         if cmd_name in COMMANDS:
             module = importlib.import_module(f"tactograph.graph.commands.{file}")
             return cast(click.Command, module.command)
-        verb = _ring_verbs().get(cmd_name)
-        return None if verb is None else _command_of(*verb)
+        return _ring_command(cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -92,26 +85,23 @@ class _Lazy(click.Group):
             raise _BrokenPipe from error
 
 
-def _ring_verbs() -> dict[str, tuple[Ring, Path]]:
-    """The commands that rings bring, by name; those of the core have precedence."""
-    from tactograph.graph.rings import rings
+def _ring_verbs() -> list[str]:
+    """The commands that rings bring; those of the core have precedence."""
+    from tactograph.graph.rings import brought
 
-    verbs = [(ring, file) for ring in rings() for file in ring.files("verbs", "[!_]*.py")]
-    named = {file.stem.replace("_", "-"): (ring, file) for ring, file in reversed(verbs)}
-    return {name: named[name] for name in sorted(named.keys() - {*COMMANDS, *COMMAND_ALIASES})}
+    return sorted({name.replace("_", "-") for name in brought("verbs")} - {*COMMANDS})
 
 
-def _command_of(ring: Ring, file: Path) -> click.Command:
-    """Import a ring's command; the message of a failure says whose it is."""
-    try:
-        command: Any = importlib.import_module(ring.module("verbs", file)).command
-    except Exception as error:
-        raise NodeError(
-            f"'tactograph {file.stem}' of ring '{ring.name}' cannot be loaded: "
-            f"{message_of(error) or type(error).__name__}"
-        ) from error
+def _ring_command(name: str) -> click.Command | None:
+    """The command that a ring brings under this name."""
+    from tactograph.graph.rings import bring
+
+    module = bring("verbs", name.replace("-", "_"))
+    if module is None:
+        return None
+    command = getattr(module, "command", None)
     if not isinstance(command, click.Command):
-        raise NodeError(f"'command' in {file.name} of ring '{ring.name}' is no click command")
+        raise NodeError(f"{module.__name__} holds no click command called 'command'")
     return command
 
 

@@ -8,12 +8,15 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ``kernels/**/NAME.cl``          its kernels, in the same room
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
+``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
+``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``
 ``sensors/NAME.yaml``           preset NAME of a sensor
 ==============================  ============================================================
 
 Nothing of a package is imported before a graph or a command names what it brings.
 """
 
+import importlib
 import importlib.util
 import re
 import sys
@@ -23,8 +26,11 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 
 from packaging.requirements import InvalidRequirement, Requirement
+
+from tactograph.graph.errors import NodeError, message_of
 
 ENTRY_POINT_GROUP = "tactograph.rings"
 DISTRIBUTION = "tactograph"
@@ -66,6 +72,32 @@ def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
     """The rings on `path`, cached: reading all packages' metadata takes long."""
     points = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
     return (_core(), *_readable(points))
+
+
+def brought(kind: str) -> dict[str, tuple[Ring, Path]]:
+    """The modules of one kind that rings bring, by file name; of two the first ring's counts."""
+    names: dict[str, tuple[Ring, Path]] = {}
+    for ring in rings():
+        for file in ring.files(kind, "[!_]*.py"):
+            names.setdefault(file.stem, (ring, file))
+    return names
+
+
+def bring(kind: str, name: str) -> ModuleType | None:
+    """Import what a ring brings under this name; None if none does.
+
+    Raises NodeError, which names the ring, if it cannot be imported.
+    """
+    if (found := brought(kind).get(name)) is None:
+        return None
+    ring, file = found
+    try:
+        return importlib.import_module(ring.module(kind, file))
+    except Exception as error:
+        raise NodeError(
+            f"{kind}/{file.name} of ring '{ring.name}' cannot be loaded: "
+            f"{message_of(error) or type(error).__name__}"
+        ) from error
 
 
 def _core() -> Ring:

@@ -47,7 +47,7 @@ def _all_places(path: tuple[str, ...]) -> Mapping[str, list[NodePlace]]:
     return dict(sorted(places.items()))
 
 
-def shipped_names() -> list[str]:
+def shipped_nodes() -> list[str]:
     """The names of the nodes that ship, in the core and in its rings."""
     return [name for name, place in node_places().items() if place.ring.shipped]
 
@@ -111,7 +111,7 @@ def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
     graphs keep their meaning.
     """
     own: dict[str, Node] = {}
-    shipped = {*shipped_names()}
+    shipped = {*shipped_nodes()}
     for each in nodes:
         if not isinstance(each, Node):
             raise InputError(f"nodes: {each!r} is no node; decorate the function with @node")

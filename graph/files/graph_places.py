@@ -33,10 +33,11 @@ def _shipped_files(pattern: str) -> list[Path]:
     Of one name that of the core or of a shipped ring counts; where several other rings bring it,
     it has to be named ``ring/name``.
     """
-    files: dict[str, list[tuple[Path, bool]]] = {}
+    files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
     for ring in rings():
         for file in ring.files("pipelines", pattern):
-            files.setdefault(file.name, []).append((file, ring.shipped))
+            kind = file.parent.name if file.parent.name in ("overlays", "studies") else ""
+            files.setdefault((kind, file.name), []).append((file, ring.shipped))
     return [found[0][0] for found in files.values() if found[0][1] or len(found) == 1]
 
 

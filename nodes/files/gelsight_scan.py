@@ -1,4 +1,4 @@
-"""Scans and light models as GelSight's software stores them: ``scan.yaml`` and a model beside it.
+"""Scans as GelSight's software stores them: ``scan.yaml``, and images beside it.
 
 That software writes YAML by hand: keys without a value (``fov:      : 5``), Windows' paths,
 sizes as ``[a, b]`` or ``(a, b)``, text in the encoding of Windows.  A scan lists its images in the
@@ -10,25 +10,17 @@ import re
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, NamedTuple
 
-from annotated_types import Ge, Gt, Interval, Len
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from pydantic_core import PydanticCustomError
+from annotated_types import Interval, Len
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import Entries, parse_yaml
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
-from tactograph.nodes.files.image_files import MAX_PIXELS
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
-LIGHT_TERMS = 10
-"""Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
-DEGREE_BY_ROWS = {1: 0, 3: 1, 6: 2, 10: 3, 15: 4}
-"""Rows of a matrix, and the degree in the position that they stand for; the highest degree
-comes first, within a degree falling in u."""
 PixelSide = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
 BallRadius = Annotated[float, Interval(ge=0, lt=1e3)]
-LedCount = Annotated[int, Interval(ge=3, le=8)]
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
 
 
@@ -55,11 +47,11 @@ class Scan(NamedTuple):
     """mm; 0 where it is unknown."""
 
 
-class _Entries(BaseModel):
+class ScanEntries(BaseModel):
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
 
-class _Mark(_Entries):
+class _Mark(ScanEntries):
     gx: float
     gy: float
     x: float
@@ -72,15 +64,11 @@ def _ball(mark: Any) -> Any:
     return mark if isinstance(mark, dict) and mark.get("type") == "GridCircle" else None
 
 
-def _no_scan(_: Any) -> None:
-    raise PydanticCustomError("scan", "is a scan; give its folder, or the model that it names")
-
-
-class _Target(_Entries):
+class _Target(ScanEntries):
     radius: BallRadius = 0.0
 
 
-class _ScanFile(_Entries):
+class _ScanFile(ScanEntries):
     images: Annotated[list[str], Len(1)]
     crop: list[float] = []
     mmperpixel: Annotated[
@@ -94,38 +82,6 @@ class _ScanFile(_Entries):
         list[Annotated[_Mark | None, BeforeValidator(_ball)]], BeforeValidator(lambda a: a or [])
     ] = []
     calib: Any = None
-
-
-class Matrix(_Entries):
-    """A matrix as it is stored, row by row."""
-
-    rows: int
-    cols: int
-    values: list[float]
-
-
-class FlatField(_Entries):
-    """Flat frames of all LEDs in one image, three tiles a row, and the scale of each."""
-
-    image: str = Field(alias="modelfile")
-    scale: Annotated[list[Annotated[float, Gt(0)]], Len(1)]
-
-
-class LightModelFile(_Entries):
-    """The light of K LEDs as functions of normal and position."""
-
-    images: Annotated[None, BeforeValidator(_no_scan)] = None
-    leds: LedCount = Field(alias="nL")
-    width: Annotated[int, Ge(1)]
-    height: Annotated[int, Ge(1)]
-    pixel_size: PixelSide = Field(alias="mmperpixel")
-    linear: Matrix = Field(alias="linfit")
-    """R x K m: m is 3, or 4 with a scale."""
-    quadratic: Matrix = Field(alias="quadfit")
-    """R x K m: m is 10, or 11 with a scale."""
-    black: Annotated[list[Annotated[float, Interval(ge=0, lt=1)]], Len(1)] = []
-    """Light in the shadow of each LED."""
-    flat: FlatField | None = Field(None, alias="flatfield")
 
 
 def is_scan(folder: Path) -> bool:
@@ -142,7 +98,7 @@ def read_scan(folder: Path) -> Scan:
         If it cannot be read, lists no images or files outside the folder, or is cropped.
     """
     file = folder / SCAN_FILE
-    said = _read(file, _ScanFile)
+    said = read_entries(file, _ScanFile)
     for name in said.images:
         if PureWindowsPath(name).name != name:
             raise InputError(
@@ -165,56 +121,14 @@ def read_scan(folder: Path) -> Scan:
     )
 
 
-def find_light_model(folder: Path) -> Path:
-    """The light model that a scan names, in its folder or the one above.
+def read_entries(file: Path, kind: type[Entries]) -> Entries:
+    """Return the entries of a file of that software, its slips mended.
 
     Raises
     ------
     InputError
-        If it names none, or none is there.
+        If it cannot be read, or an entry is invalid.
     """
-    name = read_scan(folder).model
-    if not name:
-        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as model=FILE.yaml")
-    for place in (folder / name, folder.parent / name):
-        with contextlib.suppress(OSError):  # of a name that is too long
-            if place.is_file():
-                return place
-    raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
-
-
-def read_light_model_file(file: Path) -> LightModelFile:
-    """Read a light model.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
-    """
-    said = _read(file, LightModelFile)
-    if said.width * said.height > MAX_PIXELS:
-        raise InputError(f"{file}: {said.width} x {said.height} px are no frame of a camera")
-    for name, values in (("black", said.black), ("scale", said.flat.scale if said.flat else [])):
-        if len(values) not in (0, said.leds):
-            raise InputError(f"{file}: {name}: {len(values)} values for {said.leds} LEDs")
-    for name, matrix, terms in (
-        ("linfit", said.linear, 3),
-        ("quadfit", said.quadratic, LIGHT_TERMS),
-    ):
-        rows, columns, count = matrix.rows, matrix.cols, len(matrix.values)
-        if rows not in DEGREE_BY_ROWS:
-            known = ", ".join(map(str, DEGREE_BY_ROWS))
-            raise InputError(f"{file}: {name}: has {rows} rows; known are {known}")
-        if columns not in (said.leds * terms, said.leds * (terms + 1)) or count != rows * columns:
-            raise InputError(
-                f"{file}: {name}: {count} values in {rows} rows of {columns} are not {terms} or "
-                f"{terms + 1} for each of {said.leds} LEDs"
-            )
-    return said
-
-
-def _read(file: Path, kind: type[Entries]) -> Entries:
-    """The file's entries, its software's slips mended."""
     try:
         raw = file.read_bytes()
     except OSError as error:

@@ -12,7 +12,7 @@ from tactograph.nodes.drawing.result_pictures import draw_height
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import check_heights
 from tactograph.nodes.files.result_file import checksum
-from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 HEIGHT_FILE = "height.npy"

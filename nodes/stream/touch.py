@@ -22,8 +22,8 @@ from tactograph.nodes import (
     PixelSize,
     Vergence,
 )
-from tactograph.nodes.marker.find_markers import Markers
 from tactograph.nodes.stream.frames import LiveState
+from tactograph.rings.mechanics.nodes.marker.find_markers import Markers
 
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""

@@ -9,8 +9,8 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import HeightError
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop, read_numbers
-from tactograph.nodes.metrology.measure_step import ErrorParts, parts_within
 from tactograph.nodes.write.read_height import checked_heights
+from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts, parts_within
 
 ERROR_FILE, PARTS_FILE = "error.npy", "error_parts.npy"
 

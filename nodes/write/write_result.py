@@ -12,11 +12,11 @@ from tactograph.nodes import Mask, Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
-from tactograph.nodes.metrology.measure_step import ErrorParts
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.touch import Touch, now_in_touch
 from tactograph.nodes.write.read_error import PARTS_FILE
+from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
 
 OPTIONAL_FILES = (
     *("height.ply", "height.png", "shadow.png", "shadow_view.png", "error.npy", "error.png"),

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.recording.tests.recordings import make_cycle, record_touch
 from tactograph.graph import InputError, Session
-from tactograph.nodes.contact.surface_texture import surface_texture
 from tactograph.nodes.files.height_files import write_mesh
 from tactograph.nodes.show.show_file import show_file
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write.export_height import export_height
+from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
 from tests.conftest import ROOT, python
 from tests.graph.conftest import Command, one_line
-from tests.nodes.recording.recordings import make_cycle, record_touch
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
 BATCH = ["batch", "paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 from tests.conftest import python
 
 SCRIPT = """

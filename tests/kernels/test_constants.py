@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 from tactograph.graph.declare.node import Node
 
 NUMBER = re.compile(r"^#define (\w+) (-?[\d.]+(?:e-?\d+)?)f?$", re.MULTILINE)

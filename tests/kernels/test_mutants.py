@@ -18,7 +18,7 @@ from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_so
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare
 from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases, pairwise
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
 from tests.conftest import ROOT

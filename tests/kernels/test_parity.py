@@ -17,7 +17,7 @@ from tactograph.graph.backends.kernel_source import (
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare, compare_on
 from tactograph.graph.backends.parity_cases import CASE_SHAPES, Case, cases, pairwise
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 from tactograph.graph.declare.node import Node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_networks

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 
 SCRIPT = """
 import gc

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.parity_cases import cases, make_inputs
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 
 IDLE = [name for name in shipped_names() if find_node(name).is_idle is not None]
 

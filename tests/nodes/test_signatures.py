@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-from tactograph.graph.declare.find_node import shipped_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_names
 
 MAX_INPUTS, MAX_PARAMS = 12, 10
 

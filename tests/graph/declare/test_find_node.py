@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.find_node import shipped_names, find_node, node_names
+from tactograph.graph.declare.find_node import find_node, node_names, shipped_nodes
 from tactograph.graph.files.read_graph import read_graph
 from tests.conftest import python
 from tests.graph.conftest import Command, Write
@@ -92,8 +92,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
 
 
 def test_every_node_file_is_a_node_of_that_name() -> None:
-    assert "flat_field" in shipped_names()
-    assert not [name for name in shipped_names() if name.startswith("_")]
+    assert "flat_field" in shipped_nodes()
+    assert not [name for name in shipped_nodes() if name.startswith("_")]
 
 
 @pytest.mark.parametrize("name", ["_fourier", "__init__", "os", "os.path", "", "read_capture.x"])

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from rings.recording.tests.recordings import LEDS, make_recording
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
@@ -25,7 +26,6 @@ from tactograph.nodes.show._calibration import _dots
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
-from tests.nodes.recording.recordings import LEDS, make_recording
 
 MADE = Provenance(
     {"name": "toy", "hash": "f00"}, None, [], {}, {"tactograph": "0"}, ["too bright"], [],
