@@ -10,8 +10,8 @@ from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
-from tactograph.nodes.optics.lens import oblong_lens
 from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.optics.lens import oblong_lens
 
 Side = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
 PixelSides = Side | Annotated[tuple[Side, ...], Len(1, 2)]

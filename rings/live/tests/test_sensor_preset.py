@@ -7,9 +7,9 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
+from tactograph.nodes.files.sensor_preset import read_preset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
-from tactograph.nodes.files.sensor_preset import read_preset, shipped_presets
 from tactograph.rings.live.nodes.touches.colour_stream import open_colour_sensor
 
 

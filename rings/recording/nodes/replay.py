@@ -28,7 +28,7 @@ from tactograph.nodes.files.sensor_identity import SensorIdentity, check_sensor,
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.colour_planes import planes_of
 from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.led_in_frame import make_film, top_of
+from tactograph.nodes.stream.rest_film import make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image

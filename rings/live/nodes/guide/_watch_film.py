@@ -13,7 +13,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.led_in_frame import MIN_REST_LIGHT, RestFilm, cells
+from tactograph.nodes.stream.rest_film import MIN_REST_LIGHT, RestFilm, cells
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES

@@ -24,12 +24,12 @@ from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.stream.colour_planes import Order, planes_of
 from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
-from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor

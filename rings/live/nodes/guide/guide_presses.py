@@ -21,7 +21,7 @@ from tactograph.nodes.files.image_files import MAX_LEDS, write_image
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.optics.sheet import SheetLight
 from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.stream.led_in_frame import Plane, RestFilm, Sight, light_of, reach, see
+from tactograph.nodes.stream.rest_film import Plane, RestFilm, light_of
+from tactograph.rings.live.nodes.touches.led_in_frame import Sight, reach, see
 
 Clock = Callable[[float], int | None]
 """The LED that was lit at a time of time.monotonic(), 0 for none; None if unknown."""

@@ -9,15 +9,10 @@ import numpy as np
 
 from tactograph.graph import InputError
 from tactograph.nodes import Height
+from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.stream.colour_planes import Order, planes_of
 from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.led_in_frame import (
-    MAX_DARK_LIGHT,
-    MAX_SATURATED_SHARE,
-    RestFilm,
-    cells,
-    top_of,
-)
+from tactograph.nodes.stream.rest_film import RestFilm, cells, top_of
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import (
@@ -28,7 +23,6 @@ from tactograph.rings.live.nodes.camera.open_camera import (
     check_camera,
     open_capture,
 )
-from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
@@ -36,6 +30,7 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
 )
 from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
+from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
 

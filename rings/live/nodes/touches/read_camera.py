@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
 from tactograph.nodes.files.sensor_identity import UsedCalibration
 from tactograph.nodes.stream.assemble import Refresh
 from tactograph.nodes.stream.frames import LiveFrames, LiveState
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream

@@ -10,11 +10,11 @@ from annotated_types import Ge, Gt, Interval
 from tactograph.graph import InputError, node
 from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
 from tactograph.nodes.files.sensor_identity import UsedCalibration
+from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.stream.colour_planes import Order
 from tactograph.nodes.stream.frames import LiveFrames, LiveState
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
-from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
 
 

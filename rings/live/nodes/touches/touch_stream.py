@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from tactograph.nodes import Dark
 from tactograph.nodes.stream.assemble import Assembler, Refresh
 from tactograph.nodes.stream.frames import LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.led_in_frame import RestFilm, light_of
+from tactograph.nodes.stream.rest_film import RestFilm, light_of
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FaultLog

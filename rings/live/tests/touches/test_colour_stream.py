@@ -12,7 +12,7 @@ from tactograph.graph import GraphError, InputError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.stream.frames import ALL_LIT
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (

@@ -9,14 +9,14 @@ from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from tactograph.graph import InputError
-from tactograph.nodes.files.gelsight_scan import (
+from tactograph.nodes.files.image_files import MAX_PIXELS
+from tactograph.rings.metrology.nodes.scan.scan_file import (
     SCAN_FILE,
     PixelSide,
     ScanEntries,
     read_entries,
     read_scan,
 )
-from tactograph.nodes.files.image_files import MAX_PIXELS
 
 LIGHT_TERMS = 10
 """Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
@@ -57,7 +57,9 @@ class LightModelFile(ScanEntries):
     """R x K m: m is 3, or 4 with a scale."""
     quadratic: Matrix = Field(alias="quadfit")
     """R x K m: m is 10, or 11 with a scale."""
-    black: Annotated[tuple[Annotated[float, Interval(ge=0, lt=1)], ...], Len(1)] = ()
+    black: Annotated[list[Annotated[float, Interval(ge=0, lt=1)]], Len(1)] = Field(
+        default_factory=list
+    )
     """Light in the shadow of each LED."""
     flat: FlatField | None = Field(None, alias="flatfield")
 

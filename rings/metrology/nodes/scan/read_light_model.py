@@ -9,7 +9,6 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.files.gelsight_scan import is_scan
 from tactograph.nodes.files.image_files import Crop, cropped, lights_of, read_image
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.rings.metrology.nodes.scan.light_model import MODEL_NUMBERS, LightModel
@@ -20,6 +19,7 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
     find_light_model,
     read_light_model_file,
 )
+from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
 
 TILES_PER_ROW = 3
 MIN_FLAT_LIGHT = 1 / 255

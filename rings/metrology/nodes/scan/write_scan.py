@@ -8,10 +8,11 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Light, PixelSize
+from tactograph.nodes.capture.listed_capture import MarkedBall
 from tactograph.nodes.capture.read_capture import read_capture_file
-from tactograph.nodes.files.gelsight_scan import SCAN_FILE, Circle, is_scan, read_scan
 from tactograph.nodes.files.height_files import write_tmd
 from tactograph.nodes.files.image_files import Crop, write_image
+from tactograph.rings.metrology.nodes.scan.scan_file import SCAN_FILE, is_scan, read_scan
 
 HEIGHT_FILE = "heightmap.tmd"
 
@@ -72,22 +73,22 @@ def write_scan(
 
 
 def _marks(capture: Path, pixel: float, crop: Crop | None) -> list[str]:
-    """Lines that mark the balls of a capture, circles as large as the balls."""
+    """Lines that mark the balls of a capture, balls as large as the balls."""
     x0, y0 = crop[:2] if crop else (0, 0)
     if is_scan(capture):
         said = read_scan(capture)
-        circles, radius = said.circles, said.ball_radius
+        balls, radius = said.balls, said.ball_radius
     else:
         about = read_capture_file(capture)
         radius = about.ball_radius_mm or 0.0
-        circles = []
+        balls = ()
         if radius and about.ball_center_px:
             x, y = about.ball_center_px
-            circles = [Circle(0, 0, x, y, radius / pixel)]
+            balls = (MarkedBall(0, 0, x, y, radius / pixel),)
     lines = [f"calibradius: {radius:.12g}"] if radius else []
-    if circles:
+    if balls:
         lines.append("annotations:")
-    for mark in circles:
+    for mark in balls:
         place = f"gx: {mark.column}, gy: {mark.row}, x: {mark.x - x0:.12g}, y: {mark.y - y0:.12g}"
         lines.append(f"  - {{type: GridCircle, name: Circle, {place}, r: {mark.radius:.12g}}}")
     return lines

@@ -11,8 +11,8 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
+from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
 from tests.conftest import real_data
 
 
@@ -49,7 +49,7 @@ def test_images_come_in_the_order_of_the_list(tmp_path: Path) -> None:
 def test_marked_balls_are_read(scan: Path) -> None:
     """Notes in a language of its own are Windows' text."""
     scan.write_text(f"{scan.read_text()}note: Prüfling\n", encoding="cp1252")
-    (circle,) = read_scan(scan.parent).circles
+    (circle,) = read_scan(scan.parent).balls
     assert (circle.column, circle.row, circle.x, circle.radius) == (1, -2, 30.5, 9)
 
 

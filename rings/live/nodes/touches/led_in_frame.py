@@ -5,24 +5,26 @@ untouched film in a frame is a sum of the flat frames, of which one has weight 1
 0.  A rolling shutter that saw two LEDs gives different weights in different rows.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes import F4
+from tactograph.nodes.stream.rest_film import (
+    MAX_DEPARTURE,
+    Plane,
+    RestFilm,
+    light_of,
+    top_of,
+    truncated,
+    upper_median,
+)
 
-Plane = NDArray[np.uint8] | NDArray[np.uint16]
 Kind = Literal["one", "off", "mixed", "saturated", "covered", "unclear", "wrong size"]
-CELL_ROWS = 60
-"""Approximate number of rows to which frames are averaged."""
 BAND_COUNT = 6
 """Number of bands of rows, each with its own weights."""
-MAX_DEPARTURE = 0.04
-"""Largest relative departure from an LED's pattern of a cell at rest."""
 MAX_REST_DEPARTURE = 0.01
 """Largest relative departure from the best-fitting sum of a cell that is surely at rest."""
 REST_NOISE = 0.005
@@ -33,8 +35,6 @@ MAX_PAIR_RESIDUAL = 0.4
 """Largest remaining share of a band's residual if a second LED explains it."""
 CERTAINTY_SHARE = 0.3
 """Share of the expected difference by which others must be worse for an LED to be certain."""
-MIN_REST_LIGHT = 0.02
-"""Light of the film at rest below which cells are not used; as for `flat_field`."""
 MAX_DARK_LIGHT = 0.12
 """Share of the film's light below which a frame is dark."""
 MAX_SATURATED_SHARE = 0.03
@@ -47,28 +47,6 @@ MIN_LED_GAIN, MAX_LED_GAIN = 0.5, 1.8
 """Range of an LED's brightness, 1 as calibrated."""
 FIT_ROUNDS = 4
 """Number of robust fits, each without the cells that the previous one did not explain."""
-
-
-@dataclass(frozen=True)
-class RestFilm:
-    """The film at rest, for comparison with frames in `see`.
-
-    Parameters
-    ----------
-    patterns : K x h x w: each LED's flat frame, averaged over cells
-    scale : the same, but at least `MIN_REST_LIGHT`, as a divisor of light
-    confusion
-        K x K x hw: departure of the film at rest under the first LED from the pattern of the
-        second, squared and truncated.
-    dark : h x w: all LEDs off
-    size : H, W of the camera's frames
-    """
-
-    patterns: F4
-    scale: F4
-    confusion: F4
-    dark: F4
-    size: tuple[int, int]
 
 
 class Sight(NamedTuple):
@@ -85,21 +63,6 @@ class Sight(NamedTuple):
     """Share of the film that is at rest."""
     share: float = 0.0
     """Share of the second LED in the light of a mixed frame."""
-
-
-def make_film(flat: Light, dark: Dark | None = None) -> RestFilm:
-    """Prepare the calibration's flat frames (K x H x W) and dark frame (H x W)."""
-    patterns = np.stack([cells(plane) for plane in flat])
-    scale = np.maximum(patterns, np.float32(MIN_REST_LIGHT))
-    none = np.zeros(flat.shape[1:], np.float32)
-    unlit = cells(none if dark is None else dark)
-    return RestFilm(patterns, scale, _confusion(scale), unlit, flat.shape[1:])
-
-
-def _confusion(scale: F4) -> F4:
-    known = scale.reshape(len(scale), -1)
-    ratio = known[:, None] / known
-    return _truncated(ratio / _middle(ratio)[..., None] - 1)
 
 
 def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None) -> Sight:
@@ -119,7 +82,7 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
     seen = (light_of(frame, full) if light is None else light) - film.dark
     patterns = film.scale.reshape(len(film.scale), -1)
     ratio = seen.ravel() / patterns
-    brightness = _middle(ratio)
+    brightness = upper_median(ratio)
     if brightness.max() < MAX_DARK_LIGHT:
         return Sight("off")
     best, gain, certain, target = _closest(ratio, brightness, film)
@@ -147,7 +110,7 @@ def _closest(ratio: F4, brightness: F4, film: RestFilm) -> tuple[int, float, boo
     """
     gains = np.maximum(brightness, np.float32(1e-3))
     share: F4 = np.asarray(ratio / gains[:, None], np.float32)
-    apart = _truncated(share - 1)
+    apart = truncated(share - 1)
     best = int(apart.mean(axis=1).argmin())
     rest = (apart[best] < np.float32(MAX_DEPARTURE**2)).astype(np.float32)
     added = apart @ rest
@@ -156,17 +119,6 @@ def _closest(ratio: F4, brightness: F4, film: RestFilm) -> tuple[int, float, boo
     others = np.arange(len(ratio)) != best
     clear = added[others] - added[best] > CERTAINTY_SHARE * expected[others]
     return best, float(gains[best]), bool(clear.all() and rest.any()), share[best]
-
-
-def _truncated(off: F4) -> F4:
-    limited = np.minimum(np.abs(off), np.float32(MAX_DEPARTURE))
-    return np.asarray(limited * limited, np.float32)
-
-
-def _middle(values: F4) -> F4:
-    """The (upper) median along the last axis, ten times faster than NumPy's."""
-    half = values.shape[-1] // 2
-    return np.asarray(np.partition(values, half)[..., half])
 
 
 def _quantile(values: F4) -> float:
@@ -230,7 +182,7 @@ def _pair(basis: F4, target: F4, first: int, second: int) -> tuple[NDArray[np.fl
         normal[np.diag_indices(2)] += 1e-6 * used.size
         weights[:] = np.linalg.solve(normal, (weighted @ target).astype(np.float64))
         off = np.abs(weights.astype(np.float32) @ two - target)
-        used = (off < max(REST_NOISE, 1.5 * float(_middle(off)))).astype(np.float32)
+        used = (off < max(REST_NOISE, 1.5 * float(upper_median(off)))).astype(np.float32)
     shares = np.zeros(len(basis))
     shares[[first, second]] = weights
     return shares, _quantile(off)
@@ -256,7 +208,7 @@ def reach(light: F4, patterns: F4, led: int, before: int, after: int) -> float:
     scale = np.float32(1) / patterns[led - 1].ravel()
     basis = patterns[[number - 1 for number in numbers]].reshape(len(numbers), -1) * scale
     target = light.ravel() * scale
-    off = np.abs(target / _middle(target) - 1)
+    off = np.abs(target / upper_median(target) - 1)
     weights = np.zeros(len(numbers))
     for limit in (MAX_DEPARTURE, MAX_REST_DEPARTURE, MAX_REST_DEPARTURE):
         used = basis * (off < limit)
@@ -272,21 +224,3 @@ def _another(mixed: list[NDArray[np.float64]], best: int) -> int:
     share = np.mean(mixed, axis=0)
     share[best] = 0
     return int(share.argmax()) + 1 if share.max() > MAX_OTHER_WEIGHT else 0
-
-
-def light_of(frame: Plane, full: float = 0.0) -> F4:
-    """Cells of a frame, relative to the camera's largest value."""
-    return cells(frame) / np.float32(top_of(frame, full))
-
-
-def top_of(frame: Plane, full: float) -> float:
-    """The camera's largest value: `full`, or if that is 0 that of the frame's type."""
-    return full or float(np.iinfo(frame.dtype).max)
-
-
-def cells(plane: NDArray[np.generic]) -> F4:
-    """Return means over square cells, in about `CELL_ROWS` rows, to reduce noise."""
-    factor = max(1, round(plane.shape[0] / CELL_ROWS))
-    size = max(plane.shape[1] // factor, 1), max(plane.shape[0] // factor, 1)
-    small = cv2.resize(plane.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.float32)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import Entries, parse_yaml
+from tactograph.nodes.capture.listed_capture import MarkedBall
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
 
 SCAN_FILE = "scan.yaml"
@@ -22,16 +23,6 @@ MAX_BYTES = 1_000_000
 PixelSide = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
 BallRadius = Annotated[float, Interval(ge=0, lt=1e3)]
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
-
-
-class Circle(NamedTuple):
-    """A ball that was marked by hand: its place in the grid, its centre and radius in px."""
-
-    column: int
-    row: int
-    x: float
-    y: float
-    radius: float
 
 
 class Scan(NamedTuple):
@@ -42,7 +33,7 @@ class Scan(NamedTuple):
     """mm per px; 0 where it is unknown."""
     model: str
     """The light model's file name, without its folder; empty where none is named."""
-    circles: list[Circle]
+    balls: tuple[MarkedBall, ...]
     ball_radius: float
     """mm; 0 where it is unknown."""
 
@@ -116,7 +107,7 @@ def read_scan(folder: Path) -> Scan:
         [folder / name for name in said.images],
         said.mmperpixel or 0.0,
         PureWindowsPath(str(said.calib or "")).name,
-        [Circle(int(m.gx), int(m.gy), m.x, m.y, m.r) for m in said.annotations if m],
+        tuple(MarkedBall(int(m.gx), int(m.gy), m.x, m.y, m.r) for m in said.annotations if m),
         of_target if said.calibradius is None else said.calibradius,
     )
 
