@@ -36,6 +36,7 @@ COMMANDS = (
     "graphs",
     "nodes",
     "new-node",
+    "new-ring",
     "devices",
     "bench",
     "schema",
@@ -120,13 +121,13 @@ class _BrokenPipe(Exception):  # noqa: N818  (not always an error)
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="tactograph", prog_name="tactograph")
-def _group() -> None:
+def command_line() -> None:
     """Height maps in mm from optical touch sensors, as an editable processing graph."""
 
 
 def run_command(words: list[str]) -> None:
     """Run one command within this process, as if it had been typed."""
-    _group.main(words, standalone_mode=False)
+    command_line.main(words, standalone_mode=False)
 
 
 def main() -> None:
@@ -141,7 +142,7 @@ def main() -> None:
     if "_TACTOGRAPH_COMPLETE" in os.environ:
         importlib.import_module("tactograph.graph.commands")
     try:
-        code: Any = _group.main(standalone_mode=False)
+        code: Any = command_line.main(standalone_mode=False)
     except SystemExit:
         raise
     except BaseException as error:

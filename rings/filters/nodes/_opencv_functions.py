@@ -12,8 +12,7 @@ import numpy as np
 from annotated_types import Ge, Interval, Le, Len
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, create_model
 
-from tactograph.graph.errors import InputError, did_you_mean
-from tactograph.nodes import F4
+from tactograph.sdk import F4, InputError, did_you_mean
 
 
 def _odd(value: int) -> int:

@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, node
-from tactograph.nodes import Light
 from tactograph.rings.filters.nodes._border import BORDER_TYPES, Border
+from tactograph.sdk import Close, Light, node
 
 
 @node(

@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, node
-from tactograph.nodes import Light
+from tactograph.sdk import Close, Light, node
 
 
 @node(neutral="first", tolerance=Close(1e-6, 1e-6, why="two products and a sum, fused or not"))

@@ -5,9 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from tactograph.graph import InputError, SizeRule, node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import Light, ResizedLight
+from tactograph.sdk import InputError, Launch, Light, ResizedLight, SizeRule, node
 
 Window = Annotated[tuple[int, int, int, int], "left,top,width,height"]
 """Left, top, width and height in pixels, as OpenCV's `Rect`."""

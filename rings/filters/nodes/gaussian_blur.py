@@ -6,10 +6,8 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Light
 from tactograph.rings.filters.nodes._border import BORDER_TYPES, Border
+from tactograph.sdk import F4, Close, Launch, Light, node
 
 CUTOFF_SIGMAS = 4
 """Standard deviations after which the Gaussian is cut off, as in OpenCV for floats."""

@@ -5,8 +5,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Light
+from tactograph.sdk import Light, node
 
 
 @node(neutral="light")

@@ -6,9 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import U1, Mask
+from tactograph.sdk import U1, Launch, Mask, node
 
 Operation = Literal["erode", "dilate", "open", "close"]
 Shape = Literal["rect", "cross", "ellipse"]

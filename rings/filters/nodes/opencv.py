@@ -5,9 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator
 
-from tactograph.graph import node
-from tactograph.nodes import Light
 from tactograph.rings.filters.nodes._opencv_functions import Arguments, call_opencv, checked_call
+from tactograph.sdk import Light, node
 
 
 @node(neutral="light")

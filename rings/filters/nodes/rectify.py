@@ -7,10 +7,7 @@ import numpy as np
 from annotated_types import Interval
 from pydantic import AfterValidator
 
-from tactograph.graph import Close, node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.optics.bicubic import between_pixels
+from tactograph.sdk import F4, Close, Launch, Light, PixelSize, between_pixels, node
 
 Corner = tuple[float, float]
 Corners = tuple[Corner, Corner, Corner, Corner]

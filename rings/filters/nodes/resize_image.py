@@ -8,9 +8,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Close, SizeRule, node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Light, ResizedLight
+from tactograph.sdk import F4, Close, Launch, Light, ResizedLight, SizeRule, node
 
 Method = Literal["area", "linear"]
 OPENCV_METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from tactograph.nodes.capture.listed_capture import ListedCapture
 from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
+from tactograph.sdk import ListedCapture
 
 
 def read(folder: Path) -> ListedCapture:

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.graph.extras import need
-from tactograph.nodes.files.height_files import HeightFile, square_pixel
+from tactograph.sdk import HeightFile, InputError, need, square_pixel
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""

@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.nodes import Height, HeightError
-from tactograph.nodes.files.height_files import HeightFile
 from tactograph.rings.metrology.formats._in_metres import (
     METRES_PER_MM,
     NOT_METRES,
     package_for,
     read_in_metres,
 )
+from tactograph.sdk import Height, HeightError, HeightFile, InputError
 
 ERROR_TITLE = "Error"
 """The channel that holds the standard deviation of the heights."""

@@ -5,11 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.nodes import UM_PER_MM, Height, HeightError
-from tactograph.nodes.files.height_files import HeightFile, square_pixel
-from tactograph.nodes.files.image_files import MAX_PIXELS
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface, surfalize
+from tactograph.sdk import (
+    MAX_PIXELS,
+    UM_PER_MM,
+    Height,
+    HeightError,
+    HeightFile,
+    InputError,
+    square_pixel,
+)
 
 SIZES_AT, SIZES = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""

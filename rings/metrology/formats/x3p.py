@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.nodes import Height, HeightError
-from tactograph.nodes.files.height_files import HeightFile
 from tactograph.rings.metrology.formats._in_metres import (
     METRES_PER_MM,
     package_for,
     read_in_metres,
 )
+from tactograph.sdk import Height, HeightError, HeightFile, InputError
 
 SOFTWARE_NAME = "Tactograph"
 """What files name as their writer, and whose second layer is an error."""

@@ -12,17 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
-from tactograph.graph.extras import need
-from tactograph.nodes import F4, U1, Light
-from tactograph.nodes.files.height_picture import (
+from tactograph.sdk import (
+    F4,
     OFFSET_MM,
     STEP_MM,
+    U1,
     UNKNOWN_LEVEL,
+    InputError,
+    Light,
+    Touch,
     height_levels,
     levels_picture,
+    need,
 )
-from tactograph.nodes.stream.touch import Touch
 
 MAX_BYTE = 255
 NS_PER_S = 10**9

@@ -19,10 +19,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
-from tactograph.graph import InputError, warn
-from tactograph.graph.extras import need
 from tactograph.rings.recording.files.mcap_file import McapFile
 from tactograph.rings.recording.files.ros_messages import Message
+from tactograph.sdk import InputError, need, warn
 
 WhenFull = Literal["stop", "oldest"]
 FILE_NAME = re.compile(r"(\d{6})_\S*\.mcap")

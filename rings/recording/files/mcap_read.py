@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from tactograph.graph import InputError
 from tactograph.rings.recording.files.mcap_log import need_mcap
+from tactograph.sdk import InputError
 
 if TYPE_CHECKING:
     from mcap.records import Channel, Message, Schema

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
+from tactograph.sdk import InputError
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""

@@ -12,11 +12,8 @@ from lerobot.cameras.camera import Camera
 from lerobot.cameras.configs import CameraConfig
 from numpy.typing import NDArray
 
-from tactograph.graph import load
-from tactograph.nodes import U1
-from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
-from tactograph.nodes.files.height_picture import height_levels, levels_picture
 from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
+from tactograph.sdk import U1, calibrated_film, height_levels, levels_picture, load
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from tactograph.graph import InputError
 from tactograph.rings.recording.files.ros_messages import Message
+from tactograph.sdk import InputError
 
 QUEUE_MESSAGES = 8
 """Most messages of a topic that wait for a slow receiver; older ones are dropped."""

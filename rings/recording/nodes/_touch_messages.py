@@ -8,9 +8,6 @@ import time as clock
 
 import numpy as np
 
-from tactograph.graph import Provenance
-from tactograph.nodes import F8
-from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.recording.files.ros_messages import (
     FILM_FRAME,
     METRES_PER_MM,
@@ -21,6 +18,7 @@ from tactograph.rings.recording.files.ros_messages import (
     pose_message,
     text_message,
 )
+from tactograph.sdk import F8, Provenance, Touch
 
 MAX_BYTE = 255
 

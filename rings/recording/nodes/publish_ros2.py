@@ -4,11 +4,10 @@ from typing import Annotated
 
 from annotated_types import Ge
 
-from tactograph.graph import Provenance, Session, node
-from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.recording.nodes._ros_node import RosNode
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
 from tactograph.rings.recording.nodes.write_mcap import FORMER_INPUTS
+from tactograph.sdk import Provenance, Session, Touch, node
 
 
 @node(former=FORMER_INPUTS)

@@ -9,17 +9,27 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, node
-from tactograph.nodes import U1, Height, Labels, Light, Slope
-from tactograph.nodes.files.height_picture import level_height, picture_levels
-from tactograph.nodes.files.image_arrays import check_handed_in
-from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 from tactograph.rings.recording.files.lerobot_rows import (
     MAX_BYTE,
     NS_PER_S,
     height_column,
     open_lerobot,
     time_column,
+)
+from tactograph.sdk import (
+    U1,
+    Height,
+    InputError,
+    Labels,
+    Light,
+    Port,
+    Slope,
+    check_handed_in,
+    check_sensor,
+    identity_in,
+    level_height,
+    node,
+    picture_levels,
 )
 
 

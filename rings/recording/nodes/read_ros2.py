@@ -9,13 +9,20 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import Light
-from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm, calibrated_film
-from tactograph.nodes.stream.colour_planes import Order, planes_of
-from tactograph.nodes.stream.frames import LiveFrames, LiveState
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes._ros_node import RosNode
+from tactograph.sdk import (
+    CalibratedFilm,
+    InputError,
+    Light,
+    LiveFrames,
+    LiveState,
+    Order,
+    calibrated_film,
+    node,
+    planes_of,
+    warn,
+)
 
 WAIT_S = 0.1
 IMAGE_TYPE = "sensor_msgs/msg/Image"

@@ -7,12 +7,18 @@ from typing import Annotated
 
 from annotated_types import Gt, Interval
 
-from tactograph.graph import Provenance, Session, node
-from tactograph.nodes import Light
-from tactograph.nodes.files.sensor_identity import identity_from
-from tactograph.nodes.stream.frames import ALL_LIT, LiveState, RawFrame
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
+from tactograph.sdk import (
+    ALL_LIT,
+    Light,
+    LiveState,
+    Provenance,
+    RawFrame,
+    Session,
+    identity_from,
+    node,
+)
 
 RECORDING_FORMAT = "1"
 

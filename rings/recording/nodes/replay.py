@@ -19,20 +19,32 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import Light
-from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.files.image_arrays import check_handed_in
-from tactograph.nodes.files.image_files import MAX_LEDS, MAX_PIXELS
-from tactograph.nodes.files.sensor_identity import SensorIdentity, check_sensor, identity_in
-from tactograph.nodes.stream.assemble import Assembler, Refresh
-from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.rest_film import make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
+from tactograph.sdk import (
+    ALL_LIT,
+    MAX_LEDS,
+    MAX_PIXELS,
+    Assembler,
+    InputError,
+    Light,
+    LiveFrames,
+    LiveState,
+    RawFrame,
+    Refresh,
+    SensorIdentity,
+    check_handed_in,
+    check_sensor,
+    identity_in,
+    make_film,
+    node,
+    planes_of,
+    top_of,
+    warn,
+)
+from tactograph.sdk.nodes import read_calibration
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40

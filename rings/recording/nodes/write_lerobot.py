@@ -7,9 +7,6 @@ from typing import Annotated, Any
 
 from annotated_types import Ge
 
-from tactograph.graph import InputError, Provenance, Session, node, warn
-from tactograph.nodes.files.sensor_identity import identity_from
-from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.recording.files.lerobot_rows import (
     NS_PER_S,
     Column,
@@ -18,6 +15,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
     touch_columns,
 )
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps
+from tactograph.sdk import InputError, Provenance, Session, Touch, identity_from, node, warn
 
 WRITER_THREADS = 2
 """Threads that compress pictures."""

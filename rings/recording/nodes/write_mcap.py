@@ -6,10 +6,9 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt
 
-from tactograph.graph import Provenance, Session, node
-from tactograph.nodes.stream.touch import Touch, now_in_touch
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
+from tactograph.sdk import Provenance, Session, Touch, node, now_in_touch
 
 FORMER_INPUTS = now_in_touch(
     *("height", "image", "pixel", "name", "shadow", "metrics", "time", "contact"),

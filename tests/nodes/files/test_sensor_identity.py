@@ -23,8 +23,7 @@ from tactograph.rings.recording.files.mcap_read import McapFile
 from tactograph.rings.recording.nodes.record import record
 from tactograph.rings.recording.nodes.replay import replay
 from tests.graph.conftest import Command, one_line, tactograph
-from tests.nodes.capture.test_read_capture import IMAGES
-from tests.nodes.capture.test_read_capture import write as write_images
+from tests.nodes.capture.test_read_capture import IMAGES, write as write_images
 from tests.nodes.files.test_calibration_file import ARRAYS, FILM, LENS, MADE, MISFIT, NOISE, random
 
 __all__ = ["tactograph"]

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rings.metrology.tests.scan.scans import PIXEL, cap, seen, write_model
-from rings.metrology.tests.scan.scans import write_scan as made_scan
+from rings.metrology.tests.scan.scans import PIXEL, cap, seen, write_model, write_scan as made_scan
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.height_files import read_height_file

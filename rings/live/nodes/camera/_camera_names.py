@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph import InputError
+from tactograph.sdk import InputError
 
 CAMERA_FOLDER = Path("/sys/class/video4linux")
 """Folder in which the kernel lists cameras."""

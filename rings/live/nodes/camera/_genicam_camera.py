@@ -21,13 +21,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
-from tactograph.graph.extras import need
 from tactograph.rings.live.nodes.camera._camera_names import (
     GENICAM_PREFIX,
     NamedCamera,
     no_such_camera,
 )
+from tactograph.sdk import InputError, need
 
 PRODUCER_VARIABLE = "GENICAM_GENTL64_PATH"
 WAIT_S = 1.0

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.extras import need
+from tactograph.sdk import need
 
 BUFFER_COUNT = 4
 WAIT_S = 1.0

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from tactograph.graph import InputError
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Capture, Plane, settle
+from tactograph.sdk import InputError
 
 REOPEN_PAUSE_S = 0.1
 """Seconds between two attempts to open a camera."""

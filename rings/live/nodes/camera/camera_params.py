@@ -4,9 +4,9 @@ from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval
 
-from tactograph.nodes.files.sensor_identity import SensorIdentity, UsedCalibration, check_sensor
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
+from tactograph.sdk import SensorIdentity, UsedCalibration, check_sensor
 
 SIMULATED_NAME = "simulated"
 

@@ -7,7 +7,6 @@ import cv2
 from rich.console import Console
 from rich.table import Table
 
-from tactograph.graph import InputError, node
 from tactograph.rings.live.nodes.camera._camera_names import named_cameras
 from tactograph.rings.live.nodes.camera._genicam_camera import (
     PRODUCER_VARIABLE,
@@ -15,6 +14,7 @@ from tactograph.rings.live.nodes.camera._genicam_camera import (
     genicam_cameras,
 )
 from tactograph.rings.live.nodes.camera._linux_camera import linuxpy
+from tactograph.sdk import InputError, node
 
 
 @node

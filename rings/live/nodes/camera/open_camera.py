@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
 from tactograph.rings.live.nodes.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
 from tactograph.rings.live.nodes.camera._genicam_camera import (
     GenicamCapture,
     check_genicam,
 )
 from tactograph.rings.live.nodes.camera._linux_camera import LinuxCapture, linuxpy
+from tactograph.sdk import InputError
 
 Library = Literal["opencv", "linuxpy"]
 Plane = NDArray[np.uint8] | NDArray[np.uint16]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import serial
 
-from tactograph.graph import InputError, TactographError
 from tactograph.rings.live.nodes.controller._led_line import Answer, Event, Lines, frame
+from tactograph.sdk import InputError, TactographError
 
 MAX_ATTEMPTS = 4
 """Attempts after which a request counts as unanswered; repetition does no harm."""

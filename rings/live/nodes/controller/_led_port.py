@@ -8,7 +8,7 @@ from pathlib import Path
 import serial
 from serial.tools import list_ports
 
-from tactograph.graph import InputError
+from tactograph.sdk import InputError
 
 USB_IDS = {
     (0x2E8A, 0x0005): "Raspberry Pi Pico with MicroPython",

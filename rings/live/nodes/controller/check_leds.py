@@ -6,9 +6,8 @@ from typing import Annotated, NamedTuple
 
 from annotated_types import Interval
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import Metrics
 from tactograph.rings.live.nodes.controller.led_controller import LedController, open_controller
+from tactograph.sdk import InputError, Metrics, node, warn
 
 MEASURED_REQUESTS = 20
 """Requests over which the round trip is measured."""

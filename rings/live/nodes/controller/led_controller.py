@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from tactograph.graph import InputError, TactographError
 from tactograph.rings.live.nodes.controller._led_clock import Clock, Course
 from tactograph.rings.live.nodes.controller._led_line import PROTOCOL_VERSION, Event, whole_number
 from tactograph.rings.live.nodes.controller._led_link import (
@@ -31,6 +30,7 @@ from tactograph.rings.live.nodes.controller._led_port import (
     no_controller,
     open_port,
 )
+from tactograph.sdk import InputError, TactographError
 
 __all__ = [
     "ControllerLostError",

@@ -4,8 +4,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import EndOfStream, node
-from tactograph.nodes import Metrics
+from tactograph.sdk import EndOfStream, Metrics, node
 
 
 @node

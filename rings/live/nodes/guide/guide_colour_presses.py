@@ -12,27 +12,32 @@ import numpy as np
 from annotated_types import Ge, Gt
 from scipy.ndimage import gaussian_filter
 
-from tactograph.graph import InputError, node
-from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.nodes import F4, Light
-from tactograph.nodes.calibrate import Circles
-from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
-from tactograph.nodes.calibrate.colour.find_presses import MIN_PRESSES
-from tactograph.nodes.calibrate.colour.fit_reflectance_map import degree_for
-from tactograph.nodes.calibrate.colour.level_presses import level_presses
-from tactograph.nodes.calibrate.colour.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.sensor_preset import read_preset
-from tactograph.nodes.stream.colour_planes import Order, planes_of
-from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.sdk import (
+    F4,
+    MIN_PRESSES,
+    Circles,
+    InputError,
+    Light,
+    LiveFrames,
+    Order,
+    PressImages,
+    advise,
+    atomic_file,
+    degree_for,
+    make_film,
+    node,
+    planes_of,
+    presses_per_cell,
+    read_preset,
+    rim_slope,
+    write_image,
+)
+from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
 
 SMOOTHING_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""

@@ -10,24 +10,32 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node
-from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
-from tactograph.nodes import F4, Dark, Light
-from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
-from tactograph.nodes.capture.read_balls import KnownCircles, Radii, read_balls
-from tactograph.nodes.capture.read_capture import CaptureFile
-from tactograph.nodes.capture.read_flat import Flat, read_flat
-from tactograph.nodes.files.image_files import MAX_LEDS, write_image
-from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.optics.sheet import SheetLight
-from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
+from tactograph.sdk import (
+    F4,
+    MAX_LEDS,
+    Ball,
+    CaptureFile,
+    Dark,
+    Flat,
+    InputError,
+    KnownCircles,
+    Light,
+    LiveFrames,
+    Radii,
+    SheetLight,
+    atomic_file,
+    atomic_files,
+    make_film,
+    node,
+    write_image,
+)
+from tactograph.sdk.nodes import find_ball, flat_field, read_balls, read_flat
 
 SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""

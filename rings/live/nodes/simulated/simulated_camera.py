@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import SimulatedColourSensor
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     EXPOSURE_S,
     EXPOSURE_SHARE,
     SimulatedSensor,
 )
+from tactograph.sdk import F4
 
 LitBetween = Callable[[float, float], Sequence[tuple[int, float]]]
 """The LEDs that are lit between two times of time.monotonic(), and for what share of it."""

@@ -7,14 +7,14 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     MAX_BYTE,
     NOISE_IMAGES,
     Scene,
     SimulatedSensor,
 )
+from tactograph.sdk import F4, LightPositions
+from tactograph.sdk.nodes import light_ring
 
 COLOUR_COUNT = 3
 """Blue, green, red: the order of a camera's driver."""

@@ -14,16 +14,17 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.graph import InputError
-from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.optics.near_light import expected_light, places, vectors_at
-from tactograph.nodes.optics.shape import PAPER_PIXEL_MM
-from tactograph.nodes.simulate.expose import lens_share
-from tactograph.nodes.simulate.light_ring import light_ring
-from tactograph.nodes.simulate.press import press
-from tactograph.nodes.simulate.print_markers import print_markers
-from tactograph.nodes.simulate.render import render
-from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.sdk import (
+    F4,
+    PAPER_PIXEL_MM,
+    InputError,
+    LightPositions,
+    expected_light,
+    lens_share,
+    places,
+    vectors_at,
+)
+from tactograph.sdk.nodes import light_ring, press, print_markers, render, shape_ball
 
 MAX_BYTE = 255
 EXPOSURE_S, EXPOSURE_SHARE = 0.02, 0.6

@@ -7,12 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.nodes import Height
-from tactograph.nodes.files.sensor_preset import SensorPreset
-from tactograph.nodes.stream.colour_planes import Order, planes_of
-from tactograph.nodes.stream.frames import ALL_LIT, LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.rest_film import RestFilm, cells, top_of
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import (
@@ -33,6 +27,20 @@ from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
+from tactograph.sdk import (
+    ALL_LIT,
+    Height,
+    InputError,
+    LiveFrames,
+    LiveState,
+    Order,
+    RawFrame,
+    RestFilm,
+    SensorPreset,
+    cells,
+    planes_of,
+    top_of,
+)
 
 COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
 COLOUR_FAULTS = FAULT_LINES | {

@@ -6,9 +6,8 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 
-from tactograph.graph import warn
-from tactograph.nodes.stream.frames import LiveState
 from tactograph.rings.live.nodes.camera.camera import Shot
+from tactograph.sdk import LiveState, warn
 
 LOGGER = logging.getLogger("tactograph")
 REPEAT_S = 2.0

@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4
-from tactograph.nodes.stream.rest_film import (
+from tactograph.sdk import (
+    F4,
     MAX_DEPARTURE,
     Plane,
     RestFilm,

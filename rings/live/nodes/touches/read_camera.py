@@ -8,15 +8,21 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import FRACTIONS, InputError, Whole, node
-from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
-from tactograph.nodes.files.sensor_identity import UsedCalibration
-from tactograph.nodes.stream.assemble import Refresh
-from tactograph.nodes.stream.frames import LiveFrames, LiveState
-from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
+from tactograph.sdk import (
+    FRACTIONS,
+    InputError,
+    LiveFrames,
+    LiveState,
+    Refresh,
+    UsedCalibration,
+    Whole,
+    calibrated_film,
+    make_film,
+    node,
+)
 
 _ONE_SHOT = "a one-shot sensor, whose colours are lit at once, is read by 'op: read_colour_camera'"
 

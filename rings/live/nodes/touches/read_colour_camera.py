@@ -7,15 +7,19 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.graph import InputError, node
-from tactograph.nodes.calibrate.file.calibrated_film import calibrated_film
-from tactograph.nodes.files.sensor_identity import UsedCalibration
-from tactograph.nodes.files.sensor_preset import read_preset
-from tactograph.nodes.stream.colour_planes import Order
-from tactograph.nodes.stream.frames import LiveFrames, LiveState
-from tactograph.nodes.stream.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.sdk import (
+    InputError,
+    LiveFrames,
+    LiveState,
+    Order,
+    UsedCalibration,
+    calibrated_film,
+    make_film,
+    node,
+    read_preset,
+)
 
 
 @node(endless=True)

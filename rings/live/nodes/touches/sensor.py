@@ -12,8 +12,6 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
 
-from tactograph.graph import InputError
-from tactograph.nodes import Height
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Capture, check_camera, open_capture
@@ -31,6 +29,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     read_scene,
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
+from tactograph.sdk import Height, InputError
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""

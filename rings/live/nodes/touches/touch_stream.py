@@ -5,14 +5,20 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
-from tactograph.nodes import Dark
-from tactograph.nodes.stream.assemble import Assembler, Refresh
-from tactograph.nodes.stream.frames import LiveFrames, LiveState, RawFrame
-from tactograph.nodes.stream.rest_film import RestFilm, light_of
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FaultLog
 from tactograph.rings.live.nodes.touches.sensor import Rig
+from tactograph.sdk import (
+    Assembler,
+    Dark,
+    LiveFrames,
+    LiveState,
+    RawFrame,
+    Refresh,
+    RestFilm,
+    light_of,
+)
 
 MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""

@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.nodes import F4, Height, Labels, Light
-from tactograph.nodes.drawing.arrows import draw_arrows
-from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
-from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.stream.touch import Touch
+from tactograph.sdk import (
+    F4,
+    LED_COLOURS,
+    SEVERAL_COLOUR,
+    Height,
+    Labels,
+    Light,
+    Lights,
+    Touch,
+    draw_arrows,
+)
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""

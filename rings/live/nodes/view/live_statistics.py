@@ -14,10 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import Port, Provenance, Session, node
-from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.nodes import Height, Metrics
-from tactograph.nodes.stream.frames import LiveState
+from tactograph.sdk import Height, LiveState, Metrics, Port, Provenance, Session, atomic_file, node
 
 BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""

@@ -10,13 +10,19 @@ from typing import Annotated, Literal
 import cv2
 from annotated_types import Gt, Interval
 
-from tactograph.graph import InputError, Session, node, warn
-from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.nodes import Height
-from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.stream.frames import LiveState
-from tactograph.nodes.stream.touch import Touch, now_in_touch
 from tactograph.rings.live.nodes.view._live_picture import Picture, draw_touch, round_up
+from tactograph.sdk import (
+    Height,
+    InputError,
+    Lights,
+    LiveState,
+    Session,
+    Touch,
+    atomic_file,
+    node,
+    now_in_touch,
+    warn,
+)
 
 RATE_WINDOW_S = 2.0
 CLOSING_KEYS = (27, ord("q"))

@@ -16,13 +16,27 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Provenance, Session, node, warn
-from tactograph.graph.extras import need
-from tactograph.nodes import BAND_DEVIATIONS, F4, Height, HeightError, Labels, Light, Metrics
-from tactograph.nodes.files.height_files import grid_triangles
-from tactograph.nodes.files.image_files import Lights
-from tactograph.nodes.stream.touch import MarkerTracks, Touch, now_in_touch
 from tactograph.rings.live.nodes.view._live_picture import LIGHT_NAMES, colour_height, round_up
+from tactograph.sdk import (
+    BAND_DEVIATIONS,
+    F4,
+    Height,
+    HeightError,
+    InputError,
+    Labels,
+    Light,
+    Lights,
+    MarkerTracks,
+    Metrics,
+    Provenance,
+    Session,
+    Touch,
+    grid_triangles,
+    need,
+    node,
+    now_in_touch,
+    warn,
+)
 
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0

@@ -1,8 +1,7 @@
 """Lines between host and controller: what is damaged never passes, what is whole always does."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.rings.live.firmware import protocol as board
 from tactograph.rings.live.nodes.controller import _led_line as host

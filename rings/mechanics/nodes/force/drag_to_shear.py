@@ -14,12 +14,6 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import j0, j1
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
-from tactograph.nodes.optics.lens import half_diagonal, ideal_offset
-from tactograph.nodes.stream.touch import MarkerTracks
-from tactograph.nodes.write.join_touch import View
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Modulus,
     Poisson,
@@ -28,6 +22,23 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
+from tactograph.sdk import (
+    F4,
+    F8,
+    MAX_MEASURED,
+    Contacts,
+    Height,
+    MarkerTracks,
+    Metrics,
+    Most,
+    PixelSize,
+    Port,
+    View,
+    half_diagonal,
+    ideal_offset,
+    largest_contacts,
+    node,
+)
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]
 """Traction on the film in its plane, x and y."""

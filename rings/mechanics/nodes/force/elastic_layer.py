@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.nodes import F8
+from tactograph.sdk import F8
 
 MODULUS_RANGE_KPA = 1.0, 1e5
 Modulus = Annotated[float, Interval(ge=MODULUS_RANGE_KPA[0], le=MODULUS_RANGE_KPA[1])]

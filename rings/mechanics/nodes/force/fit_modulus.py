@@ -8,16 +8,24 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from scipy.optimize import minimize_scalar
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F4, F8, Contacts, Metrics
-from tactograph.nodes.contact.find_contact import MAX_CONTACTS, find_contact
-from tactograph.nodes.files.height_files import read_height_file
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     MODULUS_RANGE_KPA,
     Poisson,
     Thickness,
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.sdk import (
+    F4,
+    F8,
+    MAX_CONTACTS,
+    Contacts,
+    InputError,
+    Metrics,
+    node,
+    read_height_file,
+    warn,
+)
+from tactograph.sdk.nodes import find_contact
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""

@@ -10,16 +10,28 @@ from numpy.typing import NDArray
 from scipy.fft import dctn, idctn
 from scipy.sparse.linalg import LinearOperator, cg
 
-from tactograph.graph import Port, node, warn
-from tactograph.graph.cores import cores
-from tactograph.nodes import F4, F8, Contacts, Height, HeightError, Metrics, PixelSize
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Modulus,
     Poisson,
     Thickness,
     layer_compliance,
     wave_numbers,
+)
+from tactograph.sdk import (
+    F4,
+    F8,
+    MAX_MEASURED,
+    Contacts,
+    Height,
+    HeightError,
+    Metrics,
+    Most,
+    PixelSize,
+    Port,
+    cores,
+    largest_contacts,
+    node,
+    warn,
 )
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]

@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import node
-from tactograph.nodes import Mask
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
+from tactograph.sdk import Mask, node
 
 
 @node

@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import node
-from tactograph.nodes import Mask, SlopeVariance
+from tactograph.sdk import Mask, SlopeVariance, node
 
 
 @node

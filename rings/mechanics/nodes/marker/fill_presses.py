@@ -5,11 +5,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import node
-from tactograph.nodes.capture.read_presses import PressImages
-from tactograph.nodes.filter.fill_masked import fill_masked
 from tactograph.rings.mechanics.nodes.marker.bare_film import bare_film
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
+from tactograph.sdk import PressImages, node
+from tactograph.sdk.nodes import fill_masked
 
 
 @node(neutral="image")

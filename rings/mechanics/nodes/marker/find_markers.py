@@ -7,9 +7,8 @@ import numpy as np
 from annotated_types import Ge, Interval
 from scipy.ndimage import center_of_mass
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
+from tactograph.sdk import F4, Port, node
 
 Markers = Annotated[F4, Port("M 3", "px")]
 """x, y and the radius of a disk of the same area, a row for each marker."""

@@ -6,9 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, Port, node
-from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Light
+from tactograph.sdk import F4, Close, Launch, Light, Port, node
 
 MIN_LIGHT = np.float32(0.01)
 """Smallest light that is divided by."""

@@ -5,10 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F8, Height
-from tactograph.nodes.optics.lens import half_diagonal, seen_offset
-from tactograph.nodes.stream.touch import MarkerTracks
-from tactograph.nodes.write.join_touch import View
+from tactograph.sdk import F8, Height, MarkerTracks, View, half_diagonal, seen_offset
 
 
 class MarkerPlaces(NamedTuple):

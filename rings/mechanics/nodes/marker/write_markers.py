@@ -5,11 +5,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes.drawing.arrows import draw_arrows
-from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.stream.touch import Touch, now_in_touch
+from tactograph.sdk import (
+    InputError,
+    Touch,
+    atomic_files,
+    draw_arrows,
+    node,
+    now_in_touch,
+    write_image,
+)
 
 MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
 MIN_WIDTH_PX = 640

@@ -7,7 +7,7 @@ squared times its curvature.  So where film curves down an object holds it.
 import cv2
 import numpy as np
 
-from tactograph.nodes import F4, Contacts
+from tactograph.sdk import F4, Contacts
 
 CELLS_ACROSS = 160
 """Cells of a row on which curvature is looked at."""

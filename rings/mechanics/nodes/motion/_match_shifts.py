@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 
-from tactograph.nodes import F4, F8
 from tactograph.rings.mechanics.nodes.motion._surface import Surface, small_motion
+from tactograph.sdk import F4, F8
 
 STEP_DEG = 3.0
 SMOOTH_CELLS = 1.0

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from tactograph.nodes import F8
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import Fit
 from tactograph.rings.mechanics.nodes.motion._surface import six_numbers, small_motion
+from tactograph.sdk import F8
 
 MIN_PAIR_VARIANCE = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
 """Least variance of a pair in mm^2 and rad^2: the scatter lacks errors common to a film."""

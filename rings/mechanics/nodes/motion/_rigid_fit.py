@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
-from tactograph.nodes import F4, F8
 from tactograph.rings.mechanics.nodes.motion._surface import (
     Surface,
     carried,
@@ -31,6 +30,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     six_numbers,
     small_motion,
 )
+from tactograph.sdk import F4, F8
 
 CAUCHY_SIGMAS = 2.4
 """Standard deviations beyond which a slope loses weight (Cauchy)."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tactograph.nodes import F4, F8
+from tactograph.sdk import F4, F8
 
 POSE_AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
 IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])

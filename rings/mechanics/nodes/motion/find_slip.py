@@ -7,13 +7,24 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
-from tactograph.nodes.write.join_touch import View
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.rings.mechanics.nodes.motion._surface import IN_DEGREES, small_motion
+from tactograph.sdk import (
+    F4,
+    F8,
+    MAX_MEASURED,
+    Contacts,
+    Height,
+    MarkerTracks,
+    Metrics,
+    Most,
+    ObjectPose,
+    PixelSize,
+    Port,
+    View,
+    largest_contacts,
+    node,
+)
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)

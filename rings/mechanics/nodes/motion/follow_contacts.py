@@ -8,10 +8,19 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, F8, Contacts, Metrics, PixelSize
-from tactograph.nodes.contact.find_contact import MAX_CONTACTS
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk import (
+    F4,
+    F8,
+    MAX_CONTACTS,
+    MAX_MEASURED,
+    Contacts,
+    Metrics,
+    Most,
+    PixelSize,
+    Port,
+    largest_contacts,
+    node,
+)
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,

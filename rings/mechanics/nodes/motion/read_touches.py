@@ -7,27 +7,31 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, load, node, warn
-from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
-from tactograph.nodes import F4, PixelSize
-from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.files.calibration_file import is_of_kind
-from tactograph.nodes.files.height_files import (
+from tactograph.sdk import (
+    F4,
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
+    PRESS_CALIBRATION,
+    RESULT_FILE,
+    InputError,
+    PixelSize,
+    Port,
+    bring,
+    brought,
+    check_heights,
+    is_of_kind,
+    load,
+    node,
     read_height_file,
+    warn,
+    warning_kind,
 )
-from tactograph.nodes.files.image_files import check_heights
-from tactograph.nodes.files.result_file import RESULT_FILE
-from tactograph.nodes.write.read_error import read_error
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.sdk.nodes import read_error, read_pixel_size
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
-HEIGHT_TOPIC, MM_PER_METRE = "/height", np.float32(1000)
 
 
 class Touches(NamedTuple):
@@ -74,7 +78,7 @@ def read_touches(
         return _replayed(folder, most, calibration)
     if (folder / "zarr.json").is_file():
         read = _read_store
-    elif folder.suffix == ".mcap" or any(folder.glob("*.mcap")):
+    elif _stream_files(folder):
         read = _read_recording
     touches = read(folder, most, pixel_size_mm)
     for name, height in zip(touches.names, touches.heights, strict=True):
@@ -106,7 +110,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
-    from tactograph.graph import BatchMaps  # stores need the extra `batch`
+    from tactograph.sdk import BatchMaps
 
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel
@@ -122,23 +126,23 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
 
 
 def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
-    files = sorted(folder.glob("*.mcap")) if folder.is_dir() else [folder]
-    heights, topics = [], set[str]()
-    for file in map(McapFile, files):
-        for message in file.messages():
-            if message.topic == HEIGHT_TOPIC:
-                image = message.body
-                plane = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
-                heights.append(MM_PER_METRE * plane)
-        topics |= file.topics
-    if any(topic.endswith("image_raw") for topic in topics) and not heights:
-        raise InputError(
-            f"{folder}: holds frames, not heights; give the sensor's calibration=... as well"
-        )
+    """Heights in files of a format that a ring reads (its ``streams/EXT.py``)."""
+    files = _stream_files(folder)
+    reader = bring("streams", files[0].suffix[1:])
+    heights = reader.read_heights(files) if reader is not None else []
     if pixel is None:
         raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
     every = dict(enumerate(heights))
     return _of_recording(every, most, pixel, folder, "no topic /height holds more")
+
+
+def _stream_files(folder: Path) -> list[Path]:
+    """The files of the first format of streams that a file or folder holds; none without one."""
+    suffixes = [f".{name}" for name in brought("streams")]
+    if folder.is_file():
+        return [folder] if folder.suffix in suffixes else []
+    held = (sorted(folder.glob(f"*{suffix}")) for suffix in suffixes)
+    return next((files for files in held if files), [])
 
 
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
@@ -152,7 +156,7 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     with load(graph, given, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
-                told.setdefault(NUMBER_PATTERN.sub("", line), line)
+                told.setdefault(warning_kind(line), line)
             if number % stride == 0:
                 heights[number], pixel = result["height"].copy(), float(result["pixel"])
             if len(heights) > 2 * most:

@@ -11,9 +11,6 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
-from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.rings.mechanics.nodes.force.elastic_layer import wave_numbers
 from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions
 from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, solve_poses
@@ -29,6 +26,8 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
+from tactograph.sdk import F4, F8, U1, InputError, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.nodes import find_contact
 
 MATCHED_CELLS = 2
 """Side of the cells on which touches are matched, in fine ones."""

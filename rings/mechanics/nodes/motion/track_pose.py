@@ -9,9 +9,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize, SlopeVariance
-from tactograph.nodes.stream.touch import Pose, PoseCovariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
 from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
@@ -23,6 +20,20 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     six_numbers,
     small_motion,
     surface_of,
+)
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    Height,
+    Metrics,
+    PixelSize,
+    Port,
+    Pose,
+    PoseCovariance,
+    SlopeVariance,
+    node,
+    warn,
 )
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]

@@ -4,13 +4,19 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import Provenance, node
-from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Metrics, PixelSize
-from tactograph.nodes.files.height_files import write_mesh, write_tiff
-from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
+from tactograph.sdk import (
+    RESULT_FILE,
+    Metrics,
+    PixelSize,
+    Provenance,
+    atomic_files,
+    node,
+    write_image,
+    write_mesh,
+    write_result_file,
+    write_tiff,
+)
 
 
 @node
@@ -43,7 +49,7 @@ def write_stitched(
         If the folder cannot be written; then no file is.
     """
     # Loading Matplotlib takes longer than the rest.
-    from tactograph.nodes.drawing.result_pictures import draw_error, draw_height, draw_seams
+    from tactograph.sdk import draw_error, draw_height, draw_seams
 
     with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)

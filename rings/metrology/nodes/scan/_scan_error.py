@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 
-from tactograph.nodes import F4
 from tactograph.rings.metrology.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.rings.metrology.nodes.scan.light_model import MIN_DIVISOR, PIXEL_UNKNOWNS
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
+from tactograph.sdk import F4
 
 DRAW_COUNT = 16
 """Random errors; they come in pairs, whose waves are a quarter of a wave apart."""

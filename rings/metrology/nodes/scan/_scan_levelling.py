@@ -8,21 +8,22 @@ of balls on flat film by 25 um, a coin by 150 um.
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import warn
-from tactograph.nodes import F4, F8
-from tactograph.nodes.height.level_plane import (
-    level_part,
-    plane_terms,
-    plane_weights,
-    weighted_plane,
-)
-from tactograph.nodes.height.weighted_heights import weighted_heights
 from tactograph.rings.metrology.nodes.scan.light_model import (
     PIXEL_UNKNOWNS,
     LightModel,
     slope_by_light,
 )
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
+from tactograph.sdk import (
+    F4,
+    F8,
+    level_part,
+    plane_terms,
+    plane_weights,
+    warn,
+    weighted_heights,
+    weighted_plane,
+)
 
 MAX_DRIFT = 0.15
 """Most that the slope of flat film drifts from side to side by a model; a surface that bends more

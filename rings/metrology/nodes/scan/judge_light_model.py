@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import Light, Metrics, Slope
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
+from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors

@@ -4,15 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import node, warn
-from tactograph.nodes import Metrics
-from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.optics.cell_side import CellSide
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
 from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, on_cells
+from tactograph.sdk import CellSide, Crop, Metrics, node, warn
+from tactograph.sdk.nodes import coarsen, read_capture
 
 MAX_LEAN = 0.02
 """Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""

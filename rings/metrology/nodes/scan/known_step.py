@@ -5,10 +5,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, Height, Metrics, PixelSize
-from tactograph.nodes.files.image_files import Crop, cropped
-from tactograph.nodes.height.scale_height import StepScale
 from tactograph.rings.metrology.nodes.surface.measure_step import (
     Across,
     EdgeCount,
@@ -17,6 +13,19 @@ from tactograph.rings.metrology.nodes.surface.measure_step import (
     depths_with,
     measure_step,
     parts_within,
+)
+from tactograph.sdk import (
+    F4,
+    Crop,
+    Height,
+    InputError,
+    Metrics,
+    PixelSize,
+    Port,
+    StepScale,
+    cropped,
+    node,
+    warn,
 )
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25

@@ -9,10 +9,6 @@ import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import SizeLimit, node, warn
-from tactograph.nodes import UM_PER_MM, Height, HeightError, Metrics, PixelSize
-from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.height.scale_height import Scale
 from tactograph.rings.metrology.nodes.scan._scan_error import scan_errors
 from tactograph.rings.metrology.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.rings.metrology.nodes.scan.judge_untouched import MAX_LEAN
@@ -20,6 +16,18 @@ from tactograph.rings.metrology.nodes.scan.known_step import KnownStep
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
+from tactograph.sdk import (
+    UM_PER_MM,
+    Height,
+    HeightError,
+    Metrics,
+    PixelSize,
+    Scale,
+    SizeLimit,
+    node,
+    warn,
+)
+from tactograph.sdk.nodes import integrate_dct
 
 MAX_SQUARED_SLOPE = 3.0
 """Square of the steepest slope that a light model measures."""

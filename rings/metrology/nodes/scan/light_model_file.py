@@ -8,8 +8,6 @@ from annotated_types import Ge, Gt, Interval, Len
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from tactograph.graph import InputError
-from tactograph.nodes.files.image_files import MAX_PIXELS
 from tactograph.rings.metrology.nodes.scan.scan_file import (
     SCAN_FILE,
     PixelSide,
@@ -17,6 +15,7 @@ from tactograph.rings.metrology.nodes.scan.scan_file import (
     read_entries,
     read_scan,
 )
+from tactograph.sdk import MAX_PIXELS, InputError
 
 LIGHT_TERMS = 10
 """Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""

@@ -5,16 +5,28 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, Port, SizeLimit, node
-from tactograph.nodes import F4, U1, Labels, Light, Slope
-from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
-from tactograph.nodes.optics.normals import cofactors, dot, times
 from tactograph.rings.metrology.nodes.scan.light_model import (
     LightModel,
     coefficients,
     modelled_light,
     monomials,
+)
+from tactograph.sdk import (
+    F4,
+    U1,
+    Flips,
+    Labels,
+    Light,
+    Port,
+    SizeLimit,
+    Slope,
+    cofactors,
+    dot,
+    in_blocks,
+    limited_step,
+    node,
+    normal_by_slope,
+    times,
 )
 
 MAX_TURN_RAD = np.float32(0.3)

@@ -7,10 +7,6 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Light, PixelSize
-from tactograph.nodes.files.image_files import Crop, cropped, lights_of, read_image
-from tactograph.nodes.light.coarsen import coarsen
 from tactograph.rings.metrology.nodes.scan.light_model import MODEL_NUMBERS, LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_file import (
     DEGREE_BY_ROWS,
@@ -20,6 +16,18 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
     read_light_model_file,
 )
 from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
+from tactograph.sdk import (
+    F4,
+    Crop,
+    InputError,
+    Light,
+    PixelSize,
+    cropped,
+    lights_of,
+    node,
+    read_image,
+)
+from tactograph.sdk.nodes import coarsen
 
 TILES_PER_ROW = 3
 MIN_FLAT_LIGHT = 1 / 255

@@ -5,10 +5,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Light, Metrics, PixelSize
-from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.light.coarsen import coarsen
 from tactograph.rings.metrology.nodes.scan.judge_light_model import judge_light_model
 from tactograph.rings.metrology.nodes.scan.judge_untouched import judge_untouched
 from tactograph.rings.metrology.nodes.scan.light_model import (
@@ -24,6 +20,8 @@ from tactograph.rings.metrology.nodes.scan.read_light_model import (
     read_light_model,
 )
 from tactograph.rings.metrology.nodes.scan.scan_pixel_size import scan_pixel_size
+from tactograph.sdk import F4, Crop, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk.nodes import coarsen
 
 CELL_PX = 16
 """Side of the cells on which the model is compared with images, in px."""

@@ -13,10 +13,7 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from tactograph.graph import InputError
-from tactograph.graph.disk.strict_yaml import Entries, parse_yaml
-from tactograph.nodes.capture.listed_capture import MarkedBall
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
+from tactograph.sdk import MAX_PIXEL_MM, MIN_PIXEL_MM, Entries, InputError, MarkedBall, parse_yaml
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000

@@ -4,9 +4,7 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from tactograph.graph import node, warn
-from tactograph.nodes import PixelSize
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+from tactograph.sdk import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM, PixelSize, node, warn
 
 
 @node

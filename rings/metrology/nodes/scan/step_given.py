@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from tactograph.graph import InputError, node
-from tactograph.nodes.height.scale_height import Scale
 from tactograph.rings.metrology.nodes.surface.measure_step import KnownDepth
+from tactograph.sdk import InputError, Scale, node
 
 
 @node

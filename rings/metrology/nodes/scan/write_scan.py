@@ -5,14 +5,20 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Height, Light, PixelSize
-from tactograph.nodes.capture.listed_capture import MarkedBall
-from tactograph.nodes.capture.read_capture import read_capture_file
-from tactograph.nodes.files.height_files import write_tmd
-from tactograph.nodes.files.image_files import Crop, write_image
 from tactograph.rings.metrology.nodes.scan.scan_file import SCAN_FILE, is_scan, read_scan
+from tactograph.sdk import (
+    Crop,
+    Height,
+    InputError,
+    Light,
+    MarkedBall,
+    PixelSize,
+    atomic_files,
+    node,
+    read_capture_file,
+    write_image,
+    write_tmd,
+)
 
 HEIGHT_FILE = "heightmap.tmd"
 

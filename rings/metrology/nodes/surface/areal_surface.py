@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.extras import need
-from tactograph.nodes import UM_PER_MM, Height
+from tactograph.sdk import UM_PER_MM, Height, need
 
 
 def surfalize() -> Any:

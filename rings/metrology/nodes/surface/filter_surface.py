@@ -7,8 +7,7 @@ from annotated_types import Gt, Interval
 from numpy.polynomial.polynomial import polygrid2d, polyvander2d
 from scipy.ndimage import gaussian_filter
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Height, Metrics, PixelSize
+from tactograph.sdk import F4, Height, InputError, Metrics, PixelSize, node
 
 GAUSSIAN_ALPHA = np.sqrt(np.log(2) / np.pi)
 """Constant of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting

@@ -7,12 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import Metrics
-from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.write.read_height import read_height
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, measure_step
+from tactograph.sdk import Crop, InputError, Metrics, node
+from tactograph.sdk.nodes import read_height, read_pixel_size
 
 HEIGHT_FILE = "height.npy"
 CATEGORY_FACTOR = 1.41

@@ -11,9 +11,18 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, Height, HeightError, Metrics, PixelSize
-from tactograph.nodes.files.image_files import Crop
+from tactograph.sdk import (
+    F4,
+    Crop,
+    Height,
+    HeightError,
+    InputError,
+    Metrics,
+    PixelSize,
+    Port,
+    node,
+    warn,
+)
 
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3

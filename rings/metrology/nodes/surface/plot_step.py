@@ -5,10 +5,19 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from tactograph.graph import node
-from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
-from tactograph.nodes.drawing.new_picture import BLUE, GREY, ORANGE, NewPicture, write_picture
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
+from tactograph.sdk import (
+    BLUE,
+    GREY,
+    ORANGE,
+    UM_PER_MM,
+    Height,
+    Metrics,
+    NewPicture,
+    PixelSize,
+    node,
+    write_picture,
+)
 
 
 @node

@@ -7,10 +7,18 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import node, warn
-from tactograph.nodes import Contacts, Height, Metrics, PixelSize
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface
+from tactograph.sdk import (
+    MAX_MEASURED,
+    Contacts,
+    Height,
+    Metrics,
+    Most,
+    PixelSize,
+    largest_contacts,
+    node,
+    warn,
+)
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""

@@ -10,7 +10,7 @@ from tests.graph.conftest import Command, one_line
 
 @pytest.fixture
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for part in ("nodes/light", "kernels/light", "pipelines", "tests/nodes"):
+    for part in ("graph", "nodes/light", "kernels/light", "pipelines", "tests/nodes"):
         (tmp_path / part).mkdir(parents=True)
     (tmp_path / "nodes" / "light" / "__init__.py").touch()
     monkeypatch.chdir(tmp_path)
@@ -33,44 +33,35 @@ def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> No
 
 
 @pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
-@pytest.mark.parametrize("package", [False, True])
+@pytest.mark.parametrize("ring", [False, True])
 def test_what_is_written_is_formatted_and_clean(
-    tactograph: Command, clone: Path, package: bool, check: list[str]
+    tactograph: Command, clone: Path, ring: bool, check: list[str]
 ) -> None:
-    tactograph(
-        "new-node", *(["brighten", "--package", "my-nodes"] if package else ["light/brighten"])
+    assert (
+        tactograph(*(["new-ring", "my-felt"] if ring else ["new-node", "light/brighten"])).code == 0
     )
     config = ["--config", str(ROOT / "pyproject.toml")]
-    if package:
+    if ring:
         # Seen from a package of its own, tactograph is one of the others.
         config = ["--isolated", "--line-length", "100"]
         config += ["--select", "E,F,I,UP"] if check == ["check"] else []
-    python("-m", "ruff", *check, *config, ".", cwd=clone / "my-nodes" if package else clone)
+    python("-m", "ruff", *check, *config, ".", cwd=clone / "my-felt" if ring else clone)
 
 
 @pytest.mark.slow
-def test_a_package_brings_a_node_whose_own_tests_pass(
+def test_a_new_ring_passes_its_own_tests_once_installed(
     tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert tactograph("new-node", "brighten", "--package", "my-nodes").code == 0
+    assert tactograph("new-ring", "my-felt").code == 0
+    assert tactograph("new-node", "darken", "--ring", "my-felt/my_felt").code == 0
     site = tmp_path / "site"
     install = ["pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    python("-m", *install, "--target", site, "./my-nodes")
+    python("-m", *install, "--target", site, "./my-felt")
     # Away from the sources, so that the installed files are what is tested.
-    tests = ("-m", "pytest", "-q", "--rootdir", "my-nodes", "my-nodes/tests")
+    tests = ("-m", "pytest", "-q", "--rootdir", "my-felt", "my-felt")
     done = python(*tests, PYTHONPATH=site)
-    assert "passed" in done.stdout
-    assert "skipped" not in done.stdout
-
-
-def test_a_second_node_of_a_package_says_what_to_register(
-    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    tactograph("new-node", "brighten", "--package", "my-nodes")
-    outcome = tactograph("new-node", "darken", "--package", "my-nodes")
-    assert 'darken = "my_nodes.darken:darken"' in outcome.out
+    assert "8 passed" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -81,7 +72,6 @@ def test_a_second_node_of_a_package_says_what_to_register(
         (["light/Flat"], "lower-case"),
         (["light/class"], "a Python keyword"),
         (["light/a-b"], "lower-case"),
-        (["brighten", "--package", "1nodes"], "cannot be a package"),
     ],
 )
 def test_a_name_that_cannot_be_is_refused(
@@ -97,8 +87,19 @@ def test_nothing_is_overwritten(tactograph: Command, clone: Path) -> None:
     assert not (clone / "nodes" / "brighten.py").exists()
 
 
-def test_outside_a_clone_a_package_must_be_named(
+def test_outside_a_clone_a_ring_is_made_first(
     tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert "--package FOLDER" in one_line(tactograph("new-node", "brighten"))
+    assert "tactograph new-ring" in one_line(tactograph("new-node", "brighten"))
+
+
+@pytest.mark.parametrize(
+    ("folder", "message"),
+    [("1felt", "cannot be a package"), ("tactograph-live", "a ring 'live' is installed")],
+)
+def test_a_ring_that_cannot_be_is_refused(
+    tactograph: Command, clone: Path, folder: str, message: str
+) -> None:
+    assert message in one_line(tactograph("new-ring", folder))
+    assert not (clone / folder).exists()
