@@ -66,7 +66,7 @@ from rings.mechanics.tests.motion.test_track_pose import (
     track,
     way,
 )
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 
 Row = tuple[str, str]
 FRAMES, STREAM_FRAMES, CONTACT_FRAMES, STUCK_FRAMES = 30, 60, 10_000, 1000

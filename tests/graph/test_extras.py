@@ -16,7 +16,7 @@ from tactograph.nodes.show.show_file import show_file
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write.export_height import export_height
 from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
-from tests.conftest import ROOT, python
+from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
@@ -42,7 +42,7 @@ def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Non
         ("fsspec", "batch", BATCH),
         ("jinja2", "report", COMPARE),
         ("jinja2", "report", ["demo"]),
-        ("jinja2", "report", ["new-node", "brighten", "--package", "mine"]),
+        ("jinja2", "report", ["new-ring", "mine"]),
         ("nicegui", "tune", ["tune", "paper"]),
     ],
 )

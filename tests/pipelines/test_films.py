@@ -17,7 +17,7 @@ from tactograph.nodes.simulate.shape_grating import shape_grating
 from tactograph.rings.mechanics.nodes.motion.stitch import stitch
 from tactograph.rings.mechanics.nodes.motion.track_pose import track_pose
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
-from tests.conftest import SHARED, MadeOnce, Raytraced
+from tests.fixtures import SHARED, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
 RIGS = {

@@ -2,5 +2,5 @@
 
 `protocol` and `controller` hold its logic and touch no pin, so they run under CPython as well:
 the tests and the simulated controller use them as they are.  `main` runs on the board only.
-The protocol is described in docs/hardware.md.
+The protocol is described in rings/live/docs/hardware.md.
 """

@@ -1,7 +1,7 @@
 """Pins, clock and USB of the board: Raspberry Pi Pico or Pico 2 with MicroPython.
 
-Copied to the board as ``main.py``, beside the folder ``firmware`` (docs/hardware.md).  Change
-the pins here if your wiring differs.
+Copied to the board as ``main.py``, beside the folder ``firmware`` (docs/hardware.md of this ring).
+Change the pins here if your wiring differs.
 """
 # ruff: noqa: F821  (the words of PIO programs are defined by their decorator)
 

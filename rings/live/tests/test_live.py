@@ -13,7 +13,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.run.open_pipeline import load, open_pipeline
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 from tests.pipelines.conftest import errors
 
 pytestmark = pytest.mark.realtime

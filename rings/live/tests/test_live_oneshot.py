@@ -12,7 +12,7 @@ from rings.live.tests.oneshot import BALL_MM, BY_HAND, MOVING, PIXEL_MM, calibra
 from tactograph.graph.run.open_pipeline import load, open_pipeline
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.capture.read_presses import read_presses
-from tests.conftest import MadeOnce, python
+from tests.fixtures import MadeOnce, python
 from tests.pipelines.conftest import errors
 
 pytestmark = pytest.mark.realtime

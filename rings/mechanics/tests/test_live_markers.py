@@ -14,7 +14,7 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     SimulatedColourSensor,
 )
 from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
-from tests.conftest import MadeOnce
+from tests.fixtures import MadeOnce
 from tests.pipelines.conftest import run
 
 PIXEL_MM = 1 / 7

@@ -9,7 +9,7 @@ import pytest
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.rings.mechanics.nodes.marker.find_markers import find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
-from tests.conftest import MadeOnce
+from tests.fixtures import MadeOnce
 from tests.pipelines.conftest import Image, changed, run
 
 PIXEL_MM = 1 / 7

@@ -10,7 +10,7 @@ from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, settled
 from rings.metrology.tests.scan.scans import PIXEL, cap, groove_shape, seen, write_model, write_scan
 from tactograph.graph import InputError
 from tactograph.nodes import BAND_DEVIATIONS
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 
 def test_a_cap_has_its_height(tmp_path: Path) -> None:

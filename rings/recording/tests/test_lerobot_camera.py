@@ -22,7 +22,7 @@ from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 import tests.tactograph
 from tactograph.nodes.files.height_picture import OFFSET_MM, STEP_MM, level_height, picture_levels
 from tactograph.rings.recording.lerobot import TactographCameraConfig
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 
 pytestmark = pytest.mark.slow
 

@@ -26,10 +26,10 @@ from rings.recording.tests.recordings import (
 )
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.files import mcap_log
+from tactograph.rings.recording.files import mcap_log
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile
-from tests.conftest import ROOT, python
+from tests.fixtures import ROOT, python
 
 
 def test_a_recording_is_read_by_the_libraries_of_ros_as_standard_images(tmp_path: Path) -> None:

@@ -20,8 +20,8 @@ from rings.recording.tests.recordings import (
 )
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.files import mcap_read
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.recording.files import mcap_read
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, log_files
 from tactograph.rings.recording.files.mcap_read import McapFile
 from tactograph.rings.recording.files.ros_messages import image_message, text_message

@@ -28,7 +28,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
 from tactograph.rings.recording.files.ros_messages import image_message
 from tactograph.rings.recording.nodes._ros_node import RosNode
 from tactograph.rings.recording.nodes.read_ros2 import RosTouches
-from tests.conftest import MadeOnce, simulated_sensor
+from tests.fixtures import MadeOnce, simulated_sensor
 
 PEER = Path(__file__).with_name("ros2_peer.py")
 HAS_ROS = importlib.util.find_spec("rclpy") is not None

@@ -11,7 +11,7 @@ from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node, node_names, shipped_nodes
 from tactograph.graph.files.read_graph import read_graph
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import Command, Write
 
 NODE = '''

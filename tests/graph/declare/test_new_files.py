@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT, python
+from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
 

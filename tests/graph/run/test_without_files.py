@@ -16,7 +16,7 @@ from tactograph.graph.files import graph_places
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.graph.rings import Ring, rings
 from tactograph.nodes import Light
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import STREAM, Write
 
 KERNEL = """

@@ -18,7 +18,7 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
 from tactograph.nodes.simulate.view import view
 from tactograph.nodes.slope.height_slopes import height_slopes
-from tests.conftest import Raytraced
+from tests.fixtures import Raytraced
 
 PIXEL = 0.1
 

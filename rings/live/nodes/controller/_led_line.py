@@ -1,6 +1,6 @@
 """The lines between host and LED controller: framing, checksum and content.
 
-The protocol is described in docs/hardware.md; ``firmware/protocol.py`` is the other end.
+The protocol is described in rings/live/docs/hardware.md; ``firmware/protocol.py`` is the other end.
 """
 
 import binascii

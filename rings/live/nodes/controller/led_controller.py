@@ -1,6 +1,6 @@
 """The host's side of the LED controller: find, command, watch, and find it again.
 
-The protocol, the wiring and the firmware are described in docs/hardware.md.
+The protocol, the wiring and the firmware are described in rings/live/docs/hardware.md.
 
 Long because every command must restore the same state after a lost connection.
 """
@@ -480,7 +480,7 @@ def _identified(link: Link, port: str, timeout_s: float) -> Identity:
         raise InputError(
             f"{port}: the controller's firmware {values.get('firmware', '?')} speaks protocol "
             f"{protocol}, but {PROTOCOL_VERSION} is needed; put the one in firmware/ on it "
-            "(docs/hardware.md)"
+            "(rings/live/docs/hardware.md)"
         )
     try:
         leds = whole_number(values["leds"], 1, MAX_CONTROLLER_LEDS)
@@ -495,7 +495,7 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
     if link.bytes:
         return (
             f"{port}: what answers there is no LED controller, or has no firmware yet "
-            "(docs/hardware.md says how to put it on)"
+            "(rings/live/docs/hardware.md says how to put it on)"
         )
     other = holder(port)
     if other:

@@ -1,4 +1,4 @@
-"""What docs/hardware.md shows is what the firmware does."""
+"""What rings/live/docs/hardware.md shows is what the firmware does."""
 
 import re
 import subprocess

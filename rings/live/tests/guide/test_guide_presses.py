@@ -15,7 +15,7 @@ from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.rings.live.nodes.guide.end_when_good import end_when_good
 from tactograph.rings.live.nodes.guide.guide_presses import guide_presses
-from tests.conftest import python
+from tests.fixtures import python
 
 pytestmark = pytest.mark.realtime
 

@@ -28,7 +28,7 @@ from tactograph.rings.live.nodes.touches.colour_stream import (
 )
 from tactograph.rings.live.nodes.touches.read_camera import read_camera
 from tactograph.rings.live.nodes.touches.read_colour_camera import read_colour_camera
-from tests.conftest import Calibration, MadeOnce
+from tests.fixtures import Calibration, MadeOnce
 
 pytestmark = pytest.mark.realtime
 

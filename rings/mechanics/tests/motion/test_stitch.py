@@ -33,7 +33,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
 from tactograph.rings.recording.nodes.write_mcap import write_mcap
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 
 COUNT = 9
 NAMES = [str(number) for number in range(COUNT)]

@@ -28,7 +28,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.simulate.press import press
 from tactograph.rings.mechanics.nodes.motion.track_pose import TrackedPose, track_pose
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 
 STEP = np.array([0.12, -0.08, 0.02, 0.2, -0.3, 1.1])
 """mm and degrees a frame."""

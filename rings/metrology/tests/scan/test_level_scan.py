@@ -12,7 +12,7 @@ from tactograph.graph import InputError, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.rings.metrology.nodes.scan._scan_error import _parts
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 
 def states(file: Path, noise: float, wrong: float, seed: int) -> tuple[F4, F4]:

@@ -16,7 +16,7 @@ from tactograph.rings.metrology.nodes.scan.judge_untouched import judge_untouche
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 RAMP = PIXEL * np.arange(WIDTH, dtype=np.float32)
 

@@ -13,7 +13,7 @@ from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
 from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 
 @pytest.fixture

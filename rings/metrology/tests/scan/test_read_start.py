@@ -11,7 +11,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.read_start import read_start
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 
 def test_a_model_tells_light_at_rest_leds_and_pixels(model_file: Path, model: LightModel) -> None:
