@@ -35,7 +35,7 @@ from packaging.requirements import InvalidRequirement, Requirement
 from tactograph.graph.errors import NodeError, message_of
 
 ENTRY_POINT_GROUP = "tactograph.rings"
-DISTRIBUTION = "tactograph"
+CORE_PACKAGE = "tactograph"
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Ring:
     @property
     def shipped(self) -> bool:
         """Whether it comes with tactograph itself."""
-        return self.distribution == DISTRIBUTION
+        return self.distribution == CORE_PACKAGE
 
     def files(self, kind: str, pattern: str) -> list[Path]:
         """The files of one kind, sorted by path; none if the ring brings none."""
@@ -104,9 +104,9 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
 def _core() -> Ring:
     kinds = ("nodes", "kernels", "pipelines")
-    folders = ((kind, _folder(f"{DISTRIBUTION}.{kind}")) for kind in kinds)
+    folders = ((kind, _folder(f"{CORE_PACKAGE}.{kind}")) for kind in kinds)
     return Ring(
-        "core", DISTRIBUTION, DISTRIBUTION, tuple((k, f) for k, f in folders if f is not None)
+        "core", CORE_PACKAGE, CORE_PACKAGE, tuple((k, f) for k, f in folders if f is not None)
     )
 
 
@@ -151,7 +151,7 @@ def _other_version(point: EntryPoint) -> str:
             need = Requirement(text)
         except InvalidRequirement:
             continue
-        is_this = re.sub(r"[-_.]+", "-", need.name).lower() == DISTRIBUTION
+        is_this = re.sub(r"[-_.]+", "-", need.name).lower() == CORE_PACKAGE
         if is_this and not need.specifier.contains(__version__, prereleases=True):
-            return f"{DISTRIBUTION} {need.specifier}"
+            return f"{CORE_PACKAGE} {need.specifier}"
     return ""

@@ -52,7 +52,7 @@ class SensorPreset(_Part):
 def shipped_presets() -> dict[str, Path]:
     """Return the files of the presets that rings bring, by name."""
     files = [file for ring in rings() for file in ring.files("sensors", "*.yaml")]
-    return {file.stem: file for file in sorted(files, reverse=True)}
+    return {file.stem: file for file in sorted(files)}
 
 
 def read_preset(sensor: str) -> SensorPreset:
