@@ -22,7 +22,7 @@ from tactograph.graph.declare.engine_arguments import (
     Whole,
 )
 from tactograph.graph.declare.node import Node, Parts, SizeLimit, SizeRule
-from tactograph.graph.declare.ports import Port
+from tactograph.graph.declare.ports import NamedPorts, Port
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.tolerance import Close, Exact, Flips
 from tactograph.graph.errors import (
@@ -52,6 +52,7 @@ __all__ = [
     "Flips",
     "GraphError",
     "InputError",
+    "NamedPorts",
     "Node",
     "NodeCall",
     "NodeError",

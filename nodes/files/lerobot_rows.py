@@ -22,12 +22,12 @@ from tactograph.nodes.files.height_picture import (
     height_levels,
     levels_picture,
 )
+from tactograph.nodes.stream.layer_kinds import layers_of
 from tactograph.nodes.stream.touch import Touch
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
 PICTURE_CHANNELS = 3
-POSE_NAMES = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
 INFO_FILE = Path("meta", "info.json")
 """What LeRobot says of a dataset."""
 
@@ -99,9 +99,9 @@ def touch_columns(
         names = [f"{name}_c{n}" for n in range(1, contacts + 1) for name in figures]
         values = contact_figures(touch.metrics or {}, figures, contacts)
         columns[f"observation.{sensor}.contacts"] = Column(values, names)
-    if touch.pose is not None:
-        pose = np.asarray(touch.pose.pose, np.float32)
-        columns[f"observation.{sensor}.pose"] = Column(pose, list(POSE_NAMES))
+    for layer in layers_of(touch):
+        if layer.kind.state:
+            columns[f"observation.{sensor}.{layer.name}"] = Column(*layer.kind.state(layer.value))
     columns[time_column(sensor)] = Column(np.array(divmod(stamp, NS_PER_S)), ["s", "ns"])
     return columns
 

@@ -19,10 +19,10 @@ from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.force.elastic_layer import Modulus, Poisson, Thickness, layer_compliance
 from tactograph.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tactograph.nodes.marker.marker_places import marker_places
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset
-from tactograph.nodes.stream.touch import MarkerTracks
-from tactograph.nodes.write.join_touch import View
+from tactograph.nodes.stream.touch import View
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]
 """Traction on the film in its plane, x and y."""

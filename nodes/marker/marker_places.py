@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8, Height
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tactograph.nodes.optics.lens import half_diagonal, seen_offset
-from tactograph.nodes.stream.touch import MarkerTracks
-from tactograph.nodes.write.join_touch import View
+from tactograph.nodes.stream.touch import View
 
 
 class MarkerPlaces(NamedTuple):

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from tactograph.graph import node, warn
 from tactograph.nodes import F4, F8, U1, Metrics, PixelSize
 from tactograph.nodes.marker.find_markers import Markers, find_markers
+from tactograph.nodes.marker.layers.markers import MarkerTracks, Shifts
 from tactograph.nodes.marker.marker_darkness import Darkness
-from tactograph.nodes.stream.touch import MarkerTracks, Shifts
 
 NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, F8, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tactograph.nodes.marker.marker_places import marker_places
 from tactograph.nodes.motion._surface import IN_DEGREES, small_motion
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
-from tactograph.nodes.write.join_touch import View
+from tactograph.nodes.motion.layers.pose import ObjectPose
+from tactograph.nodes.stream.touch import View
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)

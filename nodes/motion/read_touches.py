@@ -99,7 +99,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
-    stated = [read_error(height=file).error for file in files]
+    stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
     return Touches(np.stack(heights), np.stack(errors), pixels[0], names)

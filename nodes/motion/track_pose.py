@@ -23,7 +23,7 @@ from tactograph.nodes.motion._surface import (
     small_motion,
     surface_of,
 )
-from tactograph.nodes.stream.touch import Pose, PoseCovariance
+from tactograph.nodes.motion.layers.pose import Pose, PoseCovariance
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""

@@ -10,6 +10,7 @@ from tactograph.nodes import Metrics, PixelSize
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
+from tactograph.nodes.layers.error import ERROR_MAP
 from tactograph.nodes.motion.stitch import Sources, Stitched
 
 
@@ -43,7 +44,7 @@ def write_stitched(
         If the folder cannot be written; then no file is.
     """
     # Loading Matplotlib takes longer than the rest.
-    from tactograph.nodes.drawing.result_pictures import draw_error, draw_height, draw_seams
+    from tactograph.nodes.drawing.result_pictures import draw_height, draw_map, draw_seams
 
     with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)
@@ -52,7 +53,7 @@ def write_stitched(
         write_mesh(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
-        draw_error(error, pixel, target / "error.png")
+        draw_map(error, ERROR_MAP, pixel, target / "error.png")
         draw_seams(height, source, pixel, target / "seams.png")
         about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
         write_result_file(target, about)

@@ -7,11 +7,10 @@ from annotated_types import Ge
 from tactograph.graph import Provenance, Session, node
 from tactograph.nodes.recording._ros_node import RosNode
 from tactograph.nodes.recording._touch_messages import TouchStamps, touch_messages
-from tactograph.nodes.recording.write_mcap import FORMER_INPUTS
 from tactograph.nodes.stream.touch import Touch
 
 
-@node(former=FORMER_INPUTS)
+@node
 def publish_ros2(
     touch: Touch,
     *,
@@ -21,7 +20,7 @@ def publish_ros2(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Publish heights, contacts, markers, poses and diagnostics on ROS 2 topics.
+    """Publish heights, layers of the touch and diagnostics on ROS 2 topics.
 
     The topics are those of `write_mcap`, below the namespace: ``tactograph/height`` and so on;
     ``/diagnostics`` stays where ROS expects it.  Topics without subscribers are not sent.  Needs
