@@ -27,8 +27,10 @@ from tactograph.nodes.live.simulated.simulated_colour_sensor import (
     SimulatedColourSensor,
 )
 from tactograph.nodes.live.simulated.simulated_sensor import _Pressed, read_scene
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tactograph.nodes.motion.find_slip import find_slip
 from tactograph.nodes.motion.follow_contacts import follow_contacts
+from tactograph.nodes.motion.layers.pose import ObjectPose
 from tactograph.nodes.motion.stitch import stitch
 from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.expose import expose
@@ -37,7 +39,6 @@ from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

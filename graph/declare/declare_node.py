@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter, SizeLimit, SizeRule
+from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import (
     CONDITION_INPUT,
     NamedPorts,
@@ -20,6 +20,7 @@ from tactograph.graph.declare.ports import (
     record_ports,
 )
 from tactograph.graph.declare.provenance import Provenance
+from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Tolerance
 
 _ENGINE_ARGUMENTS = (

@@ -36,44 +36,8 @@ from tactograph.graph.declare.ports import (
     record_ports,
     record_values,
 )
+from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-
-
-@dataclass(frozen=True)
-class SizeLimit:
-    """The sizes a node accepts for one symbol, and why not others."""
-
-    low: int
-    high: int | None
-    why: str
-
-    def refuses(self, size: int) -> bool:
-        return size < self.low or (self.high is not None and size > self.high)
-
-
-@dataclass(frozen=True)
-class SizeRule:
-    """A size computed from other sizes ("H", or "H W") and one parameter.
-
-    `rule` computes it, and raises InputError where they do not go together.  Without a rule it is
-    the other size divided by the parameter, rounded up.
-    """
-
-    of: str
-    by: str
-    rule: Callable[..., int] | None = None
-
-    def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
-        if self.rule is None:
-            return -(-sizes[self.of] // int(settings[self.by]))
-        return self.rule(*(sizes[symbol] for symbol in self.of.split()), settings[self.by])
-
-    def __str__(self) -> str:
-        return f"{self.of}{', ' if self.rule else ' / '}{self.by}"
-
-
-Parts = SizeRule
-"""A size that is another one divided by a parameter, rounded up: a rule without a function."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from scipy.ndimage import map_coordinates
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.nodes.force.drag_to_shear import ShearForce, drag_to_shear
 from tactograph.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.nodes.stream.touch import MarkerTracks
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tests.nodes.force.presses import F8, MODULUS, PEAK, PIXEL, SHAPE, Face, distance, face
 
 TOTALS = "shear_x_n", "shear_y_n", "torque_n_mm"

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import Metrics
+from tactograph.nodes.marker.layers.markers import MarkerTracks
 from tactograph.nodes.motion.find_slip import Slip, find_slip
+from tactograph.nodes.motion.layers.pose import ObjectPose
 from tactograph.nodes.motion.track_pose import track_pose
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
-from tactograph.nodes.write.join_touch import View
+from tactograph.nodes.stream.touch import View
 from tests.nodes.motion.moved_objects import (
     F8,
     PIXEL,
