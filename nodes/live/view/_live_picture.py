@@ -119,7 +119,7 @@ def _chosen(layers: list[Layer], name: str | None) -> Layer | None:
 def _drawn(layer: Layer | None, grey: Picture, lights: Lights) -> tuple[Picture, str]:
     """A layer's picture, of the size of the grey one, and its title."""
     rows, columns = grey.shape[:2]
-    value = layer.value if layer else np.zeros((rows, columns), np.uint8)
+    value: Any = layer.value if layer else np.zeros((rows, columns), np.uint8)
     match layer and layer.kind.drawn:
         case LedLabels(title):
             return _labelled(value, grey, _label_colours(lights)), title
