@@ -15,7 +15,9 @@ from tactograph.nodes.stream.touch import Layer, LayerKind, Touch
 
 RING_GROUP = "tactograph.rings"
 """Entry points whose values are packages; the folder ``layers`` of one holds kinds of layers."""
-HOUSE_ROOMS = tuple(f"tactograph.nodes{room}" for room in ("", ".marker", ".motion", ".metrology"))
+HOUSE_ROOMS = tuple(
+    f"tactograph.nodes{room}" for room in ("", ".marker", ".motion", ".force", ".metrology")
+)
 
 
 class LayerKinds(Mapping[str, LayerKind]):

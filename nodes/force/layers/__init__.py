@@ -1,0 +1,1 @@
+"""Layers that this room adds to a touch."""
