@@ -76,11 +76,12 @@ def draw_touch(
     canvas[:] = BACKGROUND_RGB
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
-    for layer in layers:
-        if isinstance(layer.kind.drawn, Arrows):
+    for each in layers:
+        if isinstance(each.kind.drawn, Arrows):
             first = np.ascontiguousarray(first)
-            draw_arrows(first, *layer.kind.drawn.of(layer.value), small / columns)
-    beneath, title = _drawn(_chosen(layers, chosen), mean, lights)
+            draw_arrows(first, *each.kind.drawn.of(each.value), small / columns)
+    layer = _chosen(layers, chosen)
+    beneath, title = _drawn(layer, mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
     levels = np.linspace(255, 0, HEIGHT_PX).astype(np.uint8)
@@ -98,7 +99,8 @@ def draw_touch(
     _write(pen, GAP_PX, GAP_PX, "height above the film at rest")
     _write(pen, right, GAP_PX, "camera, LED 1" if lights == "leds" else "camera")
     _write(pen, right, lower - TITLE_PX, title)
-    _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
+    if layer and isinstance(layer.kind.drawn, LedLabels):
+        _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
     _ticks(pen, GAP_PX + width + GAP_PX, upper, top)
     _scale_bar(pen, GAP_PX, upper + HEIGHT_PX, width, columns * touch.pixel)
     _write(pen, GAP_PX, upper + HEIGHT_PX + 8, footer)
