@@ -162,7 +162,7 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
 def draw_preview(shown: Shown, file: Path) -> None:
     top = round_up(float(shown.height.max()))
     footer = f"{shown.seconds:.2f} s after the film was touched"
-    touch = Touch(shown.height, shown.image, shown.pixel, shadow=shown.shadow)
+    touch = Touch(shown.height, shown.image, shown.pixel, layers={"shadow": shown.shadow})
     picture = draw_touch(touch, top, footer)
     Image.fromarray(picture).save(file, optimize=True)
 

@@ -26,12 +26,13 @@ from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
 )
 from tactograph.rings.live.nodes.simulated.simulated_sensor import _Pressed, read_scene
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.force.drag_to_shear import drag_to_shear
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.rings.mechanics.nodes.motion.find_slip import find_slip

@@ -6,6 +6,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ==============================  ============================================================
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
 ``kernels/**/NAME.cl``          its kernels, in the same room
+``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
@@ -45,8 +46,8 @@ class Ring:
     name: str
     package: str
     distribution: str
-    folders: tuple[tuple[str, Path], ...]
-    """What it brings, and the folder of each."""
+    places: tuple[tuple[str, str, Path], ...]
+    """What it brings, the package and the folder of each."""
 
     @property
     def shipped(self) -> bool:
@@ -55,13 +56,21 @@ class Ring:
 
     def files(self, kind: str, pattern: str) -> list[Path]:
         """The files of one kind, sorted by path; none if the ring brings none."""
-        folder = dict(self.folders).get(kind)
+        _, folder = self._place(kind)
         return sorted(folder.glob(pattern)) if folder is not None else []
+
+    def folder(self, kind: str) -> Path | None:
+        """The folder of one kind; None if the ring brings none."""
+        return self._place(kind)[1]
+
+    def _place(self, kind: str) -> tuple[str, Path | None]:
+        return next(((p, folder) for name, p, folder in self.places if name == kind), ("", None))
 
     def module(self, kind: str, file: Path) -> str:
         """The name of the module in a file of `files`."""
-        place = file.relative_to(dict(self.folders)[kind]).with_suffix("")
-        return ".".join((self.package, kind, *place.parts))
+        package, folder = self._place(kind)
+        place = file.relative_to(folder or file.parent).with_suffix("")
+        return ".".join((package, *place.parts))
 
 
 def rings() -> tuple[Ring, ...]:
@@ -103,11 +112,11 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
 
 def _core() -> Ring:
-    kinds = ("nodes", "kernels", "pipelines")
-    folders = ((kind, _folder(f"{CORE_PACKAGE}.{kind}")) for kind in kinds)
-    return Ring(
-        "core", CORE_PACKAGE, CORE_PACKAGE, tuple((k, f) for k, f in folders if f is not None)
-    )
+    packages = {kind: f"{CORE_PACKAGE}.{kind}" for kind in ("nodes", "kernels", "pipelines")}
+    packages["layers"] = f"{packages['nodes']}.layers"
+    folders = ((kind, package, _folder(package)) for kind, package in packages.items())
+    places = tuple((kind, package, folder) for kind, package, folder in folders if folder)
+    return Ring("core", CORE_PACKAGE, CORE_PACKAGE, places)
 
 
 def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
@@ -128,8 +137,9 @@ def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
                 stacklevel=2,
             )
         else:
-            kinds = tuple((each.name, each) for each in sorted(folder.iterdir()) if each.is_dir())
-            yield Ring(point.name, point.value, distribution, kinds)
+            inside = sorted(each for each in folder.iterdir() if each.is_dir())
+            places = tuple((each.name, f"{point.value}.{each.name}", each) for each in inside)
+            yield Ring(point.name, point.value, distribution, places)
 
 
 def _folder(package: str) -> Path | None:

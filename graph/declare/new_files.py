@@ -29,6 +29,8 @@ RING_FILES = {
     "{package}/kernels/{name}.cl": "node.cl.j2",
     "{package}/kernels/{name}.mutants.toml": "node.mutants.toml.j2",
     "{package}/pipelines/{ring}/{name}_paper.yaml": "graph.yaml.j2",
+    "{package}/layers/__init__.py": "empty.py.j2",
+    "{package}/layers/{name}.py": "layer.py.j2",
     "{package}/verbs/__init__.py": "empty.py.j2",
     "{package}/verbs/{name}.py": "verb.py.j2",
     "tests/test_{name}.py": "test_node.py.j2",
@@ -90,7 +92,7 @@ def write_ring(folder: Path, name: str) -> list[Path]:
 def _package_of(folder: Path) -> str:
     """The package of a ring's folder: as it is registered, else that of the folder's name."""
     nodes = (folder / "nodes").resolve()
-    registered = (ring.package for ring in rings() if dict(ring.folders).get("nodes") == nodes)
+    registered = (ring.package for ring in rings() if ring.folder("nodes") == nodes)
     return next(registered, nodes.parent.name)
 
 

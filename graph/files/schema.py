@@ -75,6 +75,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 }
                 for name in node.input_names
             }
+            | {name: {"type": "string"} for name in node.further_names}
             | {
                 CONDITION_INPUT: {
                     "type": "string",

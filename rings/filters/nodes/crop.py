@@ -5,7 +5,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from tactograph.sdk import InputError, Launch, Light, ResizedLight, SizeRule, node
+from tactograph.sdk import InputError, Launch, Light, SizeRule, node
+from tactograph.sdk.unstable import ResizedLight
 
 Window = Annotated[tuple[int, int, int, int], "left,top,width,height"]
 """Left, top, width and height in pixels, as OpenCV's `Rect`."""

@@ -7,7 +7,8 @@ import numpy as np
 from annotated_types import Interval
 from pydantic import AfterValidator
 
-from tactograph.sdk import F4, Close, Launch, Light, PixelSize, between_pixels, node
+from tactograph.sdk import F4, Close, Launch, Light, PixelSize, node
+from tactograph.sdk.unstable import between_pixels
 
 Corner = tuple[float, float]
 Corners = tuple[Corner, Corner, Corner, Corner]

@@ -8,7 +8,8 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.sdk import F4, Close, Launch, Light, ResizedLight, SizeRule, node
+from tactograph.sdk import F4, Close, Launch, Light, SizeRule, node
+from tactograph.sdk.unstable import ResizedLight
 
 Method = Literal["area", "linear"]
 OPENCV_METHODS: dict[Method, int] = {"area": cv2.INTER_AREA, "linear": cv2.INTER_LINEAR}

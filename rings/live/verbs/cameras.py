@@ -2,7 +2,7 @@
 
 import click
 
-from tactograph.sdk import run_shipped
+from tactograph.sdk.unstable import run_shipped
 
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.sdk import HeightFile, InputError, need, square_pixel
+from tactograph.sdk import HeightFile, InputError, need
+from tactograph.sdk.unstable import square_pixel
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""

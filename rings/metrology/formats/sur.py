@@ -6,15 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface, surfalize
-from tactograph.sdk import (
-    MAX_PIXELS,
-    UM_PER_MM,
-    Height,
-    HeightError,
-    HeightFile,
-    InputError,
-    square_pixel,
-)
+from tactograph.sdk import Height, HeightError, HeightFile, InputError
+from tactograph.sdk.unstable import MAX_PIXELS, UM_PER_MM, square_pixel
 
 SIZES_AT, SIZES = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""

@@ -12,24 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import (
-    F4,
-    OFFSET_MM,
-    STEP_MM,
-    U1,
-    UNKNOWN_LEVEL,
-    InputError,
-    Light,
-    Touch,
-    height_levels,
-    levels_picture,
-    need,
-)
+from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
+from tactograph.sdk.unstable import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels, levels_picture
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
 PICTURE_CHANNELS = 3
-POSE_NAMES = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
 INFO_FILE = Path("meta", "info.json")
 """What LeRobot says of a dataset."""
 
@@ -101,9 +89,9 @@ def touch_columns(
         names = [f"{name}_c{n}" for n in range(1, contacts + 1) for name in figures]
         values = contact_figures(touch.metrics or {}, figures, contacts)
         columns[f"observation.{sensor}.contacts"] = Column(values, names)
-    if touch.pose is not None:
-        pose = np.asarray(touch.pose.pose, np.float32)
-        columns[f"observation.{sensor}.pose"] = Column(pose, list(POSE_NAMES))
+    for layer in layers_of(touch):
+        if layer.kind.state:
+            columns[f"observation.{sensor}.{layer.name}"] = Column(*layer.kind.state(layer.value))
     columns[time_column(sensor)] = Column(np.array(divmod(stamp, NS_PER_S)), ["s", "ns"])
     return columns
 

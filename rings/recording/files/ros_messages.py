@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from tactograph.sdk import InputError
 
-METRES_PER_MM = 1e-3
-"""A millimetre in metres."""
 FILM_FRAME = "film"
 """ROS's name of the film's coordinate system."""
 _MESSAGE_RULE = "=" * 80
@@ -206,7 +204,11 @@ def cloud_message(topic: str, time: int, fields: Mapping[str, Any]) -> Message:
 
 
 def pose_message(
-    time: int, position: NDArray[Any], quaternion: NDArray[Any], covariance: NDArray[Any]
+    topic: str,
+    time: int,
+    position: NDArray[Any],
+    quaternion: NDArray[Any],
+    covariance: NDArray[Any],
 ) -> Message:
     """A geometry_msgs/PoseWithCovarianceStamped, in metres and radians; quaternion x, y, z, w."""
     pose = {
@@ -215,7 +217,7 @@ def pose_message(
     }
     whole = {"pose": pose, "covariance": covariance.ravel().tolist()}
     body = {"header": _header(time, FILM_FRAME), "pose": whole}
-    return Message("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", time, body)
+    return Message(topic, "geometry_msgs/msg/PoseWithCovarianceStamped", time, body)
 
 
 def diagnostics_message(time: int, warnings: list[str], values: Mapping[str, Any]) -> Message:

@@ -13,7 +13,8 @@ from lerobot.cameras.configs import CameraConfig
 from numpy.typing import NDArray
 
 from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
-from tactograph.sdk import U1, calibrated_film, height_levels, levels_picture, load
+from tactograph.sdk import U1, load
+from tactograph.sdk.unstable import calibrated_film, height_levels, levels_picture
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""

@@ -5,12 +5,14 @@ the film at rest: x right, y down, z towards the camera.
 """
 
 import time as clock
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.rings.recording.files.ros_messages import (
     FILM_FRAME,
-    METRES_PER_MM,
     Message,
     cloud_message,
     diagnostics_message,
@@ -18,7 +20,8 @@ from tactograph.rings.recording.files.ros_messages import (
     pose_message,
     text_message,
 )
-from tactograph.sdk import F8, Provenance, Touch
+from tactograph.sdk import Placed, Provenance, Touch, layers_of
+from tactograph.sdk.unstable import METRES_PER_MM
 
 MAX_BYTE = 255
 
@@ -61,14 +64,11 @@ def touch_messages(
         for k, plane in enumerate(bytes_, start=1)
     )
     height = touch.height * np.float32(METRES_PER_MM)
-    maps = {"/height": height, "/shadow": touch.shadow, "/contact": touch.contact}
     return [
         *leds,
-        *(image_message(at, stamp, m, FILM_FRAME) for at, m in maps.items() if m is not None),
+        image_message("/height", stamp, height, FILM_FRAME),
         *_surface(stamp, touch, points_step),
-        *_contacts(stamp, touch),
-        *_markers(stamp, touch),
-        *_pose(stamp, touch),
+        *_layers(stamp, touch),
         diagnostics_message(stamp, provenance.warnings, figures),
         text_message("/touch", stamp, touch.name),
     ]
@@ -85,54 +85,25 @@ def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     return [cloud_message("/points", stamp, fields)]
 
 
-def _contacts(stamp: int, touch: Touch) -> list[Message]:
-    """One point per contact, from number 1: its centroid, with its depth as z."""
-    figures = touch.metrics or {}
-    if "contacts" not in figures:
-        return []
-
-    measured = [int(key.rpartition("/c")[2]) for key in figures if key.startswith("contact_x_px/")]
-    numbers = range(1, max(measured, default=0) + 1)
-
-    def each(name: str, unit: float) -> F8:
-        # A number that no pixel has comes without figures.
-        return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
-
-    side = touch.pixel * METRES_PER_MM
-    fields = {
-        "x": each("x_px", side),
-        "y": each("y_px", side),
-        "z": each("depth_mm", METRES_PER_MM),
-        "mean_depth": each("mean_depth_mm", METRES_PER_MM),
-        "area": each("area_mm2", METRES_PER_MM**2),
-        "volume": each("volume_mm3", METRES_PER_MM**3),
-        "major": each("major_mm", METRES_PER_MM),
-        "minor": each("minor_mm", METRES_PER_MM),
-        "angle": each("angle_deg", np.pi / 180),
-        "cut": each("cut", 1),
-    }
-    return [cloud_message("/contacts", stamp, fields)]
+def _layers(stamp: int, touch: Touch) -> list[Message]:
+    """The messages of a touch's layers."""
+    return [
+        _message(f"/{topic}", stamp, carried)
+        for layer in layers_of(touch)
+        for topic, carries in layer.kind.topics.items()
+        if (carried := carries(touch, layer.value)) is not None
+    ]
 
 
-def _markers(stamp: int, touch: Touch) -> list[Message]:
-    """One point per marker: its position on the untouched film, and its shift."""
-    if touch.tracks is None:
-        return []
-    markers, shift, seen = touch.tracks
-    side = touch.pixel * METRES_PER_MM
-    (x, y, radius), (dx, dy) = side * markers.T, side * shift.T
-    fields = {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": seen}
-    return [cloud_message("/markers", stamp, fields)]
-
-
-def _pose(stamp: int, touch: Touch) -> list[Message]:
-    """The object's own frame, which lay in the image's middle when the touch began."""
-    if touch.pose is None:
-        return []
+def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] | Placed) -> Message:
+    """The message of what a `Topic` returns."""
+    if isinstance(carried, np.ndarray):
+        return image_message(topic, stamp, carried, FILM_FRAME)
+    if not isinstance(carried, Placed):
+        return cloud_message(topic, stamp, carried)
     units = np.array([METRES_PER_MM] * 3 + [np.pi / 180] * 3)
-    turn = units[3:] * touch.pose.pose[3:]
+    turn = units[3:] * carried.turn
     half = np.linalg.norm(turn) / 2
     quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
-    place = METRES_PER_MM * touch.object_frame(touch.pose)[:3, 3]
-    spread = touch.pose.covariance * np.outer(units, units)
-    return [pose_message(stamp, place, quaternion, spread)]
+    spread = carried.covariance * np.outer(units, units)
+    return pose_message(topic, stamp, METRES_PER_MM * carried.place, quaternion, spread)

@@ -6,11 +6,10 @@ from annotated_types import Ge
 
 from tactograph.rings.recording.nodes._ros_node import RosNode
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
-from tactograph.rings.recording.nodes.write_mcap import FORMER_INPUTS
 from tactograph.sdk import Provenance, Session, Touch, node
 
 
-@node(former=FORMER_INPUTS)
+@node
 def publish_ros2(
     touch: Touch,
     *,
@@ -20,7 +19,7 @@ def publish_ros2(
     provenance: Provenance,
     session: Session,
 ) -> None:
-    """Publish heights, contacts, markers, poses and diagnostics on ROS 2 topics.
+    """Publish heights, layers of the touch and diagnostics on ROS 2 topics.
 
     The topics are those of `write_mcap`, below the namespace: ``tactograph/height`` and so on;
     ``/diagnostics`` stays where ROS expects it.  Topics without subscribers are not sent.  Needs

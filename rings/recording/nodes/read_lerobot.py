@@ -16,19 +16,12 @@ from tactograph.rings.recording.files.lerobot_rows import (
     open_lerobot,
     time_column,
 )
-from tactograph.sdk import (
-    U1,
-    Height,
-    InputError,
-    Labels,
-    Light,
-    Port,
-    Slope,
+from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
+from tactograph.sdk.unstable import (
     check_handed_in,
     check_sensor,
     identity_in,
     level_height,
-    node,
     picture_levels,
 )
 

@@ -11,18 +11,8 @@ from numpy.typing import NDArray
 
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes._ros_node import RosNode
-from tactograph.sdk import (
-    CalibratedFilm,
-    InputError,
-    Light,
-    LiveFrames,
-    LiveState,
-    Order,
-    calibrated_film,
-    node,
-    planes_of,
-    warn,
-)
+from tactograph.sdk import InputError, Light, LiveFrames, LiveState, node, warn
+from tactograph.sdk.unstable import CalibratedFilm, Order, calibrated_film, planes_of
 
 WAIT_S = 0.1
 IMAGE_TYPE = "sensor_msgs/msg/Image"

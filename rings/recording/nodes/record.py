@@ -9,16 +9,8 @@ from annotated_types import Gt, Interval
 
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
-from tactograph.sdk import (
-    ALL_LIT,
-    Light,
-    LiveState,
-    Provenance,
-    RawFrame,
-    Session,
-    identity_from,
-    node,
-)
+from tactograph.sdk import Light, LiveState, Provenance, Session, node
+from tactograph.sdk.unstable import ALL_LIT, RawFrame, identity_from
 
 RECORDING_FORMAT = "1"
 

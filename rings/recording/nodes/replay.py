@@ -23,15 +23,13 @@ from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
-from tactograph.sdk import (
+from tactograph.sdk import InputError, Light, LiveFrames, LiveState, node, warn
+from tactograph.sdk.nodes import read_calibration
+from tactograph.sdk.unstable import (
     ALL_LIT,
     MAX_LEDS,
     MAX_PIXELS,
     Assembler,
-    InputError,
-    Light,
-    LiveFrames,
-    LiveState,
     RawFrame,
     Refresh,
     SensorIdentity,
@@ -39,12 +37,9 @@ from tactograph.sdk import (
     check_sensor,
     identity_in,
     make_film,
-    node,
     planes_of,
     top_of,
-    warn,
 )
-from tactograph.sdk.nodes import read_calibration
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40

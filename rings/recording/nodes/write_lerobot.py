@@ -15,7 +15,8 @@ from tactograph.rings.recording.files.lerobot_rows import (
     touch_columns,
 )
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps
-from tactograph.sdk import InputError, Provenance, Session, Touch, identity_from, node, warn
+from tactograph.sdk import InputError, Provenance, Session, Touch, node, warn
+from tactograph.sdk.unstable import identity_from
 
 WRITER_THREADS = 2
 """Threads that compress pictures."""
@@ -41,8 +42,9 @@ def write_lerobot(
     The columns of a row: ``observation.images.SENSOR_height``, the height's 16-bit levels (red:
     high byte, green: low byte; step and offset in ``meta/info.json``);
     ``observation.images.SENSOR_lights1`` …, the images of three LEDs as the channels of one
-    picture of 8 bits; ``observation.SENSOR.contacts``; ``observation.SENSOR.pose``, where the
-    graph tracks it; ``SENSOR.time``, the exposure's time since 1970 in seconds and nanoseconds.
+    picture of 8 bits; ``observation.SENSOR.contacts``; ``observation.SENSOR.NAME`` of each layer
+    that is a state, such as ``pose``; ``SENSOR.time``, the exposure's time since 1970 in seconds
+    and nanoseconds.
     ``meta/info.json`` also says whose sensor it is, and by which calibration.
 
     LeRobot's own ``timestamp`` is even: row i is at i / rate.  Every touch is the next row, as

@@ -8,16 +8,10 @@ from annotated_types import Ge, Gt
 
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
-from tactograph.sdk import Provenance, Session, Touch, node, now_in_touch
-
-FORMER_INPUTS = now_in_touch(
-    *("height", "image", "pixel", "name", "shadow", "metrics", "time", "contact"),
-    *("markers", "shift", "seen"),
-)
-"""Inputs of earlier versions, here and in `publish_ros2`."""
+from tactograph.sdk import Provenance, Session, Touch, node
 
 
-@node(former=FORMER_INPUTS)
+@node
 def write_mcap(
     touch: Touch,
     *,
@@ -33,19 +27,18 @@ def write_mcap(
     """Write heights, images and diagnostics as ROS 2 messages into ``folder/*.mcap``.
 
     The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, in metres by ROS convention),
-    ``/points`` (sensor_msgs/PointCloud2, metres), ``/shadow`` (mono8, a bit per LED),
-    ``/contact`` (mono8, the contact's number), ``/contacts`` (PointCloud2, a point per contact
-    with its figures, metres and radians), ``/markers`` (PointCloud2, a point per marker with its
-    shift, metres), ``/pose`` (geometry_msgs/PoseWithCovarianceStamped, the object's since the
-    touch began, metres and radians), ``/led<k>/image`` (mono8), ``/diagnostics``
+    ``/points`` (sensor_msgs/PointCloud2, metres), ``/led<k>/image`` (mono8), ``/diagnostics``
     (diagnostic_msgs: milliseconds per node, metrics, warnings) and ``/touch`` (std_msgs/String,
-    its name).  All messages of a touch have the same stamp.
+    its name).  Each layer adds those that its kind declares: images (``/shadow``, mono8, a bit per
+    LED; ``/contact``, mono8, the contact's number), points (``/contacts``, PointCloud2, a point
+    per contact with its figures, metres and radians; ``/markers``, a point per marker with its
+    shift, metres), frames (``/pose``, geometry_msgs/PoseWithCovarianceStamped, the object's since
+    the touch began, metres and radians).  All messages of a touch have the same stamp.
 
     Parameters
     ----------
     touch
-        As `join_touch` makes it.  The figures of `measure_contact` among its own make up
-        ``/contacts``.  Without a time the stamp is the time of writing.
+        As `join_touch` makes it.  Without a time the stamp is the time of writing.
     folder
         Created if needed.  An existing export is continued in new files.
     points_step

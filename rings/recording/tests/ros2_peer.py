@@ -94,7 +94,9 @@ def plain(message: Any) -> Any:
 def publish(given: str) -> dict[str, Any]:
     """Publish the touch of a file of arrays by the node, until every topic was heard."""
     from tactograph.graph import Provenance, Session
-    from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
+    from tactograph.nodes.stream.touch import Touch
+    from tactograph.rings.mechanics.layers.markers import MarkerTracks
+    from tactograph.rings.mechanics.layers.pose import ObjectPose
     from tactograph.rings.recording.nodes.publish_ros2 import publish_ros2
 
     kinds = {"height": "Image", "contact": "Image", "points": "PointCloud2", "touch": "String"}
@@ -105,12 +107,13 @@ def publish(given: str) -> dict[str, Any]:
     figures = json.loads(str(parts.pop("metrics")))
     tracks = MarkerTracks(*(parts.pop(name) for name in MarkerTracks._fields))
     pose = ObjectPose(*(parts.pop(name) for name in ObjectPose._fields))
+    height, image = parts.pop("height"), parts.pop("image")
     made = Provenance({"name": "toy"}, None, [], {}, {}, ["too bright"], [])
     session = Session()
     while peer.waits:
         touch = Touch(
-            **parts, pixel=0.05, name="000007", time=time.monotonic(), metrics=figures,
-            tracks=tracks, pose=pose,
+            height, image, 0.05, "000007", time.monotonic(), metrics=figures,
+            layers={**parts, "markers": tracks, "pose": pose},
         )  # fmt: skip
         publish_ros2(touch, namespace="pad", provenance=made, session=session)
         time.sleep(0.05)

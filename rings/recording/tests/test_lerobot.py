@@ -18,10 +18,12 @@ from tactograph.nodes.files.height_picture import (
     levels_picture,
     picture_levels,
 )
-from tactograph.nodes.stream.touch import ObjectPose, Touch
+from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.lerobot_rows import Column, touch_columns
 from tactograph.rings.recording.nodes.read_lerobot import read_lerobot
 from tactograph.rings.recording.nodes.write_lerobot import write_lerobot
+from tests.nodes.touches import touch_of
 
 SIZE = (6, 8)
 PIXEL = 0.05
@@ -36,7 +38,8 @@ STAMP_NS = 1_700_000_000_123_456_789
 def a_touch(**changed: Any) -> Touch:
     image = BYTES / np.float32(255)
     metrics = measure_contact(HEIGHT, CONTACT, PIXEL)
-    return Touch(**{"height": HEIGHT, "image": image, "pixel": PIXEL, "metrics": metrics} | changed)
+    known = {"height": HEIGHT, "image": image, "pixel": PIXEL, "metrics": metrics}
+    return touch_of(**known | changed)
 
 
 def columns_of(

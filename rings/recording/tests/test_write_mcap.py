@@ -11,9 +11,11 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.nodes.write_mcap import write_mcap
+from tests.nodes.touches import touch_of
 
 SIZE = (6, 8)
 PIXEL = 0.05
@@ -47,10 +49,10 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
     """By topic, what a reader finds of two touches: schema, message, decoded."""
     session, now = Session(), time.monotonic()
     for number, warnings in enumerate(([], ["too bright"])):
-        touch = Touch(
-            HEIGHT, IMAGE, PIXEL, f"{number:06}", now + number / 30, shadow=SHADOW,
-            metrics={"rmse": 0.5, **FIGURES, **FORCES}, contact=CONTACT,
-            tracks=MarkerTracks(MARKERS, SHIFT, SEEN), pose=ObjectPose(POSE, COVARIANCE),
+        touch = touch_of(
+            height=HEIGHT, image=IMAGE, pixel=PIXEL, name=f"{number:06}", time=now + number / 30,
+            metrics={"rmse": 0.5, **FIGURES, **FORCES}, shadow=SHADOW, contact=CONTACT,
+            markers=MarkerTracks(MARKERS, SHIFT, SEEN), pose=ObjectPose(POSE, COVARIANCE),
         )  # fmt: skip
         write_mcap(touch, folder=tmp_path, provenance=provenance(warnings), session=session)
     session.close()
@@ -138,8 +140,9 @@ def test_a_contact_is_a_point_with_figures_in_metres_and_radians(
 def test_without_a_contact_there_is_an_empty_cloud(tmp_path: Path) -> None:
     session = Session()
     rest = np.zeros(SIZE, np.float32)
-    figures = measure_contact(rest, np.zeros(SIZE, np.uint8), PIXEL)
-    touch = Touch(rest, IMAGE, PIXEL, "0", metrics=figures)
+    none = np.zeros(SIZE, np.uint8)
+    figures = measure_contact(rest, none, PIXEL)
+    touch = touch_of(height=rest, image=IMAGE, pixel=PIXEL, metrics=figures, contact=none)
     write_mcap(touch, folder=tmp_path, provenance=provenance([]), session=session)
     session.close()
     (path,) = log_files(tmp_path)

@@ -6,7 +6,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
-from tactograph.sdk import SensorIdentity, UsedCalibration, check_sensor
+from tactograph.sdk.unstable import SensorIdentity, UsedCalibration, check_sensor
 
 SIMULATED_NAME = "simulated"
 

@@ -89,8 +89,6 @@ def _remedy(port: str) -> str:
     except (ImportError, KeyError, OSError):
         return "ask the administrator of this computer"
     if group == "root":
-        return (
-            "it belongs to root; docs/hardware.md has the rule that gives it to dialout"
-        )
+        return "it belongs to root; docs/hardware.md has the rule that gives it to dialout"
     user = getpass.getuser()
     return f"join its group: sudo usermod -aG {group} {user}, then log out and in again"

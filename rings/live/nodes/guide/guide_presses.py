@@ -18,24 +18,26 @@ from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import (
     F4,
-    MAX_LEDS,
-    Ball,
-    CaptureFile,
     Dark,
-    Flat,
     InputError,
-    KnownCircles,
     Light,
     LiveFrames,
-    Radii,
-    SheetLight,
     atomic_file,
     atomic_files,
-    make_film,
     node,
     write_image,
 )
 from tactograph.sdk.nodes import find_ball, flat_field, read_balls, read_flat
+from tactograph.sdk.unstable import (
+    MAX_LEDS,
+    Ball,
+    CaptureFile,
+    Flat,
+    KnownCircles,
+    Radii,
+    SheetLight,
+    make_film,
+)
 
 SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""

@@ -14,17 +14,16 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import (
-    F4,
+from tactograph.sdk import F4, InputError
+from tactograph.sdk.nodes import light_ring, press, print_markers, render, shape_ball
+from tactograph.sdk.unstable import (
     PAPER_PIXEL_MM,
-    InputError,
     LightPositions,
     expected_light,
     lens_share,
     places,
     vectors_at,
 )
-from tactograph.sdk.nodes import light_ring, press, print_markers, render, shape_ball
 
 MAX_BYTE = 255
 EXPOSURE_S, EXPOSURE_SHARE = 0.02, 0.6

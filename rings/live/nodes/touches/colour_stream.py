@@ -27,12 +27,9 @@ from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
-from tactograph.sdk import (
+from tactograph.sdk import Height, InputError, LiveFrames, LiveState
+from tactograph.sdk.unstable import (
     ALL_LIT,
-    Height,
-    InputError,
-    LiveFrames,
-    LiveState,
     Order,
     RawFrame,
     RestFilm,

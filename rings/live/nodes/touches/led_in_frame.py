@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import (
-    F4,
+from tactograph.sdk import F4
+from tactograph.sdk.unstable import (
     MAX_DEPARTURE,
     Plane,
     RestFilm,

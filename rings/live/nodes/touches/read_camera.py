@@ -11,17 +11,14 @@ from annotated_types import Ge, Gt, Interval
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import (
+from tactograph.sdk import InputError, LiveFrames, LiveState, node
+from tactograph.sdk.unstable import (
     FRACTIONS,
-    InputError,
-    LiveFrames,
-    LiveState,
     Refresh,
     UsedCalibration,
     Whole,
     calibrated_film,
     make_film,
-    node,
 )
 
 _ONE_SHOT = "a one-shot sensor, whose colours are lit at once, is read by 'op: read_colour_camera'"

@@ -9,17 +9,8 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
-from tactograph.sdk import (
-    InputError,
-    LiveFrames,
-    LiveState,
-    Order,
-    UsedCalibration,
-    calibrated_film,
-    make_film,
-    node,
-    read_preset,
-)
+from tactograph.sdk import InputError, LiveFrames, LiveState, node
+from tactograph.sdk.unstable import Order, UsedCalibration, calibrated_film, make_film, read_preset
 
 
 @node(endless=True)

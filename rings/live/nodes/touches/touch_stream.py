@@ -9,16 +9,8 @@ from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FaultLog
 from tactograph.rings.live.nodes.touches.sensor import Rig
-from tactograph.sdk import (
-    Assembler,
-    Dark,
-    LiveFrames,
-    LiveState,
-    RawFrame,
-    Refresh,
-    RestFilm,
-    light_of,
-)
+from tactograph.sdk import Dark, LiveFrames, LiveState
+from tactograph.sdk.unstable import Assembler, RawFrame, Refresh, RestFilm, light_of
 
 MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""

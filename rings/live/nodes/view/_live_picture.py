@@ -1,6 +1,7 @@
 """Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
@@ -11,15 +12,21 @@ from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.sdk import (
     F4,
-    LED_COLOURS,
-    SEVERAL_COLOUR,
+    U1,
+    Arrows,
+    ColourMap,
     Height,
-    Labels,
+    InputError,
+    Layer,
+    LedLabels,
     Light,
     Lights,
+    Regions,
     Touch,
     draw_arrows,
+    layers_of,
 )
+from tactograph.sdk.unstable import LED_COLOURS, SEVERAL_COLOUR
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -48,20 +55,26 @@ LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
 """Names of the lights, and colours of their labels."""
 
 
-def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -> Picture:
-    """Draw height, camera image and shadow labels side by side.
+def draw_touch(
+    touch: Touch, top: float, footer: str, lights: Lights = "leds", chosen: str | None = None
+) -> Picture:
+    """Draw height, camera image and a layer side by side.
 
     Parameters
     ----------
     touch
-        Shown are its height; LED 1, or the colours, with the markers' shifts as arrows; and the
-        labels over the mean image.
-    top : upper end of the colour scale in mm
+        Shown are its height; LED 1, or the colours, with layers that are arrows; and a layer.
+    top : upper end of the height's colour scale in mm
     footer : one line of text
     lights : "bgr" or "rgb" if the lights are the colours of one picture
+    chosen : the layer's name; None: the first labels
+
+    Raises
+    ------
+    InputError
+        If the touch has no such map.
     """
-    height, image = touch.height, touch.image
-    shadow = np.zeros(height.shape, np.uint8) if touch.shadow is None else touch.shadow
+    height, image, layers = touch.height, touch.image, layers_of(touch)
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
     half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2
@@ -73,10 +86,12 @@ def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -
     canvas[:] = BACKGROUND_RGB
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
-    if touch.tracks is not None:
-        markers, shift, seen = touch.tracks
-        first = np.ascontiguousarray(first)
-        draw_arrows(first, markers[:, :2], shift, seen, small / columns)
+    for each in layers:
+        if isinstance(each.kind.drawn, Arrows):
+            first = np.ascontiguousarray(first)
+            draw_arrows(first, *each.kind.drawn.of(each.value), small / columns)
+    layer = _chosen(layers, chosen)
+    beneath, title = _drawn(layer, mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
     levels = np.linspace(255, 0, HEIGHT_PX).astype(np.uint8)
@@ -87,18 +102,47 @@ def draw_touch(touch: Touch, top: float, footer: str, lights: Lights = "leds") -
         upper,
     )
     _place(canvas, first, right, upper)
-    _place(canvas, _labelled(shadow, mean, lights), right, lower)
+    _place(canvas, beneath, right, lower)
 
     page = Image.fromarray(canvas)
     pen = ImageDraw.Draw(page)
     _write(pen, GAP_PX, GAP_PX, "height above the film at rest")
     _write(pen, right, GAP_PX, "camera, LED 1" if lights == "leds" else "camera")
-    _write(pen, right, lower - TITLE_PX, "in shadow")
-    _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
+    _write(pen, right, lower - TITLE_PX, title)
+    if layer and isinstance(layer.kind.drawn, LedLabels):
+        _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
     _ticks(pen, GAP_PX + width + GAP_PX, upper, top)
     _scale_bar(pen, GAP_PX, upper + HEIGHT_PX, width, columns * touch.pixel)
     _write(pen, GAP_PX, upper + HEIGHT_PX + 8, footer)
     return np.asarray(page)
+
+
+def _chosen(layers: list[Layer], name: str | None) -> Layer | None:
+    """The layer that is shown beneath the image."""
+    if name is None:
+        return next((each for each in layers if isinstance(each.kind.drawn, LedLabels)), None)
+    maps = {e.name: e for e in layers if isinstance(e.kind.drawn, LedLabels | Regions | ColourMap)}
+    if name not in maps:
+        has = f"it has {', '.join(maps)}" if maps else "it has none"
+        raise InputError(f"preview: layer={name}: the touch has no such map; {has}")
+    return maps[name]
+
+
+def _drawn(layer: Layer | None, grey: Picture, lights: Lights) -> tuple[Picture, str]:
+    """A layer's picture, of the size of the grey one, and its title."""
+    rows, columns = grey.shape[:2]
+    value: Any = layer.value if layer else np.zeros((rows, columns), np.uint8)
+    match layer and layer.kind.drawn:
+        case LedLabels(title):
+            return _labelled(value, grey, _label_colours(lights)), title
+        case Regions(noun):
+            return _labelled(value, grey, _region_colours()), f"{noun}s"
+        case ColourMap(title, unit, _, scale):
+            plane = np.float32(scale) * _resized(value, columns, rows)
+            least, most = float(np.nanmin(plane)), float(np.nanmax(plane))
+            words = f"{title}: {least:.3g} to {most:.3g} {unit}"
+            return colour_height(plane - least, most - least or 1.0), words
+    return _labelled(value, grey, _label_colours(lights)), ""
 
 
 def colour_height(height: Height, top: float) -> Picture:
@@ -137,13 +181,11 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     return _as_bytes(picture)
 
 
-def _labelled(shadow: Labels, grey: Picture, lights: Lights) -> Picture:
+def _labelled(numbers: U1, grey: Picture, colours: Picture) -> Picture:
     rows, columns = grey.shape[:2]
-    labels = cv2.resize(shadow, (columns, rows), interpolation=cv2.INTER_NEAREST)
+    labels = cv2.resize(numbers, (columns, rows), interpolation=cv2.INTER_NEAREST)
     dim = cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE)
-    mixed = cv2.addWeighted(
-        dim, 1 - LABEL_OPACITY, _label_colours(lights)[labels], LABEL_OPACITY, 0
-    )
+    mixed = cv2.addWeighted(dim, 1 - LABEL_OPACITY, colours[labels], LABEL_OPACITY, 0)
     return np.where(labels[..., None] > 0, mixed, dim)
 
 
@@ -153,6 +195,16 @@ def _label_colours(lights: Lights) -> Picture:
     colours = [SEVERAL_COLOUR] * LABEL_COUNT
     for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
         colours[1 << k] = colour
+    return _in_rgb(colours)
+
+
+@lru_cache
+def _region_colours() -> Picture:
+    """A colour for each of the 256 numbers of regions."""
+    return _in_rgb(LED_COLOURS[(n - 1) % len(LED_COLOURS)] for n in range(LABEL_COUNT))
+
+
+def _in_rgb(colours: Iterable[str]) -> Picture:
     return np.array([[*bytes.fromhex(colour[1:])] for colour in colours], np.uint8)
 
 

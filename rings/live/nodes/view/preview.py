@@ -20,7 +20,6 @@ from tactograph.sdk import (
     Touch,
     atomic_file,
     node,
-    now_in_touch,
     warn,
 )
 
@@ -29,12 +28,7 @@ CLOSING_KEYS = (27, ord("q"))
 Where = Literal["auto", "window", "files"]
 
 
-@node(
-    former=now_in_touch(
-        *("height", "shadow", "image", "pixel", "name", "time", "state"),
-        *("markers", "shift", "seen"),
-    )
-)
+@node
 def preview(
     touch: Touch,
     *,
@@ -44,9 +38,10 @@ def preview(
     rate_hz: Annotated[float, Gt(0)] = 10.0,
     keep: Annotated[int, Interval(ge=0)] = 0,
     top_mm: Annotated[float, Gt(0)] | None = None,
+    layer: str | None = None,
     session: Session,
 ) -> None:
-    """Show the height in colour, the camera's image, the shadow labels and the rates.
+    """Show the height in colour, the camera's image, a layer of the touch and the rates.
 
     Without a screen, or with an OpenCV without windows, the picture goes to
     ``folder/latest.png``, which is always a complete file.  A window that the user closes
@@ -55,26 +50,28 @@ def preview(
     Parameters
     ----------
     touch
-        As `join_touch` makes it.  Shown are LED 1, or the colours, markers as arrows over them,
-        and the labels over the mean image.
+        As `join_touch` makes it.  Shown are LED 1, or the colours, with the arrows of its layers,
+        and beneath them one layer: labels and regions over the mean image, or a map.
     lights : "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`
     where : "auto": a window if possible, else files
     folder : for the PNG files
     rate_hz : most pictures per second; touches in between are not drawn
     keep : number of latest pictures to keep beside ``latest.png``, named after their touches
     top_mm : upper end of the height's colour scale; None: the greatest height so far, rounded up
+    layer : name of the layer beneath the camera's image; None: the first labels
 
     Raises
     ------
     InputError
-        If a window is requested but impossible, or the folder cannot be written when the
-        preview begins.
+        If a window is requested but impossible, the folder cannot be written when the preview
+        begins, or the touch has no such layer.
     """
     shown = session.keep(lambda: _Preview(_open_screen(where, folder, keep), 1 / rate_hz))
     shown.count(touch)
     if shown.is_due():
         top = top_mm or shown.top_of(touch.height)
-        shown.show(draw_touch(touch, top, shown.footer(touch.state), lights), touch.name)
+        picture = draw_touch(touch, top, shown.footer(touch.state), lights, layer)
+        shown.show(picture, touch.name)
 
 
 class _Window:

@@ -18,25 +18,28 @@ from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.view._live_picture import LIGHT_NAMES, colour_height, round_up
 from tactograph.sdk import (
-    BAND_DEVIATIONS,
     F4,
+    Arrows,
+    Axes,
+    ColourMap,
     Height,
     HeightError,
     InputError,
-    Labels,
+    Layer,
+    LedLabels,
     Light,
     Lights,
-    MarkerTracks,
     Metrics,
     Provenance,
+    Regions,
     Session,
     Touch,
-    grid_triangles,
+    layers_of,
     need,
     node,
-    now_in_touch,
     warn,
 )
+from tactograph.sdk.unstable import BAND_DEVIATIONS, deviation_of, grid_triangles
 
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0
@@ -51,12 +54,7 @@ AXIS_MM = 2.0
 Viewer = Literal["spawn", "connect", "none"]
 
 
-@node(
-    former=now_in_touch(
-        *("height", "image", "pixel", "name", "shadow", "error", "metrics", "time"),
-        *("markers", "shift"),
-    )
-)
+@node
 def view_rerun(
     touch: Touch,
     *,
@@ -75,14 +73,14 @@ def view_rerun(
 
     The surface is in mm, x right, -y up, z towards the camera.  Beside it are the height as an
     image with readable values, a section through the highest point with its 90 % band, the
-    LEDs' images, the shadow labels, and over time the milliseconds of every node, the latency
+    LEDs' images, the touch's layers, and over time the milliseconds of every node, the latency
     and the metrics.  Needs ``pip install 'tactograph[rerun]'``.
 
     Parameters
     ----------
     touch
-        As `join_touch` makes it.  Its figures are plotted over time; markers are arrows over the
-        image of LED 1; the pose is a transform, with the object's axes as arrows.
+        As `join_touch` makes it.  Its figures are plotted over time.  Layers are images with
+        readable values, arrows over the image of LED 1, or axes that move over the surface.
     lights : "bgr" or "rgb" if the lights are the colours of one picture, which is sent as one
     viewer
         "spawn": open a viewer on this screen, or use the one that is open.  "connect": use the
@@ -91,7 +89,7 @@ def view_rerun(
     file : an ``.rrd`` file to write; None: no file
     file_gb : approximate largest size of the file; beyond it, nothing more is sent
     rate_hz : most touches per second that are sent
-    image_step : factor by which the LEDs' images and the labels are reduced
+    image_step : factor by which the LEDs' images, labels and numbers of regions are reduced
     surface_step : spacing in px of the rows and columns whose pixels become vertices of the surface
 
     Raises
@@ -108,14 +106,11 @@ def view_rerun(
         return
     age = now - touch.time if touch.time is not None else None
     stream.begin(age)
-    stream.images(touch.image[:, ::image_step, ::image_step], touch.shadow, image_step, lights)
-    stream.arrows(touch.tracks, image_step)
+    stream.images(touch.image[:, ::image_step, ::image_step], lights)
     stream.surface(touch.height, touch.pixel, surface_step)
-    stream.section(touch.height, touch.error, touch.pixel)
-    if touch.pose is not None:
-        stream.object(touch.object_frame(touch.pose))
-    if touch.error is not None:
-        stream.error(touch.error)
+    stream.section(touch.height, deviation_of(touch), touch.pixel)
+    for layer in layers_of(touch):
+        stream.layer(layer, touch, image_step, lights)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
     latency_s = touch.latency_s(now)
     if latency_s is not None:
@@ -248,7 +243,7 @@ class _Stream:
         self._look_at = clock.monotonic() + CHECK_EVERY_S
         self._touches = 0
         self._shape: tuple[int, ...] = ()
-        self._colours_sent = self._axes_sent = False
+        self._once: set[str] = set()
         self._top = 0.0
 
     def is_due(self, now: float) -> bool:
@@ -281,7 +276,7 @@ class _Stream:
         self._recording.set_time("touch", sequence=self._touches)
         self._recording.set_time("time", timestamp=clock.time() - (age or 0.0))
 
-    def images(self, image: Light, shadow: Labels | None, step: int, lights: Lights) -> None:
+    def images(self, image: Light, lights: Lights) -> None:
         rr = rerun()
         planes = np.clip(image * np.float32(255), 0, 255).astype(np.uint8)
         if lights == "leds":
@@ -289,17 +284,32 @@ class _Stream:
                 self.log(f"camera/led{k}", rr.Image(grey))
         else:
             self.log("camera/colour", rr.Image(np.moveaxis(planes, 0, -1), color_model=lights))
-        if shadow is None:
-            return
-        if not self._colours_sent:
-            self.log("shadow", rr.AnnotationContext(_classes(image.shape[0], lights)), static=True)
-            self._colours_sent = True
-        self.log("shadow", rr.SegmentationImage(shadow[::step, ::step]))
 
-    def arrows(self, tracks: MarkerTracks | None, step: int) -> None:
-        if tracks is not None:
-            origins, vectors = (tracks.markers[:, :2] + 0.5) / step, tracks.shift / step
-            self.log("camera/led1/markers", rerun().Arrows2D(origins=origins, vectors=vectors))
+    def layer(self, layer: Layer, touch: Touch, step: int, lights: Lights) -> None:
+        """A layer, in the way in which its kind is drawn."""
+        rr, (name, kind, value) = rerun(), layer
+        match kind.drawn:
+            case ColourMap(colours=colours):
+                scale = {"gray": "grayscale"}.get(colours, colours)
+                self.log(name, rr.DepthImage(value, meter=1000.0, colormap=scale))
+            case LedLabels():
+                classes = _classes(touch.image.shape[0], lights)
+                self._log_once(name, rr.AnnotationContext(classes))
+                self.log(name, rr.SegmentationImage(value[::step, ::step]))
+            case Regions():
+                self.log(name, rr.SegmentationImage(value[::step, ::step]))
+            case Arrows(of):
+                begin, way, _ = of(value)
+                arrows = rr.Arrows2D(origins=(begin + 0.5) / step, vectors=way / step)
+                self.log(f"camera/led1/{name}", arrows)
+            case Axes(entity, of):
+                self._object(f"film/{entity}", of(touch, value).frame)
+
+    def _log_once(self, path: str, entity: Any) -> None:
+        """Log what lasts, at the first touch."""
+        if path not in self._once:
+            self.log(path, entity, static=True)
+            self._once.add(path)
 
     def surface(self, height: Height, pixel: float, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
@@ -327,15 +337,13 @@ class _Stream:
         )
         self.log("height", depth)
 
-    def object(self, frame: NDArray[np.float64]) -> None:
-        """The object's frame as arrows along x, y and z; z is up."""
+    def _object(self, path: str, frame: NDArray[np.float64]) -> None:
+        """An object's frame as arrows along x, y and z; z is up."""
         rr, flip = rerun(), np.array([1, -1, 1])
-        if not self._axes_sent:
-            arrows = rr.Arrows3D(vectors=AXIS_MM * np.diag(flip), colors=255 * np.eye(3, dtype=int))
-            self.log("film/object", arrows, static=True)
-            self._axes_sent = True
+        axes = rr.Arrows3D(vectors=AXIS_MM * np.diag(flip), colors=255 * np.eye(3, dtype=int))
+        self._log_once(path, axes)
         turn = flip[:, None] * frame[:3, :3] * flip
-        self.log("film/object", rr.Transform3D(translation=flip * frame[:3, 3], mat3x3=turn))
+        self.log(path, rr.Transform3D(translation=flip * frame[:3, 3], mat3x3=turn))
 
     def section(self, height: Height, error: HeightError | None, pixel: float) -> None:
         """The row through the highest point, x and height in mm, upwards."""
@@ -353,9 +361,6 @@ class _Stream:
             strips += [strip(height[row] - half), strip(height[row] + half)]
             colours += [(150, 180, 215)] * 2
         self.log("section", rr.LineStrips2D(strips, colors=colours))
-
-    def error(self, error: HeightError) -> None:
-        self.log("error", rerun().DepthImage(error, meter=1000.0, colormap="magma"))
 
     def figures(self, group: str, figures: Metrics) -> None:
         scalars = rerun().Scalars

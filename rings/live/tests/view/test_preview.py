@@ -1,5 +1,6 @@
 """People see the stream, with a screen and without; the stream does not depend on it."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ from PIL import Image
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.stream.frames import LiveState
-from tactograph.nodes.stream.touch import MarkerTracks, Touch
+from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.live.nodes.view._live_picture import colour_height, draw_touch, round_up
 from tactograph.rings.live.nodes.view.preview import preview
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tests.nodes.touches import touch_of
 
 SIZE = (48, 64)
 HEIGHT = np.zeros(SIZE, np.float32)
@@ -24,7 +27,7 @@ IMAGE = np.full((4, *SIZE), 0.5, np.float32)
 
 
 def touch(**parts: Any) -> Touch:
-    return Touch(**{"height": HEIGHT, "image": IMAGE, "pixel": 0.1, "shadow": SHADOW, **parts})
+    return touch_of(**{"height": HEIGHT, "image": IMAGE, "pixel": 0.1, "shadow": SHADOW, **parts})
 
 
 def show(session: Session, name: str = "000001", **settings: Any) -> list[str]:
@@ -192,11 +195,20 @@ def test_markers_that_moved_are_arrows_over_the_cameras_image() -> None:
     place = np.array([[columns / 2, rows / 2, 3.0]], np.float32)
     shift = np.array([[columns / 4, 0.0]], np.float32)
     tracks = MarkerTracks(place, shift, np.ones(1, np.uint8))
-    drawn = draw_touch(touch(tracks=tracks), 1.0, "")
+    drawn = draw_touch(touch(markers=tracks), 1.0, "")
     y, x = np.nonzero((plain != drawn).any(axis=-1))
     assert x.max() - x.min() > 2 * (y.max() - y.min())
     red, _, blue = drawn[y, x].mean(axis=0)
     assert red > blue + 50
+
+
+def test_a_layer_that_is_chosen_is_drawn_beneath_the_image() -> None:
+    contact, error = (HEIGHT > 0).astype(np.uint8), 0.01 * HEIGHT
+    layers = {"contact": contact, "error": error}
+    pictures = [draw_touch(touch(**layers), 1.0, "", "leds", name) for name in (None, *layers)]
+    assert all((one != other).any() for one, other in pairwise(pictures))
+    with pytest.raises(InputError, match=r"no such map; it has shadow, contact, error"):
+        draw_touch(touch(**layers, unresolved=contact), 1.0, "", "leds", "unresolved")
 
 
 def test_rates_drops_and_faults_are_in_the_footer(tmp_path: Path) -> None:

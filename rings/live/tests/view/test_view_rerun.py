@@ -17,8 +17,10 @@ import pytest
 from rings.recording.tests.recordings import PROVENANCE
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose, Touch
 from tactograph.rings.live.nodes.view.view_rerun import view_rerun
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.rings.mechanics.layers.pose import ObjectPose
+from tests.nodes.touches import touch_of
 
 rerun_cli = pytest.importorskip("rerun_cli", reason="'make test-all' installs it")
 pytestmark = pytest.mark.slow
@@ -31,17 +33,19 @@ view_rerun_module = importlib.import_module("tactograph.rings.live.nodes.view.vi
 def view(
     session: Session,
     touches: int = 3,
-    tracks: MarkerTracks | None = None,
+    markers: MarkerTracks | None = None,
     pose: ObjectPose | None = None,
     **settings: Any,
 ) -> None:
     for touch in range(touches):
         height = np.zeros(SIZE, np.float32)
         height[20:30, 20 + touch : 40] = 0.7
-        shown = Touch(
-            height, np.full((4, *SIZE), 0.5, np.float32), 0.1, f"touch-{touch}", time.monotonic(),
-            shadow=(height > 0).astype(np.uint8), error=0.02 * height,
-            metrics={"rmse": 0.1 * touch}, tracks=tracks, pose=pose,
+        pressed = (height > 0).astype(np.uint8)
+        shown = touch_of(
+            height=height, image=np.full((4, *SIZE), 0.5, np.float32), pixel=0.1,
+            name=f"touch-{touch}", time=time.monotonic(), metrics={"rmse": 0.1 * touch},
+            shadow=pressed, contact=pressed, error=0.02 * height, confidence=height,
+            markers=markers, pose=pose,
         )  # fmt: skip
         view_rerun(shown, provenance=PROVENANCE, session=session, **{"rate_hz": 1e9, **settings})
 
@@ -91,8 +95,8 @@ def test_a_stream_without_a_viewer_is_a_file_that_rerun_verifies(tmp_path: Path)
     file = tmp_path / "deeper" / "live.rrd"
     found = printed(file)
     rerun_program("rrd", "verify", file)
-    entities = "film/surface camera/led1 camera/led4 height shadow section error times/height"
-    entities += " times/latency metrics/rmse touch"
+    entities = "film/surface camera/led1 camera/led4 height shadow section error contact"
+    entities += " confidence times/height times/latency metrics/rmse touch"
     assert [name for name in entities.split() if f"/{name}" not in found] == []
     assert "Mesh3D:vertex_positions" in found
     assert "SegmentationImage" in found
@@ -101,7 +105,7 @@ def test_a_stream_without_a_viewer_is_a_file_that_rerun_verifies(tmp_path: Path)
 def test_markers_are_arrows_over_the_first_image(tmp_path: Path) -> None:
     markers, shift = np.full((3, 3), 10, np.float32), np.ones((3, 2), np.float32)
     tracks = MarkerTracks(markers, shift, np.ones(3, np.uint8))
-    found = printed(tmp_path / "live.rrd", tracks=tracks)
+    found = printed(tmp_path / "live.rrd", markers=tracks)
     assert "/camera/led1/markers" in found
     assert "Arrows2D" in found
 

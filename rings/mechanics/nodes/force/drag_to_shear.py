@@ -14,6 +14,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import j0, j1
 
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Modulus,
     Poisson,
@@ -22,22 +23,13 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
-from tactograph.sdk import (
-    F4,
-    F8,
+from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
+from tactograph.sdk.unstable import (
     MAX_MEASURED,
-    Contacts,
-    Height,
-    MarkerTracks,
-    Metrics,
     Most,
-    PixelSize,
-    Port,
-    View,
     half_diagonal,
     ideal_offset,
     largest_contacts,
-    node,
 )
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]

@@ -14,18 +14,9 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Thickness,
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.sdk import (
-    F4,
-    F8,
-    MAX_CONTACTS,
-    Contacts,
-    InputError,
-    Metrics,
-    node,
-    read_height_file,
-    warn,
-)
+from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
 from tactograph.sdk.nodes import find_contact
+from tactograph.sdk.unstable import MAX_CONTACTS
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""

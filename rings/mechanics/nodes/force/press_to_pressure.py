@@ -20,19 +20,16 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 from tactograph.sdk import (
     F4,
     F8,
-    MAX_MEASURED,
     Contacts,
     Height,
     HeightError,
     Metrics,
-    Most,
     PixelSize,
     Port,
-    cores,
-    largest_contacts,
     node,
     warn,
 )
+from tactograph.sdk.unstable import MAX_MEASURED, Most, cores, largest_contacts
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""

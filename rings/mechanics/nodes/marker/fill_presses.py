@@ -7,8 +7,9 @@ from annotated_types import Interval
 
 from tactograph.rings.mechanics.nodes.marker.bare_film import bare_film
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
-from tactograph.sdk import PressImages, node
+from tactograph.sdk import node
 from tactograph.sdk.nodes import fill_masked
+from tactograph.sdk.unstable import PressImages
 
 
 @node(neutral="image")

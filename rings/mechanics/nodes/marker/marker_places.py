@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import F8, Height, MarkerTracks, View, half_diagonal, seen_offset
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.sdk import F8, Height, View
+from tactograph.sdk.unstable import half_diagonal, seen_offset
 
 
 class MarkerPlaces(NamedTuple):

@@ -7,9 +7,10 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from tactograph.rings.mechanics.layers.markers import MarkerTracks, Shifts
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers, find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
-from tactograph.sdk import F4, F8, U1, MarkerTracks, Metrics, PixelSize, Shifts, node, warn
+from tactograph.sdk import F4, F8, U1, Metrics, PixelSize, node, warn
 
 NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""

@@ -5,22 +5,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.sdk import (
-    InputError,
-    Touch,
-    atomic_files,
-    draw_arrows,
-    node,
-    now_in_touch,
-    write_image,
-)
+from tactograph.sdk import InputError, Touch, atomic_files, draw_arrows, node, write_image
 
 MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
 MIN_WIDTH_PX = 640
 """Smallest width of the picture."""
 
 
-@node(former=now_in_touch("markers", "shift", "seen", "image", "pixel", "name"))
+@node
 def write_markers(touch: Touch, *, folder: Path) -> None:
     """Write ``markers.csv`` and ``markers.png``.
 
@@ -31,7 +23,7 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     Parameters
     ----------
     touch
-        As `join_touch` makes it, with `tracks`; the mean of its image is the background of the
+        As `join_touch` makes it, with `markers`; the mean of its image is the background of the
         picture.
     folder : created if needed
 
@@ -40,9 +32,9 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     InputError
         If the folder cannot be written, or the touch has no markers.
     """
-    if touch.tracks is None:
-        raise InputError("write_markers: the touch has no markers; give join_touch its 'tracks'")
-    (markers, shift, seen), image, pixel = touch.tracks, touch.image, touch.pixel
+    if "markers" not in touch.layers:
+        raise InputError("write_markers: the touch has no markers; give join_touch its 'markers'")
+    (markers, shift, seen), image, pixel = touch.layers["markers"], touch.image, touch.pixel
     rows, columns = image.shape[1:]
     place = markers[:, :2]
     away = (place - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)) * pixel

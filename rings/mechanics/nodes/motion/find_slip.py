@@ -7,24 +7,12 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.rings.mechanics.nodes.motion._surface import IN_DEGREES, small_motion
-from tactograph.sdk import (
-    F4,
-    F8,
-    MAX_MEASURED,
-    Contacts,
-    Height,
-    MarkerTracks,
-    Metrics,
-    Most,
-    ObjectPose,
-    PixelSize,
-    Port,
-    View,
-    largest_contacts,
-    node,
-)
+from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
+from tactograph.sdk.unstable import MAX_MEASURED, Most, largest_contacts
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)

@@ -8,19 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import (
-    F4,
-    F8,
-    MAX_CONTACTS,
-    MAX_MEASURED,
-    Contacts,
-    Metrics,
-    Most,
-    PixelSize,
-    Port,
-    largest_contacts,
-    node,
-)
+from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, node
+from tactograph.sdk.unstable import MAX_CONTACTS, MAX_MEASURED, Most, largest_contacts
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,

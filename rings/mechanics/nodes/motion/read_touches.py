@@ -9,25 +9,27 @@ from annotated_types import Interval
 
 from tactograph.sdk import (
     F4,
-    MAX_PIXEL_MM,
-    MAX_SIZE_DIFFERENCE,
-    MIN_PIXEL_MM,
-    PRESS_CALIBRATION,
     RESULT_FILE,
     InputError,
     PixelSize,
     Port,
     bring,
     brought,
-    check_heights,
-    is_of_kind,
     load,
     node,
     read_height_file,
     warn,
-    warning_kind,
 )
 from tactograph.sdk.nodes import read_error, read_pixel_size
+from tactograph.sdk.unstable import (
+    MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM,
+    PRESS_CALIBRATION,
+    check_heights,
+    is_of_kind,
+    warning_kind,
+)
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
@@ -103,14 +105,14 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
-    stated = [read_error(height=file).error for file in files]
+    stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
     return Touches(np.stack(heights), np.stack(errors), pixels[0], names)
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
-    from tactograph.sdk import BatchMaps
+    from tactograph.sdk.unstable import BatchMaps
 
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel

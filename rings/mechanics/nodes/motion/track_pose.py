@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
+from tactograph.rings.mechanics.layers.pose import Pose, PoseCovariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
 from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
@@ -21,20 +22,8 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     small_motion,
     surface_of,
 )
-from tactograph.sdk import (
-    F4,
-    F8,
-    Contacts,
-    Height,
-    Metrics,
-    PixelSize,
-    Port,
-    Pose,
-    PoseCovariance,
-    SlopeVariance,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import SlopeVariance
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""

@@ -17,6 +17,7 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
+from tactograph.sdk.unstable import ERROR_MAP
 
 
 @node
@@ -49,7 +50,8 @@ def write_stitched(
         If the folder cannot be written; then no file is.
     """
     # Loading Matplotlib takes longer than the rest.
-    from tactograph.sdk import draw_error, draw_height, draw_seams
+    from tactograph.sdk import draw_height, draw_map
+    from tactograph.sdk.unstable import draw_seams
 
     with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)
@@ -58,7 +60,7 @@ def write_stitched(
         write_mesh(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
-        draw_error(error, pixel, target / "error.png")
+        draw_map(error, ERROR_MAP, pixel, target / "error.png")
         draw_seams(height, source, pixel, target / "seams.png")
         about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
         write_result_file(target, about)

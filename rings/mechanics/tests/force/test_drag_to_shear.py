@@ -15,7 +15,7 @@ from rings.mechanics.tests.force.presses import (
     face,
 )
 from tactograph.graph.files.read_graph import read_graph, with_overlays
-from tactograph.nodes.stream.touch import MarkerTracks
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.nodes.force.drag_to_shear import ShearForce, drag_to_shear
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 

@@ -14,13 +14,11 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     slope_by_light,
 )
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
-from tactograph.sdk import (
-    F4,
-    F8,
+from tactograph.sdk import F4, F8, warn
+from tactograph.sdk.unstable import (
     level_part,
     plane_terms,
     plane_weights,
-    warn,
     weighted_heights,
     weighted_plane,
 )

@@ -7,8 +7,9 @@ import numpy as np
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
 from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, on_cells
-from tactograph.sdk import CellSide, Crop, Metrics, node, warn
+from tactograph.sdk import Crop, Metrics, node, warn
 from tactograph.sdk.nodes import coarsen, read_capture
+from tactograph.sdk.unstable import CellSide
 
 MAX_LEAN = 0.02
 """Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""

@@ -22,11 +22,11 @@ from tactograph.sdk import (
     Metrics,
     PixelSize,
     Port,
-    StepScale,
     cropped,
     node,
     warn,
 )
+from tactograph.sdk.unstable import StepScale
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
 """Factors by which a known step is deeper or shallower than a light model makes it: one that films

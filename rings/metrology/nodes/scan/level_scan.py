@@ -16,18 +16,9 @@ from tactograph.rings.metrology.nodes.scan.known_step import KnownStep
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
-from tactograph.sdk import (
-    UM_PER_MM,
-    Height,
-    HeightError,
-    Metrics,
-    PixelSize,
-    Scale,
-    SizeLimit,
-    node,
-    warn,
-)
+from tactograph.sdk import Height, HeightError, Metrics, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import integrate_dct
+from tactograph.sdk.unstable import UM_PER_MM, Scale
 
 MAX_SQUARED_SLOPE = 3.0
 """Square of the steepest slope that a light model measures."""

@@ -11,7 +11,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, Light, Port, dot, normal_by_slope
+from tactograph.sdk import F4, Light, Port
+from tactograph.sdk.unstable import dot, normal_by_slope
 
 MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""

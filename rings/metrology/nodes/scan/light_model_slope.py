@@ -11,23 +11,8 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     modelled_light,
     monomials,
 )
-from tactograph.sdk import (
-    F4,
-    U1,
-    Flips,
-    Labels,
-    Light,
-    Port,
-    SizeLimit,
-    Slope,
-    cofactors,
-    dot,
-    in_blocks,
-    limited_step,
-    node,
-    normal_by_slope,
-    times,
-)
+from tactograph.sdk import F4, U1, Flips, Labels, Light, Port, SizeLimit, Slope, node
+from tactograph.sdk.unstable import cofactors, dot, in_blocks, limited_step, normal_by_slope, times
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""

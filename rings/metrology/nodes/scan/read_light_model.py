@@ -16,18 +16,9 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
     read_light_model_file,
 )
 from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
-from tactograph.sdk import (
-    F4,
-    Crop,
-    InputError,
-    Light,
-    PixelSize,
-    cropped,
-    lights_of,
-    node,
-    read_image,
-)
+from tactograph.sdk import F4, Crop, InputError, Light, PixelSize, cropped, node, read_image
 from tactograph.sdk.nodes import coarsen
+from tactograph.sdk.unstable import lights_of
 
 TILES_PER_ROW = 3
 MIN_FLAT_LIGHT = 1 / 255

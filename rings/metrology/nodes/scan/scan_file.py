@@ -13,7 +13,8 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from tactograph.sdk import MAX_PIXEL_MM, MIN_PIXEL_MM, Entries, InputError, MarkedBall, parse_yaml
+from tactograph.sdk import InputError, MarkedBall
+from tactograph.sdk.unstable import MAX_PIXEL_MM, MIN_PIXEL_MM, Entries, parse_yaml
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000

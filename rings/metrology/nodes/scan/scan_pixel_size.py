@@ -4,7 +4,8 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from tactograph.sdk import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM, PixelSize, node, warn
+from tactograph.sdk import PixelSize, node, warn
+from tactograph.sdk.unstable import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 
 
 @node

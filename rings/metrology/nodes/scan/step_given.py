@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from tactograph.rings.metrology.nodes.surface.measure_step import KnownDepth
-from tactograph.sdk import InputError, Scale, node
+from tactograph.sdk import InputError, node
+from tactograph.sdk.unstable import Scale
 
 
 @node

@@ -15,10 +15,9 @@ from tactograph.sdk import (
     PixelSize,
     atomic_files,
     node,
-    read_capture_file,
     write_image,
-    write_tmd,
 )
+from tactograph.sdk.unstable import read_capture_file, write_tmd
 
 HEIGHT_FILE = "heightmap.tmd"
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import UM_PER_MM, Height, need
+from tactograph.sdk import Height, need
+from tactograph.sdk.unstable import UM_PER_MM
 
 
 def surfalize() -> Any:

@@ -10,7 +10,6 @@ from tactograph.sdk import (
     BLUE,
     GREY,
     ORANGE,
-    UM_PER_MM,
     Height,
     Metrics,
     NewPicture,
@@ -18,6 +17,7 @@ from tactograph.sdk import (
     node,
     write_picture,
 )
+from tactograph.sdk.unstable import UM_PER_MM
 
 
 @node
