@@ -35,7 +35,8 @@ class Pipeline:
 
     A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
     leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` came after the last item, or of one that failed.  `built`: a device had all kernels on disk.
+    `closing_warnings` came after the last item, or of one that failed.  `built`: a device had all
+    kernels on disk.
     """
 
     def __init__(

@@ -1,16 +1,20 @@
-"""A message names parameters and inputs of its own node, marked for the engine; no graph's."""
+"""A message names parameters and inputs of its own node, marked for the engine; no graph's.
+
+A file of shared functions may name what one of the nodes that import it has.
+"""
 
 import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
-from tactograph.graph.declare.find_node import builtin_rooms, find_node
+from tactograph.graph.declare.find_node import find_node, node_places, shipped_nodes
 from tactograph.graph.errors import MARKED_NAME
+from tactograph.graph.rings import rings
 from tactograph.nodes.capture.read_capture import CaptureFile
 
-NODES = Path(__file__).parents[2] / "nodes"
 GIVEN = re.compile(r"(?<![\w.=$<`-])[a-z]\w*=(?!=)")
 """A value that is given to a name."""
 NAME = re.compile(r"(?<![\w./'])[a-z]+(?:_[a-z]+)+(?![\w./'(])")
@@ -23,13 +27,13 @@ def test_messages_know_nodes_and_no_graph() -> None:
     assert [*_of_graphs()] == []
 
 
-def test_marks_are_of_the_node_or_of_one_that_uses_the_file() -> None:
+def test_marks_are_of_the_node_or_of_one_that_imports_the_file() -> None:
     assert [*_foreign_marks()] == []
 
 
 def test_the_test_finds_both() -> None:
     source = 'raise InputError(f"{x}: give `mm`=MM, or lens=FILE and pixel_size_mm")'
-    (text,) = _messages(ast.parse(source))
+    (text,) = _sentences(ast.parse(source))
     assert GIVEN.findall(_bare(text)) == ["lens="]
     assert NAME.findall(_bare(text)) == ["pixel_size_mm"]
     assert MARKED_NAME.findall(text) == [("mm", "=MM")]
@@ -37,46 +41,47 @@ def test_the_test_finds_both() -> None:
 
 def _of_graphs() -> Iterator[str]:
     """The messages that name a setting without a mark."""
-    of_files = {*CaptureFile.model_fields}
-    for file in sorted(NODES.rglob("*.py")):
-        for text in filter(_is_sentence, _messages(_tree(file))):
-            named = set(NAME.findall(_bare(text))) & _settings()
-            for name in [*GIVEN.findall(_bare(text)), *sorted(named - of_files)]:
-                yield f"{file.relative_to(NODES)}: {name}: {text}"
+    settings = {name for node in shipped_nodes() for name in find_node(node).parameters}
+    settings -= {*CaptureFile.model_fields}  # as that file spells them
+    for file in _files():
+        for text in _sentences(_tree(file)):
+            bare = _bare(text)
+            for name in [*GIVEN.findall(bare), *sorted({*NAME.findall(bare)} & settings)]:
+                yield f"{file}: {name}: {text}"
 
 
 def _foreign_marks() -> Iterator[str]:
-    used = {name: _imported(_file(name)) for name in builtin_rooms()}
-    for file in sorted(NODES.rglob("[!_]*/**/*.py")):
-        users = (
-            [file.stem] if file.stem in used else [n for n, all_ in used.items() if file in all_]
-        )
-        known = {name for user in users for name in _names(user)}
-        for text in _messages(_tree(file)):
+    imported = {name: _imported(name) for name in shipped_nodes()}
+    for file in _files():
+        nodes = [n for n, files in imported.items() if _file(n) == file] or [
+            n for n, files in imported.items() if file in files
+        ]
+        known = {
+            name for node in map(find_node, nodes) for name in (*node.parameters, *node.inputs)
+        }
+        for text in _sentences(_tree(file)):
             for name, _ in MARKED_NAME.findall(text):
                 if name not in known:
-                    yield f"{file.relative_to(NODES)}: {name}: {text}"
+                    yield f"{file}: {name}: {text}"
 
 
-def _messages(tree: ast.AST) -> Iterator[str]:
-    """The texts of a file that may be part of a message: all but docstrings and annotations."""
-    documents = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    parts = {
-        part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values
-    }
+def _files() -> list[Path]:
+    shipped = [ring for ring in rings() if ring.shipped]
+    return [file for ring in shipped for file in ring.files("nodes", "[!_]*/**/*.py")]
+
+
+def _sentences(tree: ast.AST) -> Iterator[str]:
+    """The texts of a file that may be messages: of several words, and no docstrings."""
+    inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    inner |= {part for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
     for node in ast.walk(tree):
-        if node in documents or node in parts:
-            continue
-        if isinstance(node, ast.JoinedStr):
-            yield "".join(
-                str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values
-            )
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value
-
-
-def _is_sentence(text: str) -> bool:
-    return " " in text
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [str(p.value) if isinstance(p, ast.Constant) else "{}" for p in parts]
+        is_text = isinstance(node, ast.JoinedStr) or (
+            isinstance(node, ast.Constant) and isinstance(node.value, str)
+        )
+        if is_text and node not in inner and " " in "".join(texts):
+            yield "".join(texts)
 
 
 def _bare(text: str) -> str:
@@ -88,31 +93,30 @@ def _tree(file: Path) -> ast.Module:
     return ast.parse(file.read_text(encoding="utf-8"))
 
 
-def _file(name: str) -> Path:
-    return NODES / builtin_rooms()[name] / f"{name}.py"
-
-
-def _names(name: str) -> set[str]:
-    node = find_node(name)
-    return {*node.parameters, *node.inputs}
+def _file(node: str) -> Path:
+    return _source(node_places()[node].module) or Path()
 
 
 @cache
-def _settings() -> set[str]:
-    return {name for node in builtin_rooms() for name in find_node(node).parameters}
+def _source(module: str) -> Path | None:
+    """The file of a module of the package; None for other names."""
+    try:
+        spec = find_spec(module)
+    except ModuleNotFoundError:
+        return None
+    return None if spec is None or spec.origin is None else Path(spec.origin)
 
 
-def _imported(file: Path) -> set[Path]:
-    """The node files that a file imports, and those that they import."""
-    found, waiting = set[Path](), [file]
+def _imported(node: str) -> set[Path]:
+    """The file of a node, those that it imports, and those that they import."""
+    found, waiting = set[Path](), [_file(node)]
     while waiting:
-        for node in ast.walk(_tree(waiting.pop())):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
-                "tactograph.nodes"
-            ):
-                parts = (node.module or "").split(".")[2:]
-                named = [NODES.joinpath(*parts).with_suffix(".py")] if parts else []
-                named += [NODES.joinpath(*parts, f"{each.name}.py") for each in node.names]
-                waiting += [each for each in named if each.is_file() and each not in found]
-                found.update(each for each in named if each.is_file())
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        for each in ast.walk(_tree(file)):
+            if isinstance(each, ast.ImportFrom) and (each.module or "").startswith("tactograph."):
+                names = [each.module, *(f"{each.module}.{alias.name}" for alias in each.names)]
+                waiting += [source for name in names if (source := _source(str(name)))]
     return found
