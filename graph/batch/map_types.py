@@ -9,7 +9,7 @@ import numpy as np
 import zarr
 
 MAX_HELD_BYTES = 2**26
-"""Maps that a worker gathers before it writes them; it may hold twice as much."""
+"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
 MAX_CHUNK_CAPTURES = 32
 """Captures of a chunk: with more, a dead worker loses more, and others idle at the end."""
 COMPRESSED_BYTES = 2**21

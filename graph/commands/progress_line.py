@@ -3,7 +3,7 @@
 Where standard error is a file or a pipe, a line every ten seconds says the same.
 
 The time left is that of the last run of the same graph from this stage on, by the disk cache.  If
-the graph has not run yet, or a run has several items, the time since the start stands for it.
+the graph has not run yet, or a run has several items, the time since the start is shown instead.
 """
 
 from __future__ import annotations

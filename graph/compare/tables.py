@@ -20,7 +20,7 @@ HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"}
 FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
 """Figures that are right at a number other than zero."""
 DESCRIPTIVE_FIGURES = ("contact", "peak_px")
-"""Beginnings of figures that say what was seen: none of them is better than another."""
+"""Beginnings of names of descriptive figures: no value is better than another."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"
 """Marks the best figure on the terminal."""
@@ -204,7 +204,7 @@ def _line(rows: Sequence[Row]) -> Line:
 
 
 def _mean_line(lines: Sequence[Line], remark: str) -> Line:
-    """A plain mean: captures are no repeats, so an interval would say nothing."""
+    """A plain mean: captures are no repeats, so an interval would be meaningless."""
     first = lines[0]
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
     figures = {}

@@ -13,7 +13,7 @@ MIN_LEDS = 3
 LEAST_TIME = 10**5
 """Smallest number that counts as a photograph's time, as in 20210425_093012: times have gaps."""
 MAX_LED_IMAGES = 16
-"""Most images that can be those of LEDs where nothing says which."""
+"""Most images that are taken for those of LEDs where no names are given."""
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: the part before its last number, the number, and the part behind."""
@@ -31,7 +31,7 @@ def images_of(folder: Path) -> list[Path]:
 
 
 def colour_frames(folder: Path) -> list[Path]:
-    """Return images that are a capture each, in the order of their numbers; none of a single one.
+    """Return images that are a capture each, in the order of their numbers; [] for a single one.
 
     Names of LEDs' images are not of colour frames.
 
@@ -53,7 +53,7 @@ def _by_number(part: str) -> tuple[int, str]:
 
 
 def is_hidden(path: Path) -> bool:
-    """Return whether it is hidden: what a killed writer left (`atomic_files`), or a system file."""
+    """Return whether it is hidden: a killed writer's remains (`atomic_files`), or a system file."""
     return path.name.startswith(".")
 
 

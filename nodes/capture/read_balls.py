@@ -92,8 +92,8 @@ def read_balls(
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, and ball_center_px and ball_contact_px are "
-            "for one; write them into each press's capture.yaml"
+            f"{folder}: holds {len(names)} presses, and `center_px` and `contact_px` are for "
+            "one; write them into each press's capture.yaml"
         )
     said = [read_capture_file(folder / name) for name in names]
     scans = [listed_capture(folder / name) for name in names]
@@ -139,7 +139,7 @@ def _spread(
     given = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
     if len(given) not in (1, len(names)):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, but ball_radius_mm names {len(given)} radii; "
+            f"{folder}: holds {len(names)} presses, but `radius_mm` has {len(given)} radii; "
             "give one for all, one for each in order of name, or write ball_radius_mm into "
             "each press's capture.yaml"
         )

@@ -133,7 +133,7 @@ def read_capture(
     single : refuse a folder of captures
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
-        or `serial` than the calibration is refused, or taken with a warning.
+        or `serial` than this calibration cannot be used, or taken with a warning.
     whole : whether images may remain the camera's integers
 
     Returns

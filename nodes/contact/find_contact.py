@@ -12,7 +12,7 @@ from tactograph.graph import Flips, InputError, node, warn
 from tactograph.nodes import Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
-"""Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
+"""Fewest evenly spread pixels from which the noise is estimated: errors of neighbours correlate."""
 MAX_CONTACTS = 254
 """Largest number of a contact: numbers have 8 bits."""
 NO_CONTACT = np.uint8(MAX_CONTACTS + 1)

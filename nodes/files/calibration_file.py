@@ -73,7 +73,7 @@ def free_for(file: Path, kind: FileKind) -> Path:
     except InputError:
         is_free = False
     if not is_free:
-        raise ValueError(f"a name that is free, or of an earlier {kind.name}, is needed")
+        raise ValueError(f"the name of a new file, or of an earlier {kind.name}, is needed")
     return file
 
 
@@ -84,7 +84,7 @@ def write_arrays(
 
     Parameters
     ----------
-    arrays : all those of `kind`; for absent ones stands what stands for them in older files
+    arrays : all those of `kind`; absent ones get the value that older files imply
     about
         Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
         added.
@@ -260,7 +260,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         return load_arrays(file)
     except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
-        raise InputError(f"{file}: the calibration is refused: {why}") from None
+        raise InputError(f"{file}: this calibration cannot be used: {why}") from None
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -22,7 +22,7 @@ MAX_PIXELS = 2**25
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 GLINT_SHARE = 0.5
-"""Share of full scale of a highlight in an image that is dark else."""
+"""Share of full scale of a highlight in an otherwise dark image."""
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 MAX_HEIGHT_MM = 1e4
@@ -48,7 +48,7 @@ MEAN_OF_CHANNELS = (
     "their light is the mean of the three channels; `channel`=red, green or blue takes one"
 )
 PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
-"""The head of a PGM, up to the value that stands for white."""
+"""The head of a PGM, up to the value of white."""
 
 
 def read_image(file: Path) -> NDArray[Any]:
@@ -133,7 +133,7 @@ def write_image(file: Path, image: NDArray[Any]) -> None:
     OSError
         If the file cannot be written; `atomic_files` makes it a `WriteError`.
     """
-    # `cv2.imwrite` tells of a full disk by what it returns, and keeps the reason to itself.
+    # On a full disk `cv2.imwrite` returns False and gives no reason.
     file.write_bytes(cv2.imencode(file.suffix, image)[1].tobytes())
 
 

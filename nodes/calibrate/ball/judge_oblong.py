@@ -15,9 +15,9 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 MAX_OBLONG_SHARE = 0.03
 """Ratio of a pixel's sides, less 1, above which pixels are not square..."""
 MIN_EXPLAINED = 0.3
-"""... where it explains this share of the balls' residual: film of its own kind leaves more."""
+"""... where it explains at least this share of the balls' residual."""
 MAX_BALLS = 5
-"""Most balls that are looked at; the best say as much as all."""
+"""Most balls that are used: the best suffice."""
 
 
 @node

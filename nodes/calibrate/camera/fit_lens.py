@@ -26,7 +26,7 @@ fitted, so that images stay unchanged."""
 MAX_RESIDUAL_PITCHES = 0.05
 """Largest residual of a square grid, relative to its pitch."""
 MAX_BEND_PERCENT = 15.0
-"""Distortion at the corner above which what is left comes from the lens rather than the grid."""
+"""Distortion at the corner above which residuals come from the lens rather than the grid."""
 MIN_REACH_SHARE = 0.75
 """Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
 

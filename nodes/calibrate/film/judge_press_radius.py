@@ -24,7 +24,7 @@ from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.film import matt_film
 
 MAX_PRESSES = 12
-"""Most presses that are looked at."""
+"""Most presses that are used."""
 COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
 MIN_LIGHT = 0.1
@@ -49,8 +49,8 @@ def judge_press_radius(
 ) -> Judged:
     """Fit a plain film under point lights with other radii, as `judge_radius` does.
 
-    A reflectance map takes any radius for right, because its coefficients have no scale; lights
-    and a gel have.
+    A reflectance map accepts any radius, because its coefficients have no scale; lights and a
+    gel have one.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.film import matt_film
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
-"""Radii that are tried first, relative to the given one; then some between the best two."""
+"""First trial radii, relative to the given one; finer ones follow between the best two."""
 FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
@@ -42,7 +42,7 @@ PLAIN_PARTS = frozenset({"plain"})
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED from which each fit starts."""
 BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
-"""Departure, relative to that with the given radius, below which another radius is believed, and
+"""Departure, relative to that with the given radius, below which another radius is preferred, and
 below which the given one is refused."""
 PLAIN_RATIO = 1.02
 """Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
@@ -67,9 +67,9 @@ MIN_PATTERN, MAX_PATTERN_RATIO = 0.005, 0.7
 """Departure of the light's means up to which film is plain, and the ratio of two such departures
 below which the smaller one is believed."""
 RADIUS_TOLERANCE = 0.02
-"""Relative difference of two radii that counts as none."""
+"""Relative difference up to which two radii count as equal."""
 GIVEN_UP_RATIO = np.sqrt(2)
-"""Departure over that on the balls, above which most of it is left of the flat frame."""
+"""Departure over that on the balls, above which most of the residual is in the flat frame."""
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 
@@ -185,8 +185,8 @@ def try_radii(
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one.
 
-    Where noise is most of what the given radius leaves, and the film chosen has `left`, no other
-    can be believed: only those that may explain the light as well are tried.
+    Where the residual of the given radius is mostly noise, and that of the film chosen is `left`,
+    no other can be preferred: only those that may explain the light as well are tried.
     """
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
@@ -208,7 +208,7 @@ def try_radii(
 def try_gammas(
     balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4
 ) -> dict[float, float]:
-    """Return what a plain film leaves of light raised to a power, by power (`light_pattern`)."""
+    """Return a plain film's residuals for light raised to powers, by power (`light_pattern`)."""
     rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
     left = {}
     for power in GAMMA_EXPONENTS:
@@ -220,7 +220,7 @@ def try_gammas(
 
 
 def _is_noise(given: Tried, left: float) -> bool:
-    """Whether no radius can leave so much less than the given one that it would be believed."""
+    """Whether noise hides any difference between the given radius and a better one."""
     noise = np.sqrt(max(given.departure**2 - given.pattern**2, 0))
     return given.pattern < MIN_PATTERN and BELIEVED_BELOW * max(given.departure, left) < noise
 
@@ -287,7 +287,7 @@ def doubt_of_radius(
     which : in brackets, where radius and pixel size are given
     """
     best, given = _best(tried), as_given(tried)
-    # Of two films that explain the light alike, the plain one is believed.
+    # On ties, prefer the simpler film.
     is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < PLAIN_RATIO * left
     if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(

@@ -85,7 +85,7 @@ def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) 
         if error > WRONG_ERROR_DEG:
             warn(
                 f"{off}, so the new calibration is wrong: check the order of the press's images, "
-                "ball_radius_mm, and that film and ball are clean, and recalibrate"
+                "the ball's radius, and that film and ball are clean, and recalibrate"
             )
     if abs(refitted.get("thicker_mm", 0.0)) > MAX_THICKER_MM:
         reasons.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
