@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph.graph.commands import GraphName, say, with_option
-from tactograph.graph.commands.progress_line import PRINT_EVERY_S
+from tactograph.graph.commands.progress_line import PRINT_INTERVAL_S
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -199,7 +199,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
             rows.append(row)
             kept += was_there
             progress.advance(bar)
-            if not progress.console.is_terminal and time.monotonic() - printed > PRINT_EVERY_S:
+            if not progress.console.is_terminal and time.monotonic() - printed > PRINT_INTERVAL_S:
                 printed = time.monotonic()
                 say(f"{len(rows)} of {len(jobs)} runs, the last one {job.label}", err=True)
     if kept:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 MIN_SHOWN_S = 2.0
 """Shorter runs show nothing."""
-REDRAW_EVERY_S = 0.2
-PRINT_EVERY_S = 10.0
+REDRAW_INTERVAL_S = 0.2
+PRINT_INTERVAL_S = 10.0
 TIMES_FOLDER = "times"
 """The cache folder: by graph, the start of each stage in s; under END_STAGE, the end."""
 END_STAGE = ""
@@ -86,7 +86,7 @@ class ProgressLine:
         return None if self._end is None else max(self._end - now, 0.0)
 
     def _watch(self) -> None:
-        while not self._over.wait(REDRAW_EVERY_S):
+        while not self._over.wait(REDRAW_INTERVAL_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
             self._begun.setdefault(stage, now)
             with self._lock:
@@ -99,7 +99,7 @@ class ProgressLine:
 
     def _print(self, stage: str, now: float) -> None:
         """Print a line if the last one is old enough."""
-        if stage and now - self._printed > PRINT_EVERY_S:
+        if stage and now - self._printed > PRINT_INTERVAL_S:
             self._printed = now
             say(f"{stage}: {self._time(stage, now)}", err=True)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FRAME_MS = 1000 / 30
 """Time of a camera's frame; an item that took longer names its slowest node."""
-FORGOTTEN_S = 10.0
+WARNING_INTERVAL_S = 10.0
 """Time after which a warning that an endless stream did not repeat is printed again."""
 
 
@@ -241,7 +241,7 @@ class _Report:
         now = time.monotonic()
         for warning in warnings:
             kind = warning_kind(warning)
-            if now - self.told.get(kind, -math.inf) > FORGOTTEN_S:
+            if now - self.told.get(kind, -math.inf) > WARNING_INTERVAL_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now
 

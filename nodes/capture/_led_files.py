@@ -10,16 +10,16 @@ from tactograph.nodes.files.image_files import MAX_LEDS
 
 IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
-LEAST_TIME = 10**5
+MIN_TIMESTAMP = 10**5
 """Smallest number that counts as a photograph's time, as in 20210425_093012: times have gaps."""
 MAX_LED_IMAGES = 16
 """Most images that are taken for those of LEDs where no names are given."""
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: the part before its last number, the number, and the part behind."""
-SAY_LIGHTS = "give `lights`=bgr"
+LIGHTS_ADVICE = "give `lights`=bgr"
 
-CHOOSE_LEDS = "'leds: [1, 2, ...]' in capture.yaml"
+LEDS_ADVICE = "'leds: [1, 2, ...]' in capture.yaml"
 Named = dict[int, Path]
 """Images of one name by their numbers."""
 
@@ -97,13 +97,13 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
         wanted = [wanted[number * len(wanted) // MAX_LEDS] for number in range(MAX_LEDS)]
         warn(
             f"of {len(there)} LEDs, {', '.join(map(str, wanted))} are taken, as labels hold "
-            f"{MAX_LEDS}; {CHOOSE_LEDS} takes others"
+            f"{MAX_LEDS}; {LEDS_ADVICE} takes others"
         )
     if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
         raise InputError(
             f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
-            f"of them ({CHOOSE_LEDS}; if the channels of one colour image are the lights, "
-            f"{SAY_LIGHTS})"
+            f"of them ({LEDS_ADVICE}; if the channels of one colour image are the lights, "
+            f"{LIGHTS_ADVICE})"
         )
     return {led: there[led] for led in wanted}
 
@@ -133,7 +133,7 @@ def _numbered_leds(folder: Path) -> Named:
         return led_files
     steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
     files = [*led_files.values()]
-    if len(steps) > 1 and first < LEAST_TIME:
+    if len(steps) > 1 and first < MIN_TIMESTAMP:
         raise InputError(
             f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
             "the numbers of the LEDs' images follow one another"

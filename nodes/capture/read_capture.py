@@ -16,7 +16,7 @@ from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
-    SAY_LIGHTS,
+    LIGHTS_ADVICE,
     USUAL_PATTERN,
     colour_frames,
     find_led_files,
@@ -306,7 +306,7 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
     if len(images := images_of(folder)) == 1:
         return (
             f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
-            f"led2.png and so on. If the channels of a colour image are the lights, {SAY_LIGHTS}"
+            f"led2.png and so on. If the channels of a colour image are the lights, {LIGHTS_ADVICE}"
         )
     return (
         f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "

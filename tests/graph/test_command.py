@@ -705,7 +705,7 @@ WAVERS = "  seen:   {op: wavers, in: {image: frames.image}}"
 def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
     about: Command, monkeypatch: pytest.MonkeyPatch, forgotten_s: float, lines: int
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.commands.run.FORGOTTEN_S", forgotten_s)
+    monkeypatch.setattr("tactograph.graph.commands.run.WARNING_INTERVAL_S", forgotten_s)
     text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
     text = text.replace("  save:   {op: noted, in: {image: light}}", WAVERS)
     done = about("run", text.replace("light: light,", "seen: seen,"), "--quiet")

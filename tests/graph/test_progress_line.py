@@ -35,7 +35,7 @@ class Terminal(io.StringIO):
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(progress_line, "MIN_SHOWN_S", 0.0)
-    monkeypatch.setattr(progress_line, "REDRAW_EVERY_S", 0.001)
+    monkeypatch.setattr(progress_line, "REDRAW_INTERVAL_S", 0.001)
     monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
 
 
@@ -98,7 +98,7 @@ def test_a_pipe_gets_a_line_now_and_then(
     about: Command, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert about("run", STREAM, "--backend", "numpy").err == ""
-    monkeypatch.setattr(progress_line, "PRINT_EVERY_S", 0.01)
+    monkeypatch.setattr(progress_line, "PRINT_INTERVAL_S", 0.01)
     told = ""
     with ProgressLine() as line:
         line.stage_of = lambda: "model (fit_film)"

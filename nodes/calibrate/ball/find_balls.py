@@ -17,7 +17,7 @@ from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-HOW_TO_MARK = (
+MARKING_ADVICE = (
     "if there is one, say where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
 )
 
@@ -92,8 +92,8 @@ def find_balls(
         except InputError as error:
             reason = str(error).partition("; ")[0]
             if len(names) == 1:
-                raise InputError(f"{reason}; {HOW_TO_MARK}; else press again") from None
-            warn(f"press {name} is left out: {reason}; {HOW_TO_MARK}")
+                raise InputError(f"{reason}; {MARKING_ADVICE}; else press again") from None
+            warn(f"press {name} is left out: {reason}; {MARKING_ADVICE}")
             ball = None
         balls.append(ball)
     if not any(balls):

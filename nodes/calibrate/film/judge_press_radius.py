@@ -31,7 +31,7 @@ MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 MAX_PATTERN = 0.1
 """Departure of the light's means up to which lights are points: then a gamma shows."""
-WHAT_TO_CHECK = " (`radius_mm`, `pixel`)"
+RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
 STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
 """Place of all lights until the samples tell."""
 
@@ -76,15 +76,15 @@ def judge_press_radius(
     )
     strength = np.ones(len(flat), np.float32)
     tried = try_radii(balls, flat, pixel, _directions(balls), strength, COARSE_FACTORS, 0)
-    doubt, given = doubt_of_radius(tried, radius_mm, np.inf, WHAT_TO_CHECK), as_given(tried)
+    doubt, given = doubt_of_radius(tried, radius_mm, np.inf, RADIUS_INPUTS), as_given(tried)
     doubts = [doubt.sentence] if doubt.sentence else []
     if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
         gammas = try_gammas(balls, flat, pixel, _directions(balls), strength)
-        doubts += doubt_of_pattern(tried, gammas, radius_mm, WHAT_TO_CHECK)
+        doubts += doubt_of_pattern(tried, gammas, radius_mm, RADIUS_INPUTS)
     # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
     is_grid = of is not None and np.bincount(of[used]).max() > 1
     if not doubts and not is_grid:
-        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm, WHAT_TO_CHECK)
+        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm, RADIUS_INPUTS)
     return Judged({"diffuse_percent": 100 * given.diffuse}, doubts)
 
 

@@ -46,9 +46,9 @@ BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
 below which the given one is refused."""
 PLAIN_RATIO = 1.02
 """Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
-HOW_TO_FORCE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
-WHAT_TO_CHECK = " (`evidence.radius`, `evidence.pixel`)"
-OR_A_NEAR_CAMERA = "; if the camera is near the film, give its height (`film.camera`=MM)"
+FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
+CAMERA_ADVICE = "; if the camera is near the film, give its height (`film.camera`=MM)"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
 ratio of what they leave on the balls up to which it cannot."""
@@ -149,15 +149,15 @@ def judge_radius(
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
     trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
-    given, doubt = as_given(trials), doubt_of_radius(trials, first, left, WHAT_TO_CHECK)
+    given, doubt = as_given(trials), doubt_of_radius(trials, first, left, RADIUS_INPUTS)
     if doubt.sentence and not film.camera:
-        doubt = doubt._replace(sentence=doubt.sentence + OR_A_NEAR_CAMERA)
+        doubt = doubt._replace(sentence=doubt.sentence + CAMERA_ADVICE)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
-        raise InputError(doubt.sentence + HOW_TO_FORCE)
+        raise InputError(doubt.sentence + FORCE_ADVICE)
     if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
         gammas = try_gammas(balls, flat, pixel, lights, strength)
-        doubts += doubt_of_pattern(trials, gammas, first, WHAT_TO_CHECK)
+        doubts += doubt_of_pattern(trials, gammas, first, RADIUS_INPUTS)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
@@ -165,7 +165,7 @@ def judge_radius(
         # Where a plain film leaves noise alone, further parts only hide what it would diffuse.
         is_plain = _is_noise(given, left)
         diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
-        advice = WHAT_TO_CHECK, ", or give `led_distance_mm`=MM"
+        advice = RADIUS_INPUTS, ", or give `led_distance_mm`=MM"
         doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice)
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
@@ -406,5 +406,5 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
     return [
         contradiction
         + f"the ball's radius and the pixel size would agree if both were {share:.3g} times as "
-        f"large{WHAT_TO_CHECK}; or `led_distance_mm` is wrong"
+        f"large{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
     ]

@@ -83,7 +83,7 @@ def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
         "e_empty": "no ball of radius 5 mm",
         "f_moved": "the ball moved by",
         "g_bright": "is saturated; expose shorter",
-        "h_other": "is its ball_radius_mm right",
+        "h_other": "is its radius right",
     }.items():
         assert any(f"press {name} is left out" in n and reason in n for n in told), name
 
