@@ -116,9 +116,9 @@ def _closure(node: Node) -> set[Path]:
             files |= {f for f in file.parent.iterdir() if f.is_file() and f.suffix not in source}
         parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
         for name in (*parents, *_imports(spec.name, file.stat().st_mtime_ns)):
-            source = _behind_sdk(name)
-            if _belongs(source, module):
-                waiting.append(_spec(source))
+            behind = _behind_sdk(name)
+            if _belongs(behind, module):
+                waiting.append(_spec(behind))
     return files
 
 
