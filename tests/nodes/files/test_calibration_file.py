@@ -9,9 +9,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from tactograph.graph import GraphError, InputError, Provenance, Wanted
+from tactograph.graph import InputError, Provenance, Wanted
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, NO_MISFIT
@@ -300,17 +299,3 @@ def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
     file.write_bytes(whole[: min(cut, len(whole) - 1)])
     with pytest.raises(InputError):
         read_calibration(file=file)
-
-
-@pytest.mark.parametrize(
-    ("name", "node", "told"),
-    [
-        ("pixel", "save", "it is called 'pixel_size'"),
-        ("kept", "radius", "'fit_film' as 'evidence'"),
-    ],
-)
-def test_a_graph_of_an_earlier_input_is_told_the_new_one(name: str, node: str, told: str) -> None:
-    patch = [{"set": node, "in": {name: "even_pixel"}}]
-    changed = read_graph({"format": 1, "title": "t", "extends": "calibrate", "patch": patch})
-    with pytest.raises(GraphError, match=f"no input '{name}' any more: .*{told}"):
-        open_pipeline(changed, {"capture": "a", "out": "cal.npz"})
