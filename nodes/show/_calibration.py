@@ -50,8 +50,6 @@ def show_calibration(file: Path) -> Shown:
     arrays = read_arrays(file, kind)
     about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    if kind is not CAMERA_KIND and "doubts" not in head:
-        verdict = "not kept, the file is older; calibrate again"
     made = head.get("made")
     warnings = sentences(made.get("warnings") if isinstance(made, dict) else None)
     others = [line for line in warnings if line.strip() not in about.doubts]
