@@ -62,7 +62,7 @@ def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
     assert (found.pixel, 1e3 * theirs[2]) == (pytest.approx(PIXEL), pytest.approx(PIXEL))
     if theirs[1] is not None:
         np.testing.assert_allclose(theirs[1], 1e-3 * error, rtol=1e-5)
-        np.testing.assert_allclose(read_error(height=file).error, error, rtol=1e-5)
+        np.testing.assert_allclose(read_error(height=file), error, rtol=1e-5)
 
 
 @pytest.mark.parametrize("end", [0, 60, -1])

@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.metrology.tests.scan.scans import PIXEL, cap, seen, write_model, write_scan as made_scan
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.gelsight_scan import read_scan
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.scan.read_light_model import read_light_model
-from tactograph.nodes.write.write_scan import write_scan
-from tests.nodes.scan.scans import PIXEL, cap, seen, write_model
-from tests.nodes.scan.scans import write_scan as made_scan
+from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
+from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
+from tactograph.rings.metrology.nodes.scan.write_scan import write_scan
 
 
 def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
