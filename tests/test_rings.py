@@ -9,9 +9,6 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph import rings as engine
-from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files import graph_places
-from tactograph.graph.files.read_graph import read_graph, shipped_titles
 from tactograph.graph.rings import Ring, bring, rings
 from tactograph.sdk import sources
 from tests.fixtures import ROOT
@@ -72,17 +69,6 @@ def test_every_name_of_the_sdk_is_used_by_a_ring_or_a_template() -> None:
     text = "\n".join(file.read_text() for file in files)
     named = {name for name in sources() if f"{name}" in text}
     assert {*sources()} - named <= {"Exact", "Parts", "GraphError", "NodeError"}
-
-
-def test_without_rings_every_graph_of_the_core_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    core = rings()[0]
-    monkeypatch.setattr(graph_places, "rings", lambda: (core,))
-    folders = {file.parent.name for file in core.files("pipelines", "*/*.yaml")}
-    titles = {name: names for name, names in shipped_titles().items() if name in folders}
-    assert {"calibrate", "reconstruct", "simulate"} <= {*titles}
-    for name in (name for names in titles.values() for name in names):
-        for entry in read_graph(name).nodes.values():
-            assert find_node(entry.op).function.__module__.startswith("tactograph.nodes"), name
 
 
 @pytest.fixture

@@ -25,8 +25,9 @@ PLAIN_NAMES = {
 
 
 def product(house: str) -> Iterator[Path]:
-    """The Python files of a top-level folder, without the tests of rings."""
-    return (file for file in (ROOT / house).rglob("*.py") if "tests" not in file.parts)
+    """The Python files of a top-level folder, without tests and what runs on a microcontroller."""
+    other = {"tests", "firmware"}
+    return (file for file in (ROOT / house).rglob("*.py") if not other & {*file.parts})
 
 
 def taken() -> Iterator[tuple[Path, str, str]]:

@@ -21,7 +21,7 @@ SENSE_PIN = None
 """26, 27 or 28 where the LEDs' common resistor is wired to it."""
 LEAST_CURRENT = 800
 """Smallest reading of the sense pin, of 65535, when current flows: 40 mV of 3.3 V."""
-CHUNK = 64
+CHUNK_BYTES = 64
 """Most bytes read at once, so that a flood of them does not block the main loop."""
 DIMMING = 100000
 """Frequency of the dimming in Hz: hundreds of periods in an exposure."""
@@ -134,7 +134,7 @@ def run(board):
         controller.poll()
         if poll.poll(2):
             data = sys.stdin.buffer.read(1)
-            while len(data) < CHUNK and poll.poll(0):
+            while len(data) < CHUNK_BYTES and poll.poll(0):
                 data += sys.stdin.buffer.read(1)
             controller.receive(data)
 

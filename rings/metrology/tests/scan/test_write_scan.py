@@ -32,7 +32,7 @@ def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
         read_height_file(tmp_path / "second" / "heightmap.tmd").height, cap(), atol=1e-6
     )
     assert read_light_model(file=tmp_path / "second").model.gain is not None
-    marks, again = (read_scan(tmp_path / name).circles for name in ("first", "second"))
+    marks, again = (read_scan(tmp_path / name).balls for name in ("first", "second"))
     assert marks == again != []
 
 
@@ -46,8 +46,8 @@ def test_balls_are_marked_where_a_crop_moves_them(tmp_path: Path) -> None:
     given = {"capture": captured.parent, "pixel_size_mm": PIXEL, "crop": (10, 5, 60, 40)}
     list(open_pipeline("export_scan", {**given, "out": tmp_path / "out"}).items())
     marked, ours = (read_scan(tmp_path / "out" / name) for name in ("marked", "ours"))
-    assert marked.circles == [(1, -2, 20.5, 15, 9)]
-    assert ours.circles == [(0, 0, 10, 10.5, pytest.approx(0.1 / PIXEL))]
+    assert marked.balls == ((1, -2, 20.5, 15, 9),)
+    assert ours.balls == ((0, 0, 10, 10.5, pytest.approx(0.1 / PIXEL)),)
     assert ours.ball_radius == 0.1
 
 
