@@ -109,7 +109,7 @@ def _draw_sensor(arrays: dict[str, Any], title: str, target: Path) -> None:
 
 def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
     """Draw where the LEDs are, with the other places that the fit allows, and the film."""
-    lights, others = arrays["lights"], arrays.get("others", arrays["lights"][None])
+    lights, others = arrays["lights"], arrays["others"]
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])
     above, side = axes
     _dots(above, lights[:, 0], lights[:, 1], others[..., 0], others[..., 1])
