@@ -81,7 +81,7 @@ test-lerobot: $(VENV)/.tested
 lint: $(VENV)/.linted
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	rm -rf build/typed
+	rm -rf build/typed build/lib
 	$(PIP) --no-deps --target build/typed .
 	MYPYPATH=build/typed $(BIN)/mypy --python-executable $(BIN)/python -p tactograph
 

@@ -42,7 +42,6 @@ COMMANDS = (
     "bench",
     "schema",
 )
-COMMAND_ALIASES = {"plan": "explain"}
 STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
@@ -59,7 +58,6 @@ class _Lazy(click.Group):
         return [*COMMANDS, *_ring_verbs()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        cmd_name = COMMAND_ALIASES.get(cmd_name, cmd_name)
         file = cmd_name.replace("-", "_")
         if cmd_name in COMMANDS:
             module = importlib.import_module(f"tactograph.graph.commands.{file}")
@@ -71,8 +69,7 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         word = args[0]
         if (
-            word not in (*COMMANDS, *COMMAND_ALIASES)
-            and word not in _ring_verbs()
+            word not in (*COMMANDS, *_ring_verbs())
             and not word.startswith("-")
             and not ctx.resilient_parsing
         ):

@@ -43,6 +43,6 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a {file.suffix} file: {reason}") from None
-    height, *error = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
+    height, *stated = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
     side = square_pixel(width / METRES_PER_MM, length / METRES_PER_MM)
-    return HeightFile(height, side, error[0] if error else None)
+    return HeightFile(height, side, stated[0] if stated else None)

@@ -9,7 +9,7 @@ from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
 from tactograph.sdk.unstable import MAX_PIXELS, UM_PER_MM, square_pixel
 
-SIZES_AT, SIZES = 108, struct.Struct("<2i")
+COLUMNS_AT, COLUMNS_AND_ROWS = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""
 
 
@@ -39,10 +39,10 @@ def read(file: Path) -> HeightFile:
     """Read the heights; what was not measured is NaN."""
     load = surfalize().Surface.load
     with file.open("rb") as opened:
-        header = opened.read(SIZES_AT + SIZES.size)
-    if len(header) < SIZES_AT + SIZES.size:
+        header = opened.read(COLUMNS_AT + COLUMNS_AND_ROWS.size)
+    if len(header) < COLUMNS_AT + COLUMNS_AND_ROWS.size:
         raise InputError(f"{file}: ends within its header")
-    columns, rows = SIZES.unpack_from(header, SIZES_AT)
+    columns, rows = COLUMNS_AND_ROWS.unpack_from(header, COLUMNS_AT)
     if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     try:
