@@ -240,9 +240,11 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
     """All outputs of a node, by reference."""
     from tactograph.graph.declare.find_node import find_node
     from tactograph.graph.errors import InputError
+    from tactograph.graph.files.groups import group_of
 
     if node in graph.uses:
-        made = graph.groups[graph.uses[node].group].body.outputs
+        group = group_of(graph, node)
+        made = group.body.outputs if group else {}
         return {f"{node}.{output}": f"{node}.{output}" for output in made}
     outputs = find_node(graph.entry(node).op, graph.own).outputs
     if not outputs:

@@ -19,8 +19,8 @@ from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 _KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     # verb: (required keys, optional keys)
     "set": (set(), {"inputs", "settings"}),
-    "replace": (set(), {"op", "group", "inputs", "settings"}),
-    "insert": (set(), {"op", "group", "inputs", "settings", "after"}),
+    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry"}),
+    "insert": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "after"}),
     "remove": (set(), set()),
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
@@ -77,3 +77,5 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
+    for key in sorted(given & {"repeat", "carry"} if "op" in given else ()):
+        raise GraphError(f"{places.get(key, place)}: only a group has '{key}'")

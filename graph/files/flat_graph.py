@@ -90,6 +90,8 @@ class Use:
     inputs: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, Place] = field(default_factory=dict)
+    turns: Group | None = None
+    """Where a group is repeated, the group of its turns, which no other use has."""
 
     def where(self, key: str = "") -> str:
         """``file:line:column: path`` of a key such as ``in.height``, or of the use."""

@@ -25,7 +25,7 @@ from tactograph.graph.errors import GraphError, did_you_mean, shortened
 
 GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
-Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
+Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.\w+)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 WANTED_BY_KIND = {
     "path": "a path",
@@ -79,6 +79,35 @@ Names = Annotated[
 """One name, or a list of them."""
 
 
+MAX_TURNS = 100
+"""Far more turns than a group converges in."""
+
+
+def _counted(value: Any) -> Any:
+    """As many turns without params of their own as a number says."""
+    if type(value) is not int:
+        return value
+    if not 1 <= value <= MAX_TURNS:
+        raise PydanticCustomError("turns", f"from 1 to {MAX_TURNS} turns are needed")
+    return [{}] * value
+
+
+Turns = Annotated[
+    list[dict[Name, Any]],
+    Field(min_length=1, max_length=MAX_TURNS),
+    BeforeValidator(_counted),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "integer", "minimum": 1, "maximum": MAX_TURNS},
+                {"type": "array", "items": {"type": "object"}, "minItems": 1},
+            ]
+        }
+    ),
+]
+"""What each turn of a repeated group is given."""
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -125,6 +154,12 @@ class UseModel(_Strict):
     )
     settings: dict[Name, Any] = Field(
         default={}, alias="with", description="Params of the group; $name stands for one around it."
+    )
+    repeat: Turns | None = Field(
+        None, description="Turns, one after the other: their number, or the params of each."
+    )
+    carry: dict[Name, Reference] | None = Field(
+        None, description="Input of a turn: the output of the one before that it reads."
     )
 
 
@@ -223,6 +258,8 @@ class PatchModel(_Strict):
     group: Name | None = Field(None, description="In place of `op`: use this group.")
     inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
     settings: dict[Name, Any] | None = Field(None, alias="with")
+    repeat: Turns | None = None
+    carry: dict[Name, Reference] | None = None
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )

@@ -51,7 +51,7 @@ def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str 
     name, _, rest = bare.partition(".")
     if scope:
         use = graph.uses[scope]
-        group = graph.groups[use.group]
+        group = definition(graph, use)
         if name in group.inputs:
             return _of_input(use.inputs.get(name), rest, previous, where)
         known = [*group.body.nodes, *group.body.uses]
@@ -70,7 +70,7 @@ def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
 
     Raises GraphError if it refers to something that is not there.
     """
-    if scope:
+    if scope and not graph.uses[scope].turns:
         entry = replace(entry, places=_used_by(graph.uses[scope], entry))
     inputs = {
         port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"))
@@ -95,9 +95,22 @@ def meant_nodes(graph: Graph, name: str) -> list[str]:
     return [n for n in graph.nodes for path in paths if n == path or n.startswith(f"{path}.")]
 
 
+def definition(graph: Graph, use: Use) -> Group:
+    """The group that a use uses."""
+    return use.turns or graph.groups[use.group]
+
+
+def last_turn(graph: Graph, path: str) -> str:
+    """The last turn of a use that is repeated; any other use itself."""
+    turns = graph.uses[path].turns
+    return f"{path}.{len(turns.body.uses)}" if turns else path
+
+
 def group_of(graph: Graph, name: str) -> Group | None:
     """The group of that name, or the group of the use of that name."""
-    return graph.groups.get(graph.uses[name].group if name in graph.uses else name)
+    if name in graph.uses:
+        return definition(graph, graph.uses[last_turn(graph, name)])
+    return graph.groups.get(name)
 
 
 def alike(graph: Graph, node: str) -> list[str]:
@@ -155,11 +168,12 @@ def _count(
     """
     total += len(nodes)
     for use in nodes.values():
-        if isinstance(use, Entry) or use.group not in graph.groups or depth > MAX_GROUP_DEPTH:
+        is_known = isinstance(use, Use) and (use.turns or use.group in graph.groups)
+        if isinstance(use, Entry) or not is_known or depth > MAX_GROUP_DEPTH:
             continue
-        if use.group not in known:
+        if use.turns or use.group not in known:
             known[use.group] = 0
-            body = graph.groups[use.group].body
+            body = definition(graph, use).body
             inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
             known[use.group] = _count(graph, inside, 0, known, depth + 1)
         total += known[use.group]
@@ -180,7 +194,7 @@ def _uses(
         if isinstance(use, Entry):
             continue
         path = _joined(scope, name) if scope else name
-        if use.group not in graph.groups:
+        if not use.turns and use.group not in graph.groups:
             hint = did_you_mean(use.group, graph.groups)
             there = f" (there are: {', '.join(graph.groups) or 'none'})"
             raise GraphError(
@@ -193,7 +207,7 @@ def _uses(
             raise GraphError(
                 f"{use.where('group')}: more than {MAX_GROUP_DEPTH} groups lie in one another"
             )
-        group = graph.groups[use.group]
+        group = definition(graph, use)
         _check_given(use, "in", "input", use.inputs, group.inputs)
         _check_given(use, "with", "param", use.settings, group.body.params)
         uses[path] = use, scope
@@ -217,7 +231,7 @@ def _check_given(
 
 def _bound(graph: Graph, use: Use, scope: str) -> Use:
     """A use with all its inputs and params, named as in the flat graph."""
-    group = graph.groups[use.group]
+    group = definition(graph, use)
     own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope)
     inputs: dict[str, str] = {}
     for name, param in group.inputs.items():
@@ -231,7 +245,7 @@ def _bound(graph: Graph, use: Use, scope: str) -> Use:
             inputs[name] = flat
     inputs |= {name: flat for name, flat in own.inputs.items() if name == CONDITION_INPUT}
     settings = {name: p.default for name, p in group.body.params.items()} | {**own.settings}
-    return Use(use.group, inputs, settings, own.places)
+    return replace(use, inputs=inputs, settings=settings, places=own.places)
 
 
 def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> dict[str, Entry]:
@@ -241,7 +255,7 @@ def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> 
         if isinstance(entry, Entry):
             flat[path] = in_scope(graph, entry, scope)
         else:
-            body = graph.groups[entry.group].body
+            body = definition(graph, entry).body
             flat |= _taken_apart(graph, {**body.nodes, **body.uses}, path)
     return flat
 
@@ -259,9 +273,11 @@ def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str |
 
 def _of_use(graph: Graph, path: str, rest: str, where: str) -> str:
     """An output of a use, or a node in it."""
-    name = graph.uses[path].group
-    body = graph.groups[name].body
+    use = graph.uses[path]
+    name, body = use.group, definition(graph, use).body
     first, _, port = rest.partition(".")
+    if use.turns and first not in body.uses:
+        return _of_use(graph, last_turn(graph, path), rest, where)
     if not rest and len(body.outputs) == 1:
         (first,) = body.outputs
     if not first:

@@ -24,6 +24,7 @@ from tactograph.graph.files.graph_model import (
 )
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.layer import Layer
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
@@ -106,7 +107,8 @@ def _entries(
     for node_id, node in nodes.items():
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
-            entries[node_id] = Use(node.group, node.inputs, node.settings, places)
+            use = Use(node.group, node.inputs, node.settings, places)
+            entries[node_id] = in_turns(use, node.repeat, node.carry)
         else:
             entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places
