@@ -112,6 +112,13 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
+def _of_its_kind(value: Any, info: ValidationInfo) -> Any:
+    kind = info.data.get("kind")
+    if value is not None and kind and not is_of_kind(value, kind):
+        raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
+    return value
+
+
 class ParamModel(_Strict):
     """A value that the user gives on the command line."""
 
@@ -119,13 +126,7 @@ class ParamModel(_Strict):
     help: str = Field("", description="One line for people.")
     default: Any = Field(None, description="Without it, the value must be given.")
 
-    @field_validator("default")
-    @classmethod
-    def _of_its_kind(cls, value: Any, info: ValidationInfo) -> Any:
-        kind = info.data.get("kind")
-        if value is not None and kind and not is_of_kind(value, kind):
-            raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
-        return value
+    _of_its_kind = field_validator("default")(_of_its_kind)
 
 
 class NodeModel(_Strict):
@@ -148,7 +149,9 @@ class NodeModel(_Strict):
 class UseModel(_Strict):
     """A use of a group: its nodes, with this one's name before theirs."""
 
-    group: Name = Field(description="One of `groups`.")
+    group: Name = Field(
+        description="One of `groups`; or NAME of a file NAME.group.yaml, beside this or shipped."
+    )
     inputs: dict[Name, Reference] = Field(
         default={}, alias="in", description="Input of the group: what it reads here."
     )
@@ -190,8 +193,13 @@ class GroupInputModel(_Strict):
 class GroupParamModel(_Strict):
     """A value that a use gives to a group."""
 
+    kind: Kind | None = Field(
+        None, description="With it, the graph has the same param, where a use gives no value."
+    )
     help: str = Field("", description="One line for people.")
-    default: Any = Field(None, description="Without it, a use has to give the value.")
+    default: Any = Field(None, description="Without it, a use or the user gives the value.")
+
+    _of_its_kind = field_validator("default")(_of_its_kind)
 
 
 class GroupModel(_Strict):
@@ -221,6 +229,9 @@ class SharedGroupModel(_Strict):
     """A group that is read from a file, with changes made here."""
 
     extends: str = Field(description="The file of the group.")
+    params: dict[Name, GroupParamModel | None] = Field(
+        {}, description="Added to those of the file, or in place of one of that name."
+    )
     patch: list[PatchModel] = Field([], description="Changes to its nodes.")
 
 

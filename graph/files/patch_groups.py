@@ -8,11 +8,10 @@ from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph, Use
 from tactograph.graph.files.groups import (
-    definition,
     flat_reference,
-    group_of,
     in_scope,
     meant_nodes,
+    outputs_of,
     uses_of,
     with_nodes,
 )
@@ -149,7 +148,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
             raise GraphError(f"{place}: set: the group '{name}' has no param '{param}'{hint}")
     if target in graph.uses:
         return _set_use(graph, target, given, places)
-    stated = {n: replace(params[n], required=False, default=v) for n, v in given.items()}
+    stated = {n: replace(params[n], kind="", required=False, default=v) for n, v in given.items()}
     body = replace(group.body, params={**params, **stated})
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
     for use in uses_of(graph, name):
@@ -160,7 +159,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
 def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) -> Graph:
     """Set params of a use, in those of its nodes that take them."""
     use = graph.uses[path]
-    body = definition(graph, use).body
+    body = graph.definition(use).body
     settings = {**use.settings, **given}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     words = {f"${name}": value for name, value in given.items()}
@@ -202,7 +201,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     graph = with_nodes(graph, {target: _use(change, inputs, places)})
 
     def flat(reference: str) -> str:
-        return str(flat_reference(graph, reference, "", str(places[""])))
+        return str(flat_reference(graph, reference, "", str(places[""]), whole=True))
 
     return with_references(graph, flat)
 
@@ -213,8 +212,7 @@ def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -
     With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
     it then.
     """
-    group = group_of(graph, path)
-    outputs = group.body.outputs if group and keep_readers else {}
+    outputs = outputs_of(graph, path) if keep_readers else {}
     swapped = {
         flat_reference(graph, f"{path}.{name}", "", path): f"{path}.{name}" for name in outputs
     }
