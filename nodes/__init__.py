@@ -42,6 +42,7 @@ HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of 
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
 UM_PER_MM = 1e3
+METRES_PER_MM = 1e-3
 Labels = Annotated[
     U1,
     Port("H W", "LED bits", high=255),

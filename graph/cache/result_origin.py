@@ -1,6 +1,7 @@
 """The origin of a result.  A stored result may stand for a new one only if it is the same."""
 
 import hashlib
+import importlib
 import importlib.metadata
 import importlib.util
 import json
@@ -20,7 +21,7 @@ from typing import Any
 import tactograph.graph
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
-from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.find_node import find_node, node_places
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
 from tactograph.graph.disk.content_hash import content_hash
@@ -28,6 +29,7 @@ from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 
 ENGINE_PACKAGE = "tactograph.graph"
+SDK_PACKAGE = "tactograph.sdk"
 PACKAGE_FOLDERS = ("site-packages", "dist-packages")
 _IMPORT_FINDER = ModuleFinder()
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
@@ -114,9 +116,21 @@ def _closure(node: Node) -> set[Path]:
             files |= {f for f in file.parent.iterdir() if f.is_file() and f.suffix not in source}
         parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
         for name in (*parents, *_imports(spec.name, file.stat().st_mtime_ns)):
-            if _belongs(name, module):
-                waiting.append(_spec(name))
+            behind = _behind_sdk(name)
+            if _belongs(behind, module):
+                waiting.append(_spec(behind))
     return files
+
+
+def _behind_sdk(name: str) -> str:
+    """The module that a name of the sdk comes from; any other name as it is."""
+    package, _, last = name.rpartition(".")
+    if package == f"{SDK_PACKAGE}.nodes" and last in node_places():
+        return node_places()[last].module
+    if package in (SDK_PACKAGE, f"{SDK_PACKAGE}.unstable"):
+        sources: Mapping[str, str] = importlib.import_module(package).sources()
+        return sources.get(last, name)
+    return name
 
 
 def _belongs(name: str, module: str) -> bool:

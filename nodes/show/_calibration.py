@@ -23,7 +23,7 @@ from tactograph.nodes.files.calibration_file import (
     read_arrays,
 )
 from tactograph.nodes.optics.lens import seen_places
-from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
 
 FILE_KINDS = (CALIBRATION_KIND, PRESS_CALIBRATION, CAMERA_KIND)
 MAX_NUMBERS = 8

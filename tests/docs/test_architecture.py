@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/architecture.md").read_text()
-ROOMS = ("graph", "nodes", "kernels", "pipelines", "tests", "benchmarks", "tactograph")
+ROOMS = ("graph", "nodes", "kernels", "pipelines", "tests", "benchmarks", "tactograph", "rings")
 FILES = set(ROOMS) | {
     path.relative_to(ROOT).as_posix()
     for room in ROOMS

@@ -18,10 +18,10 @@ from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_so
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare
 from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases, pairwise
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
 
 SUFFIX = ".mutants.toml"
 FILES = {
@@ -100,5 +100,5 @@ def differences(node: Node) -> Iterator[str | None]:
 
 
 def test_every_kernel_of_the_flow_has_mutants() -> None:
-    kernels = {name for name in builtin_names() if find_node(name).has_kernel}
+    kernels = {name for name in shipped_nodes() if find_node(name).has_kernel}
     assert kernels - set(MUTANTS) <= {"render", "press"}, "tested against analytic scenes instead"

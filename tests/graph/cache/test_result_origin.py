@@ -2,7 +2,6 @@
 
 import importlib
 import sys
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from tactograph.graph.cache.result_origin import Origin, find_origin
 from tactograph.graph.declare import find_node as find
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.rings import Ring
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -79,8 +79,10 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("\n".join(line.removeprefix(" " * 8) for line in text.split("\n")))
     monkeypatch.syspath_prepend(root)
-    points = {"halved": [EntryPoint("halved", "felt.halved:halved", find.ENTRY_POINT_GROUP)]}
-    monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
+    ring = Ring("felt", "felt", "felt", ())
+    places = {"halved": [find.NodePlace("felt.halved", "", ring)]}
+    known = find._all_places
+    monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})
     monkeypatch.chdir(tmp_path)
     Path("made.txt").write_text("made")
     result_origin._folder.cache_clear()

@@ -13,7 +13,7 @@ from tactograph.graph.run.open_pipeline import load
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate.rating.say_touch_cost import CLEAR_LINE, say_touch_cost
 from tactograph.nodes.optics.film import matt_film
-from tests.conftest import Calibration
+from tests.fixtures import Calibration
 
 MATT = matt_film(np.ones((4, 3), np.float32))
 COATED = MATT._replace(refraction=1.4)
