@@ -187,6 +187,7 @@ class Graph:
 
     def entry(self, node_id: str) -> Entry:
         """Return the node called `node_id`, or raise an error that lists the existing ones."""
+        node_id = self.in_full(node_id)
         if node_id not in self.nodes:
             raise GraphError(
                 f"{self.name}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}"
@@ -248,7 +249,8 @@ class Graph:
 
     def _called(self, name: str) -> list[str]:
         """The nodes and uses of that name that lie in the fewest uses."""
-        paths = [path for path in self._inside.get(name, ()) if path not in self.gone]
+        gone = self.gone.keys() - self.nodes.keys()
+        paths = [path for path in self._inside.get(name, ()) if path not in gone]
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]
 

@@ -115,8 +115,8 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
         for node in meant_nodes(graph, target):
             graph = VERB_FUNCTIONS[verb](graph, node, change, places)
         return graph
-    if verb == "neutral" or target in graph.groups:
-        kind = "a group" if target in graph.groups else "a use of a group"
+    if verb == "neutral" or target not in graph.uses:
+        kind = "a use of a group" if target in graph.uses else "a group"
         raise GraphError(f"{place}: {verb}: '{target}' is {kind}; name one of its nodes")
     if "group" in change:
         return put_use(graph, target, change, places)
