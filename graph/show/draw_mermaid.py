@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from tactograph.graph.backends import BACKENDS
 from tactograph.graph.show.sketch import Sketch
 
-_BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
+_BOX_BRACKETS = {"upload": ("([", "])"), "download": ("([", "])"), "use": ("[[", "]]")}
 BACKEND_COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 
 
@@ -14,7 +14,7 @@ def to_mermaid(sketch: Sketch) -> str:
     ids = {box.name: f"n{index}" for index, box in enumerate(sketch.boxes)}
     drawn: dict[str, list[str]] = {}
     for box in sketch.boxes:
-        left, right = _BRACKETS.get(box.kind, ("[", "]"))
+        left, right = _BOX_BRACKETS.get(box.kind, ("[", "]"))
         text = f'{left}"{box.name}<br/>{box.label}"{right}'
         drawn.setdefault(box.use, []).append(f"{ids[box.name]}{text}:::{box.backend}")
     lines = ["flowchart TB", *_in_uses(drawn)]
