@@ -50,7 +50,7 @@ def touch_evidence(
     *,
     max_dimming: Annotated[float, Interval(gt=0, le=1)] = 0.3,
 ) -> TouchEvidence:
-    """Return the figures of a touch that speak for it or against it (T1 to T4).
+    """Return the figures of a touch that speak for it or against it (T1 to T5).
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ from tactograph.nodes.files.calibration_file import check_use, read_about, read_
 from tactograph.nodes.files.image_files import Crop, Lights
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import LENS_TERMS
+from tactograph.nodes.trust.check_ranks import NO_RANKS
 
 
 @node
@@ -55,7 +56,8 @@ def read_press_calibration(
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     area = arrays.get("area", np.ones(film.shape[1:], np.uint8))
-    said = quality, about.doubts, area, lens, about.serial
+    ranks = arrays.get("ranks", NO_RANKS)
+    said = quality, about.doubts, area, lens, about.serial, ranks
     return PressCalibration(film, dark, size, reflectance, misfit, *said)
 
 
