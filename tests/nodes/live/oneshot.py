@@ -9,7 +9,7 @@ from tactograph.graph import Provenance
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import fit_reflectance_map
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
-from tactograph.nodes.calibrate.rating.rank_checks import rank_checks
+from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.live.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,

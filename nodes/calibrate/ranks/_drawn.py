@@ -11,9 +11,9 @@ from tactograph.nodes import F4, Height, Light, Slope
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.slope.height_slopes import height_slopes
 
-FLANK_SLOPES = (0.15, 3.0)
-"""Slopes of an object's flanks, evenly drawn by their logarithms: from a shallow dent to the walls
-that a soft film still covers."""
+FLANK_SLOPES = (0.05, 3.0)
+"""Slopes of an object's flanks, evenly drawn by their logarithms: from film that is as good as at
+rest (`slope_curl`) to the walls that a soft film still covers."""
 REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)
 """Half an object's width over the image's shorter side; and a fold's over that."""
 SKIRT_SHARE = 0.1
@@ -109,6 +109,13 @@ def _groove(rng: Random, x: F4, y: F4, half: float) -> F4:
     return np.minimum(ripple, 2 * (half - np.maximum(np.abs(x), np.abs(y))))
 
 
+def _ridges(rng: Random, x: F4, y: F4, half: float) -> F4:
+    """Sharp ridges that end on a circle, as those of a thread or a file do."""
+    width = half * rng.uniform(*FOLD_SHARES) / 2
+    ridge = np.abs((x / width) % 2 - 1) * width
+    return np.where(np.hypot(x, y) < half, ridge, half - np.hypot(x, y))
+
+
 def _dents(rng: Random, x: F4, y: F4, half: float) -> F4:
     places_of = rng.uniform(-1.5, 1.5, (3, 2)) * half
     small = half * rng.uniform(*FOLD_SHARES) / 2
@@ -119,7 +126,7 @@ def _nothing(_: Random, x: F4, y: F4, half: float) -> F4:
     return np.full(x.shape, -1e3 * half)
 
 
-FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents, _ball, _nothing)
+FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents, _ridges, _nothing)
 
 
 def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:

@@ -10,7 +10,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.nodes import Height, Light, Slope
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
-from tactograph.nodes.simulate._drawn import Doubts, drawn
+from tactograph.nodes.calibrate.ranks._drawn import Doubts, drawn
 
 WIDTH_SHARES = (0.01, 0.3)
 """Distance over which errors of the light are alike, over the image's width, evenly drawn by its
