@@ -27,11 +27,11 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 TAIL_SHARE = 0.2
 """Share of right touches, the most extreme ones, that determine a tail."""
-RANKS = 100
+RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
-TAIL = RANKS - round(TAIL_SHARE * RANKS)
+TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
 """Height that a depth below the film at rest is compared with at least; change of light between
 pixels that is divided by."""
@@ -62,7 +62,7 @@ WRONG_BRIGHTNESS = (
     "show one touch and that nothing moved, that they are neither blurred nor averaged with "
     "others, that gamma and contrast are off, and that other light is kept out)"
 )
-FIGURES = {
+CHECK_FIGURES = {
     "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
     "curl_quartile": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
     "curl_of_part": Figure(
@@ -162,11 +162,11 @@ class Ranked(IntEnum):
     PLAIN = 2
 
 
-NO_RANKS = np.full((3, len(FIGURES) + 1, RANKS), -1, np.float32)
+NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
 
 
 def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None) -> F8:
-    """Return the figures of a touch (T1 to T5), in the order of `FIGURES`.
+    """Return the figures of a touch (T1 to T5), in the order of `CHECK_FIGURES`.
 
     `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors.
     """
@@ -191,7 +191,7 @@ def _worst_line(lines: LineChanges) -> float:
 
 def ranked(figures: F8) -> F8:
     """Return the quantiles that a calibration keeps of N right touches' figures, N x 19."""
-    levels = (np.arange(RANKS) + 0.5) / RANKS
+    levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles = np.quantile(figures, levels, axis=0).T
     least = [p_values(each, quantiles).min() for each in figures]
     return np.vstack([quantiles, np.quantile(least, levels)])
@@ -199,18 +199,18 @@ def ranked(figures: F8) -> F8:
 
 def p_values(figures: F8, quantiles: F8) -> F8:
     """Return the share of right touches that have each figure as large as this, or larger."""
-    resolution = [figure.resolution for figure in FIGURES.values()]
-    start = quantiles[:, TAIL - 1]
-    scale = np.maximum((quantiles[:, TAIL:] - start[:, None]).mean(axis=1), resolution)
+    resolution = [figure.resolution for figure in CHECK_FIGURES.values()]
+    start = quantiles[:, TAIL_START - 1]
+    scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), resolution)
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
-    above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANKS)
+    above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANK_COUNT)
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
 
 
 def of_all_checks(least: float, ranks: F8) -> float:
     """Return the share of right touches whose least p-value is as small as this, or smaller."""
     drawn = ranks[-1]
-    tail = drawn[RANKS - TAIL - 1]
+    tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:
-        return float(least * min(TAIL_SHARE / tail, len(FIGURES)))
+        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES)))
     return float((drawn <= least).mean())

@@ -9,7 +9,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F8, Metrics
 from tactograph.nodes.trust._light_evidence import RIM_SHARE
 from tactograph.nodes.trust.check_ranks import (
-    FIGURES,
+    CHECK_FIGURES,
     CheckRanks,
     Ranked,
     figures_of,
@@ -104,8 +104,8 @@ def _verdict(
     p: F8, known: F8, made: list[str], false_alarms: float
 ) -> tuple[float, list[float], list[str]]:
     """The trust, that in each check alone, and the causes of those that fail, the worst first."""
-    causes = [figure.cause for figure in FIGURES.values()]
-    of_check = np.array([figure.check for figure in FIGURES.values()])
+    causes = [figure.cause for figure in CHECK_FIGURES.values()]
+    of_check = np.array([figure.check for figure in CHECK_FIGURES.values()])
     worst = [int(np.argmin(np.where(of_check == check, p, np.inf))) for check in made]
     alone = [of_all_checks(p[i], known) for i in worst]
     order = sorted(zip(alone, worst, strict=True))

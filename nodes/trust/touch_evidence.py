@@ -1,4 +1,8 @@
-"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures."""
+"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures.
+
+Long because the curl, the light and the film at rest are looked at in one node, so that a device is
+waited for once.
+"""
 
 from typing import Annotated, Any, NamedTuple
 

@@ -55,7 +55,7 @@ def drawn(
     `rigid` objects stand on the film and have walls, which no film covers.
     """
     count, *size = flat.shape
-    height = _surface(rng, size, pixel, FORMS[number % len(FORMS)], rigid)
+    height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
     blur = HALF_WAY_BLUR * doubts.width_mm / pixel
     slope = _leaning(height_slopes(height, pixel).slope, doubts.level * _field(rng, 2, size, blur))
     errors = doubts.light * _field(rng, count, size, blur)
@@ -126,7 +126,7 @@ def _nothing(_: Random, x: F4, y: F4, half: float) -> F4:
     return np.full(x.shape, -1e3 * half)
 
 
-FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents, _ridges, _nothing)
+OBJECT_FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents, _ridges, _nothing)
 
 
 def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:

@@ -25,7 +25,7 @@ MAX_PIXELS = 40000
 """Larger images are drawn on fewer, larger pixels: their checks look at as many cells at most."""
 RIGHT_SHARE = 1e-3
 """Error of a height over the image's width up to which a touch is right: 16 um of 16 mm."""
-ROWS = ("across_row", "along_row", "across_column")
+LINE_PORTS = ("across_row", "along_row", "across_column")
 
 
 @node
@@ -92,7 +92,7 @@ def _ranks(graph: str, overlay: str, given: dict[str, Any]) -> F8:
         for result in pipeline.items():
             found = result.outputs
             evidence = TouchEvidence(found["level"], found["figures"])
-            lines = LineChanges(*(found[n] for n in ROWS)) if ROWS[0] in found else None
+            lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
             figures.append(figures_of(evidence, float(found.get("added", 0.0)), lines))
             wrong = np.square(found["height"] - found["truth"], dtype=np.float64).mean()
             off.append(np.sqrt(wrong) / (float(found["pixel"]) * found["height"].shape[1]))

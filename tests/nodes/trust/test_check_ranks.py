@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F8
-from tactograph.nodes.trust.check_ranks import FIGURES, of_all_checks, p_values, ranked
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, of_all_checks, p_values, ranked
 
-COUNT = len(FIGURES)
+COUNT = len(CHECK_FIGURES)
 
 
 def trusts(drawn: F8, others: F8) -> F8:
@@ -38,6 +38,6 @@ def test_what_no_right_touch_shows_is_rarer_the_larger_it_is() -> None:
 
 def test_a_figure_that_no_right_touch_has_is_known_to_its_resolution() -> None:
     known = ranked(np.zeros((128, COUNT)))
-    half = np.array([figure.resolution for figure in FIGURES.values()]) / 2
+    half = np.array([figure.resolution for figure in CHECK_FIGURES.values()]) / 2
     assert (p_values(half, known[:-1]) > 0.1).all()
     assert (p_values(20 * half, known[:-1]) < 1e-4).all()
