@@ -200,8 +200,13 @@ def _here(
 def _show(tallies: Iterator[Tally], total: int) -> None:
     """Show a bar with rate and time left, without a terminal a line now and then, and fallbacks."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as TimeLeft
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn as TimeLeft,
+    )
 
     console = Console(stderr=True)
     columns = (

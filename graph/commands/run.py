@@ -226,11 +226,11 @@ class _Report:
 
     def _news(self, warnings: Iterable[str]) -> None:
         """Print the kinds of warnings that have not been due for a while, as a camera's faults."""
-        from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
+        from tactograph.graph.run.raise_warnings import warning_kind
 
         now = time.monotonic()
         for warning in warnings:
-            kind = NUMBER_PATTERN.sub("", warning)
+            kind = warning_kind(warning)
             if now - self.told.get(kind, -math.inf) > FORGOTTEN_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now

@@ -214,7 +214,7 @@ def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
 
 
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
-    known = node.input_names
+    known = list(dict.fromkeys([*node.input_names, *node.further_names]))
     for name in entry.inputs:
         if name in node.former:
             raise GraphError(

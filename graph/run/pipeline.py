@@ -35,7 +35,7 @@ class Pipeline:
 
     A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
     leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` came after the last item.  `built`: a device had all kernels on disk.
+    `closing_warnings` came after the last item.
     """
 
     def __init__(
@@ -49,7 +49,6 @@ class Pipeline:
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
-        self.built = device is not None and device.built
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tactograph.graph import InputError, warn
-from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.capture.listed_capture import listed_capture
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
@@ -61,7 +61,7 @@ def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> boo
     """Return whether a folder holds images that are one LED's each."""
     if pattern != USUAL_PATTERN:
         return any(_by_pattern(folder, pattern, leds or range(1, MAX_LED_IMAGES + 1)).values())
-    if is_scan(folder):
+    if listed_capture(folder) is not None:
         return True
     groups = _by_name(folder)
     return (USUAL_PATTERN.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
@@ -72,8 +72,8 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
 
     With the usual pattern, images of any one name with numbers are taken in the order of these,
     and this is said; images of other names with numbers are named as left out.  Of more LEDs than
-    a label holds, eight are taken that are spread evenly over the numbers.  Of a scan, those
-    that its ``scan.yaml`` lists are taken, in that order.
+    a label holds, eight are taken that are spread evenly over the numbers.  Where the
+    capture's own file lists images (`listed_capture`), those are taken, in that order.
 
     Raises
     ------
@@ -110,8 +110,8 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
 
 def _numbered_leds(folder: Path) -> Named:
     """The images of one name by LED, counted from 1."""
-    if is_scan(folder):
-        return dict(enumerate(read_scan(folder).images, start=1))
+    if (listed := listed_capture(folder)) is not None:
+        return dict(enumerate(listed.images, start=1))
     groups = _by_name(folder)
     usual = USUAL_PATTERN.format(""), ""
     likely = [usual] if usual in groups else [n for n, g in groups.items() if _may_be_leds(g)]

@@ -9,13 +9,13 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.capture.listed_capture import ListedCapture, listed_capture
 from tactograph.nodes.capture.read_capture import (
     CaptureFile,
     Layout,
     read_capture,
     read_capture_file,
 )
-from tactograph.nodes.files.gelsight_scan import Scan, is_scan, read_scan
 from tactograph.nodes.files.image_files import lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
@@ -96,7 +96,7 @@ def read_balls(
             "for one; write them into each press's capture.yaml"
         )
     said = [read_capture_file(folder / name) for name in names]
-    scans = [read_scan(folder / name) if is_scan(folder / name) else None for name in names]
+    scans = [listed_capture(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
         for name, about, usual, scan in zip(
@@ -110,7 +110,7 @@ def read_balls(
     marks = [
         (mark.x - x0, mark.y - y0, number)
         for number, scan in enumerate(scans)
-        for mark in (scan.circles if scan else ())
+        for mark in (scan.balls if scan else ())
     ]
     known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
@@ -156,9 +156,9 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
     return radius
 
 
-def _compare_marks(press: Path, scan: Scan) -> None:
+def _compare_marks(press: Path, scan: ListedCapture) -> None:
     """Warn where a scan's marks are not as large as its balls."""
-    marked = float(np.median([mark.radius for mark in scan.circles])) if scan.circles else 0.0
+    marked = float(np.median([mark.radius for mark in scan.balls])) if scan.balls else 0.0
     of_ball = scan.ball_radius / scan.pixel_size if scan.pixel_size else 0.0
     if marked and of_ball and abs(marked / of_ball - 1) > MAX_MARK_DIFFERENCE:
         warn(

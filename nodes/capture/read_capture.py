@@ -24,7 +24,7 @@ from tactograph.nodes.capture._led_files import (
     images_of,
     is_hidden,
 )
-from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.capture.listed_capture import listed_capture
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
@@ -235,7 +235,7 @@ def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
         _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
         _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
         _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
-        (read_scan(folder).pixel_size or None) if is_scan(folder) else None,
+        (listed.pixel_size or None) if (listed := listed_capture(folder)) else None,
     )
 
 
@@ -280,7 +280,8 @@ def _is_capture(folder: Path, layout: Layout) -> bool:
 def _lights(folder: Path, layout: Layout) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
     said = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
-    if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
+    listed = listed_capture(folder) if said is None else None
+    if listed is not None and len(listed.images) == 1:
         return "rgb"
     return said or "leds"
 
@@ -291,7 +292,8 @@ def read_capture_file(folder: Path) -> CaptureFile:
 
 
 def _only_image(folder: Path) -> Path:
-    images = read_scan(folder).images if is_scan(folder) else images_of(folder)
+    listed = listed_capture(folder)
+    images = listed.images if listed is not None else images_of(folder)
     if len(images) != 1:
         names = ", ".join(f.name for f in images[:4]) or "none"
         raise InputError(f"{folder}: one colour image is needed here, there are: {names}")

@@ -5,8 +5,8 @@ import numpy as np
 from tactograph.graph import node, warn
 from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.metrology.level_plane import level_plane
-from tactograph.nodes.metrology.scale_height import Scale
+from tactograph.nodes.height.level_plane import level_plane
+from tactograph.nodes.height.scale_height import Scale
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""

@@ -22,7 +22,7 @@ from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, lit_by, one_line
 
 WRITING = """
@@ -492,7 +492,7 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
 def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -> None:
     lines = tactograph("graphs").out.splitlines()
     headings = [line.removesuffix(":") for line in lines if not line.startswith(" ")]
-    folders = ["calibrate", "export", "live", "reconstruct", "record", "simulate"]
+    folders = ["calibrate", "export", "reconstruct", "simulate"]
     assert headings[: len(folders)] == folders
     assert headings[-1] == "overlays, for --with"
     listed = {line.split()[0]: line.split(None, 1)[1] for line in lines if line.startswith(" ")}

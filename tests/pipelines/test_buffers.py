@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rings.live.tests.oneshot import calibrated, pressed
 from tactograph.graph import InputError, load
 from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.conftest import Calibration, MadeOnce, Raytraced, images_of, real_data
-from tests.nodes.live.oneshot import calibrated, pressed
+from tests.fixtures import Calibration, MadeOnce, Raytraced, images_of, real_data
 from tests.pipelines.conftest import run
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")

@@ -7,7 +7,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Raytraced, images_of
+from tests.fixtures import RIG_PIXEL_MM, Raytraced, images_of
 from tests.pipelines.conftest import Reconstruct, run
 
 RIG = "near33"

@@ -95,13 +95,7 @@ class Doubt(NamedTuple):
     is_clear: bool
 
 
-_FORMER_INPUTS = (
-    *("light", "flat", "circle", "radius", "of"),
-    *("kept", "lights", "strength", "noise", "pixel"),
-)
-
-
-@node(former=dict.fromkeys(_FORMER_INPUTS, "give the node 'fit_film' as 'evidence'"))
+@node
 def judge_radius(
     evidence: FilmEvidence,
     film: Film,

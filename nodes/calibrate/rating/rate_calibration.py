@@ -58,16 +58,7 @@ class LedFit(NamedTuple):
     refraction: Annotated[float, Port(unit="1")] | None = None
 
 
-_MODEL_ADVICE, _RADIUS_ADVICE = (
-    "give the fit of the LEDs as 'model'",
-    "give 'judge_radius' as 'radius'",
-)
-
-
-@node(
-    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL_ADVICE)
-    | dict.fromkeys(("fitted", "of_radius"), _RADIUS_ADVICE)
-)
+@node
 def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],
     spread: Spread,

@@ -19,7 +19,7 @@ from tactograph.graph.compare.report import _pictures
 from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.show.views import View
-from tests.conftest import MadeOnce
+from tests.fixtures import MadeOnce
 from tests.graph.conftest import Command, Write, one_line
 
 ONE = """

@@ -27,7 +27,7 @@ from tactograph.nodes.optics.reflectance_map import (
     terms,
 )
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 SHAPE = (72, 96)
 PIXEL, RADIUS_MM = 0.1, 2.5

@@ -31,7 +31,7 @@ def stored(folder: Path, suffix: str, result: object = None) -> Path:
     return file
 
 
-@pytest.mark.parametrize("suffix", ["tiff", "png", "tmd", "sur"])
+@pytest.mark.parametrize("suffix", ["tiff", "png", "tmd"])
 def test_a_format_that_states_the_pixel_size_needs_no_more(tmp_path: Path, suffix: str) -> None:
     file = stored(tmp_path, suffix, {"pixel_size_mm": 0.07})
     assert read_pixel_size(height=file) == pytest.approx(PIXEL)

@@ -3,12 +3,11 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tests.conftest import Raytraced, real_data
+from tests.fixtures import Raytraced, real_data
 from tests.nodes.calibrate.film.test_judge_radius import image_of
 
 PIXEL = 0.1

@@ -6,8 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
@@ -21,7 +20,7 @@ from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
-from tests.conftest import python
+from tests.fixtures import python
 from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)

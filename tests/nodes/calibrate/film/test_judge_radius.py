@@ -24,7 +24,7 @@ from tactograph.nodes.calibrate.film.judge_radius import (
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.optics.film import matt_film
-from tests.conftest import RIG_PIXEL_MM, Raytraced, real_data
+from tests.fixtures import RIG_PIXEL_MM, Raytraced, real_data
 
 BALL = 7.0
 """Radius of the rigs' balls in mm."""
