@@ -11,6 +11,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
+    GraphError,
     NodeError,
     TactographError,
     WriteError,
@@ -164,7 +165,9 @@ def _report(error: BaseException) -> int:
         click.echo("tactograph: out of memory", err=True)
         return 1
     if isinstance(error, TactographError):
-        click.echo(f"tactograph: {_one_line(error)}", err=True)
+        others = len(error.others) if isinstance(error, GraphError) else 0
+        more = f" ({others} more: 'tactograph check' lists them)" if others else ""
+        click.echo(f"tactograph: {_one_line(error)}{more}", err=True)
         return error.exit_code
     return _report_unexpected(error)
 

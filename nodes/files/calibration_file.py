@@ -27,7 +27,7 @@ COLOUR_LIGHTS = ("bgr", "rgb")
 KIND_USERS = {
     "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
-    "camera": "lens=",
+    "camera": "a camera's lens",
 }
 """Users of each kind of file."""
 
@@ -73,7 +73,7 @@ def free_for(file: Path, kind: FileKind) -> Path:
     except InputError:
         is_free = False
     if not is_free:
-        raise ValueError(f"a name that is free, or of an earlier {kind.name}, is needed")
+        raise ValueError(f"the name of a new file, or of an earlier {kind.name}, is needed")
     return file
 
 
@@ -245,11 +245,13 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
         return
     if about.lights in COLOUR_LIGHTS and about.lights != lights:
         raise InputError(
-            f"{file}: was made with lights={about.lights}, but lights={lights} is asked for; give "
-            f"lights={about.lights}, or calibrate with lights={lights}"
+            f"{file}: was made of colours in the order {about.lights}, not {lights}; give "
+            f"`lights`={about.lights}, or calibrate with {lights}"
         )
     if about.lights is None and lights == "rgb":
-        warn(f"{file}: does not say whether it was made with lights=rgb; calibrate again")
+        warn(
+            f"{file}: does not say whether it was made of colours in the order rgb; calibrate again"
+        )
 
 
 def _is_number(value: object) -> bool:
@@ -275,7 +277,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         return load_arrays(file)
     except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
-        raise InputError(f"{file}: the calibration is refused: {why}") from None
+        raise InputError(f"{file}: this calibration cannot be used: {why}") from None
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:

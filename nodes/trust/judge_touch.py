@@ -85,7 +85,7 @@ def judge_touch(
         trust, alone, why = _verdict(p, known, made, false_alarms)
         causes = _said(why, evidence, added or 0.0)
         if all(share < false_alarms for share in alone) and not force:
-            raise InputError(f"{causes}: no height follows; force=true goes on all the same")
+            raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
         if trust < false_alarms:
             warn(f"{causes}; the height may be wrong")
         figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(made, alone, strict=True)}

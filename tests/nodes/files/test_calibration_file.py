@@ -161,9 +161,11 @@ def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path:
     file = tmp_path / "cal.npz"
     write(file)
     (note,) = told_by(file, "rgb")
-    assert "does not say whether it was made with lights=rgb" in note
+    assert "does not say whether it was made of colours in the order rgb" in note
     write(file, lights="bgr")
-    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+    with pytest.raises(
+        InputError, match="made of colours in the order bgr, not rgb; give `lights`=bgr"
+    ):
         read_calibration(file=file, lights="rgb")
     assert not told_by(file, "bgr")
 

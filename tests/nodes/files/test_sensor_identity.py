@@ -68,7 +68,7 @@ def test_a_recording_is_replayed_with_its_sensor(tmp_path: Path, calibrated: Cal
     (line,) = str(refusal.value).splitlines()
     assert "is of sensor 'left', but the calibration" in line
     assert "is of sensor 'right'" in line
-    assert "another_sensor=true" in line
+    assert "`another_sensor`=true" in line
     with collect_warnings([]) as told:
         again = replay(recording=recording, calibration=right, another_sensor=True, speed=0)
         assert len(list(again)) == 1
@@ -122,7 +122,7 @@ def test_a_camera_is_not_used_with_the_calibration_of_another(calibrated: Calibr
     mini = UsedCalibration(calibrated("mini", "A1"))
     CameraParams("serial:A1").check_calibration(mini)
     CameraParams("simulated").check_calibration(mini)
-    with pytest.raises(InputError, match=r"camera=serial:B2: is of serial B2, but .* serial A1"):
+    with pytest.raises(InputError, match=r"`camera`=serial:B2: is of serial B2, but .* serial A1"):
         CameraParams("serial:B2").check_calibration(mini)
 
 

@@ -124,7 +124,7 @@ def _chosen(layers: list[Layer], name: str | None) -> Layer | None:
     maps = {e.name: e for e in layers if isinstance(e.kind.drawn, LedLabels | Regions | ColourMap)}
     if name not in maps:
         has = f"it has {', '.join(maps)}" if maps else "it has none"
-        raise InputError(f"preview: layer={name}: the touch has no such map; {has}")
+        raise InputError(f"`layer`={name}: the touch has no such map; {has}")
     return maps[name]
 
 
