@@ -20,5 +20,5 @@ def touch_in_words(figures: Metrics) -> str:
     contacts = {0: "no contact", 1: f"1 contact, {depth:.2g} mm deep"}.get(
         count, f"{count} contacts, the deepest of {depth:.2g} mm"
     )
-    trust = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
+    trust = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     return f"{contacts}; {trust}"

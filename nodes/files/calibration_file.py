@@ -126,7 +126,7 @@ def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> Non
     typed = {n: np.asarray(array, kind.values[n].dtype) for n, array in arrays.items()}
     every = _load(file, kind) | typed
     _check_head(file, kind, every)
-    _check_arrays(kind, every, {n: v for n, v in kind.values.items() if n in every})
+    _check_arrays(kind, every)
     _write_archive(file, every)
 
 

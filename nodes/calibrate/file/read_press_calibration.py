@@ -11,7 +11,6 @@ from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.image_files import Crop, Lights
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.trust.check_ranks import NO_RANKS
 
 
 @node

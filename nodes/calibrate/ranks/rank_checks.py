@@ -17,7 +17,7 @@ from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind, replace_arrays
 from tactograph.nodes.optics.lens import LENS_TERMS
-from tactograph.nodes.trust.check_ranks import figures_of, ranked
+from tactograph.nodes.trust.check_ranks import NO_RANKS, figures_of, ranked
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -78,7 +78,7 @@ def _smaller(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     if "dark" in arrays:
         made["dark"] = cv2.resize(arrays["dark"], size, interpolation=cv2.INTER_AREA)
     made["area"] = np.ones(size[::-1], np.uint8)
-    return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32)}
+    return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32), "ranks": NO_RANKS}
 
 
 def _ranks(graph: str, overlay: str, given: dict[str, Any]) -> F8:

@@ -10,7 +10,7 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks._drawn import OBJECT_FORMS, Doubts, drawn
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.trust.check_ranks import RANK_COUNT, Ranked
-from tests.conftest import Calibration
+from tests.fixtures import Calibration
 
 EXACT = Doubts(level=0.0, width_mm=1.0, light=0.0, uneven=0.0, contact_mm=0.05)
 FLAT, PIXEL = np.ones((4, 60, 80), np.float32), 0.1
