@@ -69,7 +69,7 @@ CHECK_FIGURES = {
         "curl",
         1 / MIN_CELLS,
         "in a part of the image the slopes are those of no surface (check that the frames are "
-        "whole, and that nothing moved while the LEDs flashed)",
+        "whole, that all are of one touch, and that nothing moved while the LEDs flashed)",
     ),
     "light_at_rest": Figure(
         "light",
@@ -139,7 +139,7 @@ CHECK_FIGURES = {
         "rest",
         SHARE_ERROR,
         "most of the touch lies below the film at rest (check the order of the images, and that "
-        "they are not turned)",
+        "they are neither mirrored nor turned)",
     ),
     "added": Figure(
         "rest",
