@@ -19,7 +19,7 @@ MIN_SPREAD = 1e-6
 """Smallest residual in mm from which on a pixel counts less, and smallest change of a plane."""
 HELD_SHARE, MOST_SHARE = 1 / 4, 1 / 2
 """Share of the film that makes a plane one that may be level, and that makes it what most share."""
-TRIALS = 440
+TRIAL_COUNT = 440
 """Planes through three pixels: all three lie on one that holds a quarter, but for one in 1000."""
 MAX_SCORED = 2000
 """Pixels that a plane's share is counted on."""
@@ -153,7 +153,7 @@ def shared_plane(terms: F8, z: F8, least: float) -> SharedPlane:
     """
     rng, values = np.random.default_rng(0), z.reshape(len(z), -1)
     some = rng.choice(len(z), min(len(z), MAX_SCORED), replace=False)
-    three = rng.integers(0, len(z), (TRIALS, 3))
+    three = rng.integers(0, len(z), (TRIAL_COUNT, 3))
     corners = terms[three]
     three = three[np.abs(np.linalg.det(corners)) > MIN_SPREAD]
     if not len(three):

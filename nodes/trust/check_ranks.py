@@ -148,6 +148,7 @@ CHECK_FIGURES = {
         "camera's black level has changed)",
     ),
 }
+"""All figures of a touch, by name."""
 CheckRanks = Annotated[F4, Port("3 20 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
@@ -163,6 +164,7 @@ class Ranked(IntEnum):
 
 
 NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
+"""Those of a calibration from which no touches were drawn."""
 
 
 def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None) -> F8:
