@@ -23,6 +23,9 @@ TRIAL_COUNT = 440
 """Planes through three pixels: all three lie on one that holds a quarter, but for one in 1000."""
 MAX_SCORED = 2000
 """Pixels that a plane's share is counted on."""
+MAX_GROWTH = 2**0.25
+"""Growth of a plane's share when twice as far counts: none on a plane, a factor of sqrt(2) on film
+that bends."""
 QUARTILE_OF_NORMAL, INLIER_DEVIATIONS = 0.3186, 2.5
 """Quartile of a normal residual's size over its deviation; deviations within which it counts."""
 REST_BORDER_SHARE = 0.02
@@ -149,7 +152,7 @@ def shared_plane(terms: F8, z: F8, least: float) -> SharedPlane:
 
     Random sample consensus (Fischler and Bolles 1981).  How far a height may lie from its plane
     follows from the plane that a quarter of the film is nearest to (Rousseeuw's least quantile of
-    squares), so that no scale is given.
+    squares), so that no scale is given.  Film that bends has no such plane: shares of 0.
     """
     rng, values = np.random.default_rng(0), z.reshape(len(z), -1)
     some = rng.choice(len(z), min(len(z), MAX_SCORED), replace=False)
@@ -168,6 +171,9 @@ def shared_plane(terms: F8, z: F8, least: float) -> SharedPlane:
         before, plane = plane, weighted_plane(terms, values, on_it.astype(np.float64))
         if np.abs(plane - before).max() < MIN_SPREAD:
             break
+    rest = np.linalg.norm(values - terms @ plane, axis=1)
+    if (rest < 2 * near).mean() > MAX_GROWTH * on_it.mean():
+        return SharedPlane(on_it, (0.0, 0.0))
     other = ((away < near) & ~on_it[some]).mean(axis=1).max()
     return SharedPlane(on_it, (float(on_it.mean()), float(other)))
 
