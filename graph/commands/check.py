@@ -39,8 +39,9 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
 
 def _check(read: Graph, own_params: Container[str]) -> None:
     from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.files.groups import alike, uses_of
+    from tactograph.graph.files.groups import uses_of
     from tactograph.graph.plan.make_plan import make_plan
+    from tactograph.graph.show.sketch import use_of
 
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
@@ -52,8 +53,8 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        # A use of a group may leave outputs unread.
-        if not any(node in plan.tasks for node in alike(read, unused)):
+        # A group may make what one of the graphs that use it does not read.
+        if use_of(unused) not in read.uses:
             say(f"not used by any output: {unused}")
     for group in read.groups:
         if not uses_of(read, group):

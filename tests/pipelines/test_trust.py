@@ -208,7 +208,7 @@ def test_rigid_walls_and_no_soft_ones_are_rims(
 def test_labels_that_cost_nothing_are_not_found_twice(raytraced: Raytraced, opened: Opened) -> None:
     """The checks judge the light by all labels: those of the last rough pass, on a matt film."""
     times = opened("reconstruct", "far28")(frames=images(raytraced / "far28/sphere_film")).times
-    assert times["judged"] == 0 < times["pass_4.label"]
+    assert times["judge.judged"] == 0 < times["rough.4.label"]
 
 
 @pytest.fixture

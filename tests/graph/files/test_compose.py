@@ -332,7 +332,7 @@ def test_what_shows_a_stream_fits_every_live_graph(graph: str, overlay: str) -> 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
 def test_the_drift_is_followed_in_every_graph_of_flashed_lights(graph: str) -> None:
     followed = with_overlays(read_graph(graph), ["follow_drift"])
-    assert followed.nodes["drift_2"].inputs["before"] == "previous.drift_2"
+    assert followed.entry("drift_2").inputs["before"] == "previous.relight.drift_2"
     make_plan(*_to_plan(followed), device=None)
 
 
@@ -340,7 +340,7 @@ def test_the_drift_is_followed_in_every_graph_of_flashed_lights(graph: str) -> N
 def test_a_source_fits_both_kinds_of_sensor(overlay: str) -> None:
     flashed = with_overlays(read_graph("reconstruct"), [overlay])
     colours = with_overlays(read_graph("gelsight_mini"), [overlay])
-    assert flashed.nodes["frames"].op == colours.nodes["frames"].op != "read_capture"
+    assert flashed.entry("frames").op == colours.entry("frames").op != "read_capture"
 
 
 def _to_plan(graph: Graph) -> tuple[Graph, dict[str, object]]:

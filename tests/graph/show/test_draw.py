@@ -149,23 +149,38 @@ def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> Non
 def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     boxes = {box.name: box for box in folded(plan).boxes}
-    assert boxes["pass_1"].label == "pass: 6 nodes"
+    assert boxes["rough"].label == "4 x rough_pass: 23 nodes"
     assert not [name for name in boxes if "." in name]
     assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
-    outside = [name for name in plan.tasks if "." not in name]
-    assert boxes.keys() == {*outside, *plan.graph.uses}
+    assert boxes.keys() == {name.partition(".")[0] for name in plan.tasks}
     for drawn_as in (
         to_dot(folded(plan)),
         to_mermaid(folded(plan)),
         to_svg(folded(plan)),
     ):
-        assert "pass: 6 nodes" in drawn_as
+        assert "4 x rough_pass: 23 nodes" in drawn_as
 
 
 def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
-    names = [box.name for box in folded(planned("precise", device)).boxes]
-    assert "pass_1" not in names
-    assert {"pass_1.label", "gloss", "pass_2"} <= {*names}
+    flat = {"op": "rest_at_border", "in": {"height": "height"}}
+    last = {"op": "rest_at_border", "in": {"height": "more"}}
+    group = {"inputs": {"height": {}, "more": {}}, "nodes": {"first": flat, "last": last}}
+    nodes = {
+        "ball": {"op": "shape_ball", "with": {"radius_mm": 5.0}},
+        "use": {"group": "two", "in": {"height": "ball.height", "more": "between"}},
+        "between": {"op": "rest_at_border", "in": {"height": "use.first"}},
+    }
+    graph = {"format": 1, "groups": {"two": group}, "nodes": nodes}
+    plan = make_plan(read_graph({**graph, "outputs": {"h": "use.last"}}), {}, device=device)
+    names = [box.name for box in folded(plan).boxes]
+    assert names == ["ball", "use.first", "between", "use.last"]
+
+
+def test_an_opened_use_shows_the_uses_in_it(device: OpenCL) -> None:
+    sketch = sketch_of(planned("reconstruct", device))
+    names = {box.name for box in fold(sketch, ["rough", "rough.2"]).boxes}
+    assert {"take", "rough.1", "rough.2.label", "rough.4"} <= names
+    assert not {"rough", "rough.2", "rough.1.label"} & names
 
 
 @pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
@@ -192,8 +207,8 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
 
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
-    svg = to_svg(folded(plan), {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
-    assert "pass: 6 nodes, 3 ms" in svg
+    svg = to_svg(folded(plan), {"rough.1.label": 2.0, "rough.2.matt": 1.0, "label": 8.0})
+    assert "4 x rough_pass: 23 nodes, 3 ms" in svg
     assert "label_lights, 8 ms" in svg
 
 
