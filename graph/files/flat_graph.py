@@ -32,8 +32,6 @@ class Param:
     help: str = ""
     required: bool = True
     default: Any = None
-    of_group: bool = False
-    """Taken over from a group: without a node that takes it, the graph does not have it."""
 
     @property
     def state(self) -> str:
