@@ -247,7 +247,7 @@ class Graph:
 
     def _called(self, name: str) -> list[str]:
         """The nodes and uses of that name that lie in the fewest uses."""
-        gone = self.gone.keys() - self.nodes.keys()
+        gone = self.gone.keys() - self.nodes.keys() - self.uses.keys()
         paths = [path for path in self._inside.get(name, ()) if path not in gone]
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]
