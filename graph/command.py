@@ -11,6 +11,7 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
+    GraphError,
     NodeError,
     TactographError,
     WriteError,
@@ -41,7 +42,6 @@ COMMANDS = (
     "bench",
     "schema",
 )
-COMMAND_ALIASES = {"plan": "explain"}
 STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
@@ -58,7 +58,6 @@ class _Lazy(click.Group):
         return [*COMMANDS, *_ring_verbs()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        cmd_name = COMMAND_ALIASES.get(cmd_name, cmd_name)
         file = cmd_name.replace("-", "_")
         if cmd_name in COMMANDS:
             module = importlib.import_module(f"tactograph.graph.commands.{file}")
@@ -70,8 +69,7 @@ class _Lazy(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         word = args[0]
         if (
-            word not in (*COMMANDS, *COMMAND_ALIASES)
-            and word not in _ring_verbs()
+            word not in (*COMMANDS, *_ring_verbs())
             and not word.startswith("-")
             and not ctx.resilient_parsing
         ):
@@ -167,7 +165,9 @@ def _report(error: BaseException) -> int:
         click.echo("tactograph: out of memory", err=True)
         return 1
     if isinstance(error, TactographError):
-        click.echo(f"tactograph: {_one_line(error)}", err=True)
+        others = len(error.others) if isinstance(error, GraphError) else 0
+        more = f" ({others} more: 'tactograph check' lists them)" if others else ""
+        click.echo(f"tactograph: {_one_line(error)}{more}", err=True)
         return error.exit_code
     return _report_unexpected(error)
 

@@ -156,7 +156,7 @@ def _cluster(
     if not scheduler and not scheduler_file:
         return None
     if number is not None or (scheduler and scheduler_file):
-        raise InputError("say one of --workers, --scheduler and --scheduler-file")
+        raise InputError("give one of --workers, --scheduler and --scheduler-file")
     from tactograph.graph.batch.cluster import Cluster
 
     return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))

@@ -216,7 +216,7 @@ def _check_neutral(declared: Node) -> None:
         port = declared.inputs.get(neutral)
         if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
             raise TypeError(
-                f"{declared.name}: neutral '{neutral}' is no input of the output's type"
+                f"{declared.name}: neutral '{neutral}' is not an input of the output's type"
             )
 
 

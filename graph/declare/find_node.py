@@ -114,7 +114,7 @@ def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
     shipped = {*shipped_nodes()}
     for each in nodes:
         if not isinstance(each, Node):
-            raise InputError(f"nodes: {each!r} is no node; decorate the function with @node")
+            raise InputError(f"nodes: {each!r} is not a node; decorate the function with @node")
         if each.name in shipped:
             raise InputError(f"nodes: a shipped node is called '{each.name}'; rename the function")
         if each.name in own:

@@ -139,7 +139,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
         with blamed_on(layer.document.place((*path, "extends"))):
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
-                raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
+                raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
         group = _group_of(name, file)
         params = _params(stated.params, layer.document, (*path, "params"))
         body = replace(group.body, params={**group.body.params, **params})

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterable
 
 NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
-"""The numbers that differ between warnings of one kind; that of an LED tells kinds apart."""
+"""The numbers that differ between warnings of one kind; an LED's number makes another kind."""
 
 CALLER_LEVEL = 5
 """Frames from here to the line that calls a pipeline, or goes through its stream."""

@@ -16,7 +16,7 @@ from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
-    SAY_LIGHTS,
+    LIGHTS_ADVICE,
     USUAL_PATTERN,
     colour_frames,
     find_led_files,
@@ -133,7 +133,7 @@ def read_capture(
     single : refuse a folder of captures
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
-        or `serial` than the calibration is refused, or taken with a warning.
+        or `serial` than this calibration cannot be used, or taken with a warning.
     whole : whether images may remain the camera's integers
 
     Returns
@@ -158,7 +158,7 @@ def read_capture(
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
     inside = frames or [d for d in folders if _is_capture(d, layout)]
     if not inside:
-        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
+        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
     if single:
         raise InputError(
             f"{folder}: holds {len(inside)} captures, but one is needed; "
@@ -302,13 +302,13 @@ def _only_image(folder: Path) -> Path:
 
 def _what_is_missing(folder: Path, layout: Layout) -> str:
     if layout.lights in ("bgr", "rgb"):
-        return "holds no colour image"
+        return "holds no colour image, and no folder inside it does"
     if len(images := images_of(folder)) == 1:
         return (
-            f"holds {images[0].name} alone, but there is one image per LED (led1.png, led2.png, "
-            f"...); if its channels are the lights, {SAY_LIGHTS}"
+            f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
+            f"led2.png and so on. If the channels of a colour image are the lights, {LIGHTS_ADVICE}"
         )
     return (
-        f"holds no {layout.files.format(1)}.png (one image per LED, numbered; images of other "
-        "names: set 'files' of the node that reads them)"
+        f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "
+        "image per LED, numbered (`files`=NAME{} for other names)"
     )

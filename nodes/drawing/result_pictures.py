@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
@@ -18,7 +19,6 @@ from tactograph.nodes import (
     Labels,
     Light,
 )
-from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.layer_files import picture_file
 from tactograph.nodes.stream.layer_kinds import deviation_of, layers_of
@@ -101,7 +101,7 @@ def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
 def draw_regions(regions: Contacts, image: Light, noun: str, file: Path) -> None:
     """Regions over the mean image, each in a colour and with its number."""
     plate = _plate(regions.shape, 0)
-    colours = len(LED_COLOURS)
+    colours = len(BIT_COLOURS)
     numbers, areas = np.unique(regions[regions > 0], return_counts=True)
     share = areas.sum() / regions.size
     many = f"{len(numbers)} {noun}{'' if len(numbers) == 1 else 's'}"
@@ -135,7 +135,7 @@ class _Plate:
     def __init__(self, shape: tuple[int, ...], leds: int) -> None:
         figure, self._axes = _one_plane()
         empty = np.zeros(shape)
-        chosen = [*LED_COLOURS[:leds], SEVERAL_COLOUR] if leds else LED_COLOURS
+        chosen = [*BIT_COLOURS[:leds], SEVERAL_COLOUR] if leds else BIT_COLOURS
         colours = ListedColormap(chosen)
         norm = BoundaryNorm(np.arange(0.5, len(chosen) + 1), colours.N)
         self._grey = self._axes.imshow(empty, cmap="gray", vmin=0, animated=True)

@@ -59,6 +59,6 @@ def doubt_brightness(
         warn(
             "no film is taken for film at rest: heights are above a plane, and how bright touched "
             f"film is makes up {of_brightness:.2g} of the {of_all:.2g} um that are stated (root "
-            "mean square); a step of known depth settles it (measure_step known_um=, scale=)"
+            "mean square); a step of known depth settles it (measure_step, `scale`=RATIO)"
         )
     return np.asarray(combined, np.float32)

@@ -67,7 +67,7 @@ def read_preset(sensor: str) -> SensorPreset:
     file = presets.get(sensor, Path(sensor))
     if file.suffix != ".yaml" or not file.is_file():
         raise InputError(
-            f"sensor={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
+            f"`sensor`={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
         )
     document = read_yaml(file)
     preset = document.checked(SensorPreset)

@@ -121,4 +121,5 @@ from tactograph.nodes.stream.touch import (
     StateVector as StateVector,
     Touch as Touch,
     View as View,
+    as_it_is as as_it_is,
 )

@@ -19,6 +19,10 @@ from tactograph.graph.errors import (
 from tactograph.graph.run.raise_warnings import (
     warning_kind as warning_kind,
 )
+from tactograph.graph.show.colours import (
+    BIT_COLOURS as BIT_COLOURS,
+    SEVERAL_COLOUR as SEVERAL_COLOUR,
+)
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
     METRES_PER_MM as METRES_PER_MM,
@@ -72,10 +76,6 @@ from tactograph.nodes.contact.largest_contacts import (
     MAX_MEASURED as MAX_MEASURED,
     Most as Most,
     largest_contacts as largest_contacts,
-)
-from tactograph.nodes.drawing.led_colours import (
-    LED_COLOURS as LED_COLOURS,
-    SEVERAL_COLOUR as SEVERAL_COLOUR,
 )
 from tactograph.nodes.drawing.result_pictures import (
     draw_seams as draw_seams,

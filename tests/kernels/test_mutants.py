@@ -17,11 +17,12 @@ from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare
-from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases, pairwise
+from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
 from tests.fixtures import ROOT
+from tests.kernels.pairwise import pairwise
 
 SUFFIX = ".mutants.toml"
 FILES = {

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from tactograph.graph import EVERYTHING, Wanted, node, warn
+from tactograph.graph import node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays, record_of
 from tactograph.nodes.files.image_files import Lights
@@ -15,14 +15,10 @@ def read_calibration(
     file: Path,
     lights: Lights | None = None,
     filled: bool = False,
-    wanted: Wanted = EVERYTHING,
 ) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
     A warning repeats what made the calibration doubtful.
-
-    An old file that lacks the uncertainty of the LED positions is read as if they were exact,
-    with a warning where that matters.
 
     Parameters
     ----------
@@ -45,11 +41,6 @@ def read_calibration(
     arrays = read_arrays(file, CALIBRATION_KIND)
     about = read_about(file)
     check_use(file, about, lights)
-    if "others" not in arrays and "others" in wanted:
-        warn(
-            f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
-            "leave out; calibrate again"
-        )
     said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
     record = record_of(Calibration, {**arrays, **said})
     if filled:

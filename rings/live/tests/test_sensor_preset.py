@@ -57,7 +57,7 @@ def test_a_number_that_no_camera_has_is_refused(place: str, number: str, tmp_pat
 
 
 def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
-    with pytest.raises(InputError, match=r"sensor=mimi: is neither .* digit, gelsight_mini"):
+    with pytest.raises(InputError, match=r"`sensor`=mimi: is neither .* digit, gelsight_mini"):
         read_preset("mimi")
 
 

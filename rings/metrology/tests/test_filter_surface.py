@@ -61,7 +61,7 @@ def test_unknown_film_stays_unknown_and_spoils_nothing() -> None:
 
 
 def test_exchanged_nesting_indices_are_refused() -> None:
-    with pytest.raises(InputError, match="give the smaller as s_filter_mm"):
+    with pytest.raises(InputError, match="give the smaller as `s_filter_mm`"):
         filter_surface(wave(1.0), PIXEL, s_filter_mm=0.8, l_filter_mm=0.1)
 
 

@@ -72,7 +72,7 @@ def touch_columns(
         figure.
     """
     if not sensor.isidentifier():
-        raise InputError(f"sensor={sensor}: a name of letters, digits and underscores is needed")
+        raise InputError(f"`sensor`={sensor}: a name of letters, digits and underscores is needed")
     scale = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "unknown_level": UNKNOWN_LEVEL}
     about = {"level": "256 * red + green", **scale, "pixel_size_mm": float(touch.pixel)}
     about |= {"sensor_name": sensor, **origin}

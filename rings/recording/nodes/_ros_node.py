@@ -36,7 +36,9 @@ class RosNode:
         except Exception as error:
             self._context.try_shutdown()
             line = " ".join(str(error).split())
-            raise InputError(f"ROS 2: node_name={name}, namespace={namespace}: {line}") from None
+            raise InputError(
+                f"ROS 2: `node_name`={name}, `namespace`={namespace}: {line}"
+            ) from None
         executors = importlib.import_module("rclpy.executors")
         self._executor = executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

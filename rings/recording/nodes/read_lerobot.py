@@ -103,7 +103,7 @@ def _height_info(dataset: Path, rows: Any, sensor: str) -> dict[str, Any]:
     about = [feature.get("info") or {} for feature in rows.features.values()]
     sensors = [str(each["sensor_name"]) for each in about if "step" in each]
     if sensor not in sensors:
-        has = f"sensor={' or '.join(sensors)}" if sensors else "none of 'write_lerobot'"
+        has = f"`sensor`={' or '.join(sensors)}" if sensors else "none of 'write_lerobot'"
         raise InputError(f"{dataset}: there is no sensor '{sensor}'; it has {has}")
     info: dict[str, Any] = rows.features[height_column(sensor)]["info"]
     return info

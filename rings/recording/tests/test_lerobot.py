@@ -188,7 +188,7 @@ def test_a_second_stream_is_a_second_episode_but_not_of_another_kind(tmp_path: P
         write(folder, [a_touch()], rate=10)
     with pytest.raises(InputError, match=r"has 2 episodes"):
         next(read_lerobot(dataset=folder, episode=2))
-    with pytest.raises(InputError, match=r"no sensor 'right'; it has sensor=touch"):
+    with pytest.raises(InputError, match=r"no sensor 'right'; it has `sensor`=touch"):
         next(read_lerobot(dataset=folder, sensor="right"))
 
 

@@ -239,7 +239,7 @@ def test_again_says_what_changed(
     ("words", "said"),
     [
         (("--again", "nowhere"), "--again wants a report's folder"),
-        (("simulate", "--again", "nowhere"), "only --out may be said with it"),
+        (("simulate", "--again", "nowhere"), "it goes with --out and --columns only"),
         (("paper",), "say --over DIR"),
         (("paper", "--over", "nowhere"), "there is no such folder"),
         (("table1", "--repeats", 3), "--repeats needs --seed node.param"),

@@ -259,7 +259,7 @@ def pair(light: Light) -> Two: ...
         (no_port_out, {}, "port 'no_port_out': an array needs"),
         (no_node, {}, "no_node: the default of 'call' has to be a node"),
         (twice, {}, "two parameters are called 'gain'"),
-        (turned, {"neutral": "light"}, "neutral 'light' is no input of the output's type"),
+        (turned, {"neutral": "light"}, "neutral 'light' is not an input of the output's type"),
         (pair, {"neutral": 0}, "only a node with one output"),
     ],
 )

@@ -149,7 +149,7 @@ def test_plain_data_may_extend_what_ships() -> None:
     [
         ({"nodess": {}}, r"test_without_files\.py:\d+: nodess: unknown key 'nodess'; did you mean"),
         ({"outputs": {"light": "moer"}}, r"outputs\.light: there is no node 'moer'; did you mean"),
-        ({"title": object()}, r"test_without_files\.py:\d+: title: a object is no plain data"),
+        ({"title": object()}, r"test_without_files\.py:\d+: title: a object is not plain data"),
         ({"nodes": {1: {}}}, r"nodes: the key 1 is no text"),
         ({"prefer": ["metal"]}, r"prefer\[0\]: 'numpy' or 'opencl' is needed, not 'metal'"),
         ({"format": 2}, "this version reads format 1, not 2"),

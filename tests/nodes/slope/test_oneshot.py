@@ -232,7 +232,9 @@ def test_a_calibration_of_the_other_order_of_colours_is_refused(tmp_path: Path) 
     made = Provenance({}, None, [], {}, {}, [], [], {"lights": "bgr"})
     reflectance = true_map().astype(np.float32)
     write_press_calibration(FLAT, PIXEL, reflectance, {}, "", file=target, provenance=made)
-    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+    with pytest.raises(
+        InputError, match="made of colours in the order bgr, not rgb; give `lights`=bgr"
+    ):
         read_press_calibration(file=target, lights="rgb")
     read_press_calibration(file=target, lights="bgr")
 

@@ -59,14 +59,6 @@ def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
     assert np.abs(fine - SHALLOW).max() < 2e-4
 
 
-def test_several_neighbours_are_averaged() -> None:
-    none = np.zeros(Z.shape, np.uint8)
-    rng = np.random.default_rng(2)
-    noisy = GENTLE + rng.normal(0, 0.01, GENTLE.shape).astype(np.float32)
-    one, eight = (lut_nearest(noisy, none, INDEX, neighbours=n) for n in (1, 8))
-    assert np.std(eight - SHALLOW) < np.std(one - SHALLOW)
-
-
 @pytest.mark.parametrize("far", [0.0, 3.0])
 def test_the_nearest_entry_is_found_exactly_and_of_equals_one(far: float) -> None:
     """A lattice of light, and pixels of which two LEDs are halfway between its entries."""

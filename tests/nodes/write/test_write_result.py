@@ -14,8 +14,6 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.show import pictures
-from tactograph.nodes.drawing import led_colours
 from tactograph.nodes.drawing.result_pictures import draw_labels, draw_regions
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.read_height import read_height
@@ -193,7 +191,6 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
-    assert pictures.SEVERAL_COLOUR == led_colours.SEVERAL_COLOUR
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
         image, file = np.ones((4, *SHAPE), np.float32), tmp_path / f"{name}.png"

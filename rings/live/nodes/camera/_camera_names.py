@@ -38,7 +38,7 @@ def no_such_camera(camera: str, cameras: list[NamedCamera]) -> InputError:
     """Return the error for a serial number that none of the cameras has."""
     others = ", ".join(f"{each.serial} ({each.name})" for each in cameras if each.serial)
     return InputError(
-        f"camera={camera}: no camera has this serial number; there are {others or 'none'} "
+        f"`camera`={camera}: no camera has this serial number; there are {others or 'none'} "
         "('tactograph cameras' lists them)"
     )
 

@@ -92,10 +92,10 @@ def check_genicam(camera: str) -> None:
     try:
         formats = capture.formats
         if not capture.isOpened():
-            raise InputError(f"camera={camera}: cannot be opened: {capture.reason}")
+            raise InputError(f"`camera`={camera}: cannot be opened: {capture.reason}")
         if not any(PIXEL_FORMAT.fullmatch(each) for each in formats):
             raise InputError(
-                f"camera={camera}: its pixels are {', '.join(formats)}; Mono, Bayer or RGB of 8 "
+                f"`camera`={camera}: its pixels are {', '.join(formats)}; Mono, Bayer or RGB of 8 "
                 "to 16 bits, not packed, can be read"
             )
     finally:

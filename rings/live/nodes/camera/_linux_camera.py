@@ -41,7 +41,7 @@ def linuxpy() -> Any:
     InputError
         If it is not installed.
     """
-    need("linux", "library=linuxpy", "linuxpy")
+    need("linux", "linuxpy", "linuxpy")
     return importlib.import_module("linuxpy.video.device")
 
 

@@ -104,12 +104,12 @@ class Camera:
         if first is None:
             why = "delivers no frame" if self.connections else "cannot be opened"
             raise InputError(
-                f"camera={name}: {why}; look at its cable, whether another program has it, and "
+                f"`camera`={name}: {why}; look at its cable, whether another program has it, and "
                 "whether you are in the group 'video'"
             )
         if self._wanted.colour and first.data.ndim < 3:
             raise InputError(
-                f"camera={name}: delivers grey pictures, but a one-shot sensor's lights are the "
+                f"`camera`={name}: delivers grey pictures, but a one-shot sensor's lights are the "
                 "colours of one picture"
             )
         height, width = first.data.shape[:2]
@@ -117,7 +117,7 @@ class Camera:
         wanted = view.size if view else (self._wanted.width or width, self._wanted.height or height)
         if (width, height) != wanted:
             raise InputError(
-                f"camera={name}: delivers {width} x {height} pixels, but the calibration is for "
+                f"`camera`={name}: delivers {width} x {height} pixels, but the calibration is for "
                 f"{wanted[0]} x {wanted[1]}; calibrate with this camera"
             )
 

@@ -78,4 +78,4 @@ class CameraParams(NamedTuple):
             If it is another's and not taken on purpose.
         """
         here = SensorIdentity(serial=self.serial)
-        check_sensor(f"camera={self.camera}", here, *used)
+        check_sensor(f"`camera`={self.camera}", here, *used)

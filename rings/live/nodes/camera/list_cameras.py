@@ -34,7 +34,7 @@ def list_cameras() -> None:
     """
     industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
-        raise InputError("cameras are listed on Linux only; elsewhere try camera=0, camera=1, ...")
+        raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
     cameras = named_cameras()
     table = Table(box=None, pad_edge=False)
     for title in ("device", "name", "serial", "formats, sizes and frames per second"):

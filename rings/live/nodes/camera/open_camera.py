@@ -176,7 +176,7 @@ def check_camera(camera: int | str, library: Library = "opencv") -> bool:
         return False
     if not Path(text).is_file():
         raise InputError(
-            f"camera={text}: there is no such file; give an index, serial:..., genicam:..., a "
+            f"`camera`={text}: there is no such file; give an index, serial:..., genicam:..., a "
             "path, a URL or 'simulated'"
         )
     return True

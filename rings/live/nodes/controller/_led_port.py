@@ -34,7 +34,7 @@ def open_port(port: str, timeout_s: float) -> serial.SerialBase:
         URL, because some of them write files.
     """
     if "://" in port:
-        raise InputError(f"port={port}: is no device; give its name, such as /dev/ttyACM0")
+        raise InputError(f"`port`={port}: is no device; give its name, such as /dev/ttyACM0")
     try:
         return serial.Serial(port, BAUD_RATE, timeout=0.1, write_timeout=timeout_s, exclusive=True)
     except (OSError, ValueError) as error:
@@ -50,7 +50,7 @@ def no_controller() -> InputError:
         if p.vid is not None
     ]
     there = "serial ports on USB: " + ", ".join(names) if names else "no serial port on USB at all"
-    return InputError(f"no LED controller found; {there}; plug it in, or give port=")
+    return InputError(f"no LED controller found; {there}; plug it in, or give `port`=NAME")
 
 
 def holder(port: str) -> str | None:

@@ -54,7 +54,9 @@ def new_folder(calibration: Path) -> Path:
     """
     folder = calibration.with_name(f"{calibration.stem}_presses")
     if folder.exists():
-        raise InputError(f"{folder}: holds presses already; move it away, or give another out=")
+        raise InputError(
+            f"{folder}: holds presses already; move it away, or give the calibration another name"
+        )
     return folder
 
 

@@ -145,7 +145,7 @@ def _finer_and_finer(
         raise InputError(
             f"the film was pressed {len(images)} times within {guide.patience_s:g} s, and "
             f"{MIN_PRESSES} presses are needed; hold the ball still in it, or wait longer with "
-            "--set presses.patience_s=600"
+            "`patience_s`=600"
         )
     if fitted < len(images):
         yield _all(images, flat, circles)

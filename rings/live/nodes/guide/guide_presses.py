@@ -117,7 +117,7 @@ def guide_presses(
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
-                "and hold it still, or wait longer with --set frames.patience_s=600"
+                "and hold it still, or wait longer with `patience_s`=600"
             )
         tell(f"No press for {guide.patience_s:g} s: that was all.")
 

@@ -109,7 +109,7 @@ def read_scene(
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"camera={text}: {name}: {first['msg'].lower()}") from None
+        raise InputError(f"`camera`={text}: {name}: {first['msg'].lower()}") from None
 
 
 class _Pressed(NamedTuple):

@@ -117,7 +117,7 @@ def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings
     if size != preset.size:
         raise InputError(
             f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
-            f"{size[0]} x {size[1]}; calibrate with this sensor= or change its file"
+            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
         )
     asked = preset.camera
     return replace(

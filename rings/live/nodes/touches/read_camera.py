@@ -21,10 +21,8 @@ from tactograph.sdk.unstable import (
     make_film,
 )
 
-_ONE_SHOT = "a one-shot sensor, whose colours are lit at once, is read by 'op: read_colour_camera'"
 
-
-@node(endless=True, former={"sensor": _ONE_SHOT, "lights": _ONE_SHOT})
+@node(endless=True)
 def read_camera(
     *,
     driver: CameraParams,
@@ -80,7 +78,10 @@ def read_camera(
     """
     flat, dark, one_shot = calibrated_film(used.calibration)
     if one_shot:
-        raise InputError(f"{used.calibration}: {_ONE_SHOT}, not by read_camera")
+        raise InputError(
+            f"{used.calibration}: a one-shot sensor, whose colours are lit at once, is read by "
+            "'op: read_colour_camera', not by read_camera"
+        )
     driver.check_calibration(used)
     height, width = dark.shape
     sensor = open_rig(driver, port, (width, height), leds=len(flat), ambient=ambient, queue=queue)

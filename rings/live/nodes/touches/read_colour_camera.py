@@ -61,7 +61,7 @@ def read_colour_camera(
     order = lights or (preset.lights if preset else "bgr")
     if preset is not None and order != preset.lights:
         raise InputError(
-            f"sensor={sensor}: counts the colours as {preset.lights}, but lights={order}"
+            f"`sensor`={sensor}: counts the colours as {preset.lights}, but `lights`={order}"
         )
     if len(flat) != len(order):
         raise InputError(

@@ -53,7 +53,7 @@ class FreeLamps:
     def hold(self, led: int) -> None:
         """Raise an error: these LEDs cannot do it."""
         raise InputError(
-            "port=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
+            "`port`=none: LEDs that flash by themselves cannot be lit one by one; calibrate with "
             "images of your own (tactograph run calibrate capture=DIR flat=DIR)"
         )
 
@@ -215,7 +215,7 @@ def open_rig(
                 port, lit_between = str(link), board.lit_between
             connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
         elif port == SIMULATED_NAME:
-            raise InputError("port=simulated goes with camera=simulated")
+            raise InputError("`port`=simulated goes with `camera`=simulated")
         else:
             once = check_camera(driver.camera, driver.library)
             connect = partial(open_capture, driver.camera, driver.library)

@@ -26,7 +26,7 @@ from tactograph.sdk import (
     draw_arrows,
     layers_of,
 )
-from tactograph.sdk.unstable import LED_COLOURS, SEVERAL_COLOUR
+from tactograph.sdk.unstable import BIT_COLOURS, SEVERAL_COLOUR
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -48,7 +48,7 @@ WHITE_SHARE = 0.995
 LABEL_COUNT = 256
 BLUE_CURVE, GREEN_CURVE, RED_CURVE = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
-    "leds": tuple((str(k), colour) for k, colour in enumerate(LED_COLOURS, start=1)),
+    "leds": tuple((str(k), colour) for k, colour in enumerate(BIT_COLOURS, start=1)),
     "bgr": (BLUE_CURVE, GREEN_CURVE, RED_CURVE),
     "rgb": (RED_CURVE, GREEN_CURVE, BLUE_CURVE),
 }
@@ -124,7 +124,7 @@ def _chosen(layers: list[Layer], name: str | None) -> Layer | None:
     maps = {e.name: e for e in layers if isinstance(e.kind.drawn, LedLabels | Regions | ColourMap)}
     if name not in maps:
         has = f"it has {', '.join(maps)}" if maps else "it has none"
-        raise InputError(f"preview: layer={name}: the touch has no such map; {has}")
+        raise InputError(f"`layer`={name}: the touch has no such map; {has}")
     return maps[name]
 
 
@@ -201,7 +201,7 @@ def _label_colours(lights: Lights) -> Picture:
 @lru_cache
 def _region_colours() -> Picture:
     """A colour for each of the 256 numbers of regions."""
-    return _in_rgb(LED_COLOURS[(n - 1) % len(LED_COLOURS)] for n in range(LABEL_COUNT))
+    return _in_rgb(BIT_COLOURS[(n - 1) % len(BIT_COLOURS)] for n in range(LABEL_COUNT))
 
 
 def _in_rgb(colours: Iterable[str]) -> Picture:

@@ -196,7 +196,7 @@ def _open_screen(where: Where, folder: Path, keep: int) -> _Window | _Files:
     if reason is None:
         return _Window()
     if where == "window":
-        raise InputError(f"preview: {reason}; where=files writes pictures instead")
+        raise InputError(f"preview: {reason}; `where`=files writes pictures instead")
     warn(f"preview: {reason}; pictures go to {folder / 'latest.png'}")
     return _Files(folder, keep)
 

@@ -137,7 +137,7 @@ def _open(viewer: Viewer, url: str, file: Path | None, lights: Lights) -> Any:
     """A recording stream to the requested viewer and file."""
     rr = rerun()
     if viewer == "none" and file is None:
-        raise InputError("view_rerun: viewer=none needs a file to write, such as file=live.rrd")
+        raise InputError("`viewer`=none needs a file to write, such as `file`=live.rrd")
     stream = rr.RecordingStream("tactograph")
     sinks = []
     if viewer == "spawn":
@@ -156,7 +156,7 @@ def _spawn(rr: Any) -> None:
     ):
         raise InputError(
             "view_rerun: there is no screen for a viewer (DISPLAY is not set); "
-            "viewer=none file=live.rrd records, viewer=connect shows it elsewhere"
+            "`viewer`=none `file`=live.rrd records, `viewer`=connect shows it elsewhere"
         )
     try:
         rr.spawn(connect=False)
@@ -173,7 +173,7 @@ def _viewer_sink(rr: Any, url: str) -> Any:
         reason = error.strerror or error
         raise InputError(f"view_rerun: no viewer answers at {url}: {reason}") from None
     except (ValueError, RuntimeError) as error:
-        raise InputError(f"view_rerun: url={url}: {error}") from None
+        raise InputError(f"`url`={url}: {error}") from None
 
 
 def _reach(url: str, patience_s: float) -> None:

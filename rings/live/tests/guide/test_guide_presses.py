@@ -105,7 +105,7 @@ def test_a_wrong_ball_is_told_not_taken(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_leds_that_flash_by_themselves_are_refused(tmp_path: Path) -> None:
     given = GIVEN | {"port": "none"}
-    with pytest.raises(InputError, match=r"port=none: .* cannot be lit one by one"):
+    with pytest.raises(InputError, match=r"`port`=none: .* cannot be lit one by one"):
         next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
 
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rings.live.tests.oneshot import MOVING, calibrated
-from tactograph.graph import GraphError, InputError
-from tactograph.graph.declare.check_settings import check_settings
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.stream.frames import ALL_LIT
 from tactograph.nodes.stream.rest_film import make_film
@@ -89,9 +88,6 @@ def test_the_calibration_says_that_it_is_a_one_shot_sensor(mini: Path) -> None:
 def test_read_camera_names_the_node_that_reads_a_one_shot_sensor(mini: Path) -> None:
     with pytest.raises(InputError, match="is read by 'op: read_colour_camera'"):
         next(read_camera(camera=MOVING, calibration=mini))
-    for name in ("sensor", "lights"):
-        with pytest.raises(GraphError, match=f"no parameter '{name}' any more: .* 'op: read_colo"):
-            check_settings(read_camera, {"calibration": "cal.npz", name: "bgr"}, str)
 
 
 def test_red_comes_first_where_the_calibration_counts_so(mini: Path) -> None:

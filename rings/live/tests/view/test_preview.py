@@ -63,7 +63,7 @@ def test_an_opencv_without_windows_is_told_apart_from_a_missing_screen(
     monkeypatch.setattr(cv2, "namedWindow", raise_not_implemented)
     (note,) = show(Session(), folder=tmp_path)
     assert "OpenCV has no windows" in note
-    with pytest.raises(InputError, match="where=files"):
+    with pytest.raises(InputError, match="`where`=files"):
         show(Session(), folder=tmp_path, where="window")
 
 

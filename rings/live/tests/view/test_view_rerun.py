@@ -159,7 +159,7 @@ def test_without_a_screen_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPa
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("tactograph.rings.live.nodes.view.view_rerun.sys.platform", "linux")
-    with pytest.raises(InputError, match=r"no screen for a viewer.*viewer=none"):
+    with pytest.raises(InputError, match=r"no screen for a viewer.*`viewer`=none"):
         view(Session())
 
 

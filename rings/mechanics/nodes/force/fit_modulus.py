@@ -68,7 +68,7 @@ def fit_modulus(
     if thickness_mm is None and len(presses) < MIN_PRESSES:
         raise InputError(
             f"{results}: {len(presses)} presses do not tell modulus and thickness apart: measure "
-            f"thickness_mm=, or press {MIN_PRESSES} times or more, to different depths"
+            f"`thickness_mm`, or press {MIN_PRESSES} times or more, to different depths"
         )
 
     def moduli(thickness: float) -> F8:
@@ -83,7 +83,7 @@ def fit_modulus(
         if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
             raise InputError(
                 f"{results}: the presses are too alike to tell the thickness: press balls of "
-                "different radii, or measure thickness_mm="
+                "different radii, or measure `thickness_mm`"
             )
         minimum = minimize_scalar(
             spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
@@ -117,8 +117,8 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
     folders = sorted(d for d in results.iterdir() if (d / "height.tiff").is_file())
     if len(folders) != count:
         raise InputError(
-            f"{results}: holds {len(folders)} results, but force_n= names {count} forces; give one "
-            "per press, in order of the folders' names"
+            f"{results}: holds {len(folders)} results, but `force_n` names {count} forces; give "
+            "one per press, in order of the folders' names"
         )
     presses = []
     for folder in folders:

@@ -10,8 +10,8 @@ the slopes, so what is squared are the differences between neighbours of residua
 (the normals), at a weight that falls for large ones (Cauchy); their mean tells the shift along z.
 The Jacobian is the first surface's alone, so a step costs a product of matrices.
 
-A motion is open where the residual surface, which is noise, would tell as much of it as the shape
-does (R2): a ball turns unseen, a cylinder slides.
+A motion below the noise is unobservable: the residual surface, which is noise, would determine it
+as well as the shape does (R2).  A ball turns unseen, a cylinder slides.
 """
 
 from collections.abc import Iterable

@@ -117,7 +117,7 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel
     if "height" not in maps.names or pixel is None:
-        lacks = "a pixel size: give pixel_size_mm=" if "height" in maps.names else "heights"
+        lacks = "a pixel size: give `pixel_size_mm`=MM" if "height" in maps.names else "heights"
         raise InputError(f"{folder}: this store lacks {lacks}")
     numbers = _spread(len(maps.captures), most, folder, "run the batch over more captures")
     touches = [maps[number] for number in numbers]
@@ -133,7 +133,7 @@ def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
     reader = bring("streams", files[0].suffix[1:])
     heights = reader.read_heights(files) if reader is not None else []
     if pixel is None:
-        raise InputError(f"{folder}: states no pixel size; give pixel_size_mm=...")
+        raise InputError(f"{folder}: states no pixel size; give `pixel_size_mm`=MM")
     every = dict(enumerate(heights))
     return _of_recording(every, most, pixel, folder, "no topic /height holds more")
 

@@ -56,7 +56,7 @@ def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("presses", "force_n", "thickness", "folder", "told"),
     [
-        (3, (1.0, 1.0), 2.5, "", "holds 3 results, but force_n= names 2 forces"),
+        (3, (1.0, 1.0), 2.5, "", "holds 3 results, but `force_n` names 2 forces"),
         (2, (1.0, 1.0), None, "", "do not tell modulus and thickness apart"),
         (3, SHARES, None, "", "too alike to tell the thickness"),
         (3, (1e-9, 1e-9, 1e-9), 2.5, "", "kPa, which no gel has: are forces in newtons"),

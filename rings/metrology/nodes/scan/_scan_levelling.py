@@ -64,7 +64,7 @@ class ScanLevelling:
         if np.abs(self.drift[:, 1:]).max() > MAX_DRIFT:
             warn(
                 f"the surface bends by a slope of {np.abs(self.drift[:, 1:]).max():.2g} over the "
-                f"frame, too much for flat film: level={level} takes nothing but a plane off it"
+                f"frame, too much for flat film: `level`={level} takes nothing but a plane off it"
             )
             self._drifting, self.drift = None, np.zeros((2, 3))
         rows = self.terms.reshape(3, -1).T

@@ -64,7 +64,7 @@ def judge_light_model(
             "is it this sensor's, and are the images in the order of its LEDs?"
         )
         if not force and (left > REFUSED_RESIDUAL or not usual):
-            raise InputError(f"{told} force=true goes on all the same")
+            raise InputError(f"{told} `force`=true goes on all the same")
         warn(told)
     elif not usual:
         warn(
@@ -93,7 +93,7 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
         order = ", ".join(str(led + 1) for led in orders[best])
         told = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
-            raise InputError(f"{told}, or force=true goes on all the same")
+            raise InputError(f"{told}, or `force`=true goes on all the same")
         warn(told)
 
 

@@ -52,7 +52,7 @@ def judge_untouched(
     if lean > MAX_LEAN:
         warn(
             f"{folder}: the light model takes untouched film for tilted by {lean:.2g}, and "
-            f"{bright:.2g} times as bright as its own: only film that is known to be flat (level=) "
+            f"{bright:.2g} times as bright as its own: only film that is known to be flat "
             "keeps heights from bending; 'calibrate' learns this film from balls"
         )
     return {"untouched_slope": lean, "untouched_brightness": bright}

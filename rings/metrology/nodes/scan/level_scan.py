@@ -100,7 +100,7 @@ def level_scan(
         warn(
             f"the slopes of flat film drift by {lean:.2g} to the frame's border, which would "
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
-            "(level=plane leaves it)"
+            "(`level`=plane leaves it)"
         )
     errors, inside = scan_errors(found, single.residual, levelling, cell, seed)
     squares = (np.sum(each * each, axis=0) for each in (slope, single.slope))

@@ -74,12 +74,12 @@ def find_light_model(folder: Path) -> Path:
     """
     name = read_scan(folder).model
     if not name:
-        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as model=FILE.yaml")
+        raise InputError(f"{folder / SCAN_FILE}: names no light model; give it as `file`=FILE.yaml")
     for place in (folder / name, folder.parent / name):
         with contextlib.suppress(OSError):  # of a name that is too long
             if place.is_file():
                 return place
-    raise InputError(f"{folder}: its light model {name} is not there; give it as model=FILE.yaml")
+    raise InputError(f"{folder}: its light model {name} is not there; give it as `file`=FILE.yaml")
 
 
 def read_light_model_file(file: Path) -> LightModelFile:

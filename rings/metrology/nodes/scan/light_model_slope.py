@@ -17,7 +17,7 @@ from tactograph.sdk.unstable import cofactors, dot, in_blocks, limited_step, nor
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
 MIN_STEP_RAD = np.float32(1e-3)
-"""Step of a pixel after which it takes no more; the next one would be a twentieth of it."""
+"""Convergence threshold: the step after one of this size would be a twentieth of it."""
 MIN_LENGTH = np.float32(1e-20)
 MIN_LIGHT = np.float32(1e-6)
 """Smallest sum of squares of the modelled light."""
@@ -41,7 +41,11 @@ class ModelSlope(NamedTuple):
 
 
 @node(
-    sizes={"K": SizeLimit(4, 8, "three lights tell no brightness: run calibrate start=MODEL.yaml")},
+    sizes={
+        "K": SizeLimit(
+            4, 8, "three lights tell no brightness: calibrate with the light model as start"
+        )
+    },
     tolerance=Flips(
         1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
     ),

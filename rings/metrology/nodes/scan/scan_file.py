@@ -97,8 +97,8 @@ def read_scan(folder: Path) -> Scan:
         raise InputError(f"{file}: images: names a file twice")
     if any(said.crop):
         raise InputError(
-            f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and crop by "
-            "crop=x0,y0,x1,y1"
+            f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and give "
+            "`crop`=x0,y0,x1,y1"
         )
     of_target = said.target.radius if said.target else 0.0
     return Scan(

@@ -28,6 +28,6 @@ def scan_pixel_size(
     if abs(stated / model - 1) > MAX_SIZE_DIFFERENCE:
         warn(
             f"the scan says {stated:.6g} mm per px, its light model {model:.6g}: the scan's is "
-            "taken; check that the model is this sensor's, or settle it by pixel_size_mm="
+            "taken; check that the model is this sensor's, or settle it by `mm`=MM"
         )
     return stated

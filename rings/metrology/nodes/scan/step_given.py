@@ -25,7 +25,7 @@ def step_given(
         If scan and depth are not given together, or a scale as well.
     """
     if (folder is None) != (known_um is None):
-        raise InputError("a known step needs both: known=SCAN known_um=DEPTH,UNCERTAINTY")
+        raise InputError("a known step needs both: `folder`=SCAN `known_um`=DEPTH,UNCERTAINTY")
     if folder is not None and scale is not None:
-        raise InputError(f"{folder}: a known step tells the scale: give known= or scale=")
+        raise InputError(f"{folder}: a known step tells the scale: give `folder` or `scale`")
     return folder is not None

@@ -57,9 +57,9 @@ def filter_surface(
     """
     if s_filter_mm and l_filter_mm and s_filter_mm >= l_filter_mm:
         raise InputError(
-            f"s_filter_mm={s_filter_mm:g}, l_filter_mm={l_filter_mm:g}: the S-filter removes "
+            f"`s_filter_mm`={s_filter_mm:g}, `l_filter_mm`={l_filter_mm:g}: the S-filter removes "
             "waves shorter than its index, the L-filter longer ones; give the smaller as "
-            "s_filter_mm"
+            "`s_filter_mm`"
         )
     metrics: Metrics = {"form_degree": float(form_degree)}
     if s_filter_mm is not None:

@@ -142,7 +142,7 @@ def measure_step(
     if known_um is not None:
         certified, uncertainty = known_um
         if not certified > 0 or not middle:
-            raise InputError(f"known_um={certified:g},{uncertainty:g}: a depth above 0 is needed")
+            raise InputError(f"`known_um`={certified:g},{uncertainty:g}: a depth above 0 is needed")
         scale = certified / abs(middle)
         of_scale = np.hypot(of_mean / middle, uncertainty / certified)
         figures |= {"step_scale": scale, "step_scale_error": scale * float(of_scale)}
@@ -175,8 +175,8 @@ def step_profiles(
         shape = "a groove or ridge" if edges == 2 else "a step"
         raise InputError(
             f"{len(profiles)} of {len(lines)} profiles along {along} show {shape}: "
-            "crop=x0,y0,x1,y1 to the part that holds one, say along=x or y, whichever crosses it, "
-            "and edges=1 or 2"
+            "crop to the part that holds one, give `along`=x or y, whichever crosses it, and "
+            "`edges`=1 or 2"
         )
     return profiles
 

@@ -86,7 +86,7 @@ def _texture(
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     if count < POINTS_PER_TERM * terms or min(len(rows), len(columns)) < degree + 2:
         warn(
-            f"surface_texture: {name} has {count} points on {len(rows)} rows and {len(columns)} "
+            f"{name} has {count} points on {len(rows)} rows and {len(columns)} "
             f"columns, too few for a form of degree {degree}: no figures"
         )
         return figures

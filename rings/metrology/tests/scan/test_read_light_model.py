@@ -87,7 +87,7 @@ def test_a_damaged_model_is_refused(model_file: Path, old: str, new: str, messag
 @pytest.mark.parametrize("name", ["gone.yaml", "g" * 300])
 def test_a_scan_without_its_model_says_what_to_give(scan: Path, name: str) -> None:
     scan.write_text(scan.read_text().replace('""', name))
-    with pytest.raises(InputError, match=rf"light model {name} is not there; give it as model="):
+    with pytest.raises(InputError, match=rf"light model {name} is not there; give it as `file`="):
         read_light_model(file=scan.parent)
 
 
