@@ -28,8 +28,6 @@ JOINT_POWER = 8
 """Power with which figures add up: checks that are all near their limits say more than one."""
 MAX_RIM_SHARE = 0.25
 """Share from which on there is a warning; soft presses and a real sensor's balls stay below it."""
-FORMER_MAPS = ("curl", "light", "drift", "departure", "slope", "used", "matt", "shadow", "pixel")
-"""Inputs that `touch_evidence` takes now."""
 
 
 class FilmErrors(NamedTuple):
@@ -40,12 +38,7 @@ class FilmErrors(NamedTuple):
     uneven: Uneven | None = None
 
 
-@node(
-    former=dict.fromkeys(("lights", "misfit", "uneven"), "give the calibration as 'film'")
-    | dict.fromkeys(FORMER_MAPS, "give touch_evidence as 'evidence'")
-    | {"flat": "give added_light as 'added'"}
-    | dict.fromkeys(("height", "rims"), "give film_on_rims' share as 'rim_share'")
-)
+@node
 def judge_touch(
     evidence: TouchEvidence,
     film: FilmErrors | None = None,

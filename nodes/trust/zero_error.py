@@ -6,9 +6,7 @@ from tactograph.nodes.trust._rest_check import MIN_CALM
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 
-@node(
-    former=dict.fromkeys(("light", "height", "drift", "film"), "give touch_evidence as 'evidence'")
-)
+@node
 def zero_error(evidence: TouchEvidence) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 
