@@ -14,7 +14,7 @@ def touch_in_words(figures: Metrics) -> str:
         Those of `measure_contact` where it is used, and ``trust`` of `judge_touch` where the graph
         judges touches.
     """
-    judged = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
+    judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     if "contacts" not in figures:
         return judged
     count = int(figures["contacts"])

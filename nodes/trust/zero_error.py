@@ -2,8 +2,10 @@
 
 from tactograph.graph import node
 from tactograph.nodes import ZeroError
-from tactograph.nodes.trust._rest_check import MIN_CALM
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
+
+MIN_CALM = 0.2
+"""Share of the image at rest with less of which zero is a guess."""
 
 
 @node
