@@ -12,7 +12,7 @@ def touch_in_words(figures: Metrics) -> str:
     ----------
     figures : of `measure_contact` and `judge_touch`, as far as the graph has them
     """
-    judged = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
+    judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     if "contacts" not in figures:
         return judged
     count = int(figures["contacts"])
