@@ -11,7 +11,8 @@ def touch_in_words(figures: Metrics) -> str:
     Parameters
     ----------
     figures
-        Those of `measure_contact` where it is used, and ``trust`` of `judge_touch` where the graph judges touches.
+        Those of `measure_contact` where it is used, and ``trust`` of `judge_touch` where the graph
+        judges touches.
     """
     judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     if "contacts" not in figures:
