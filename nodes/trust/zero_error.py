@@ -8,9 +8,7 @@ MIN_CALM = 0.2
 """Share of the image at rest with less of which zero is a guess."""
 
 
-@node(
-    former=dict.fromkeys(("light", "height", "drift", "film"), "give touch_evidence as 'evidence'")
-)
+@node
 def zero_error(evidence: TouchEvidence) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 

@@ -201,7 +201,7 @@ def test_a_variant_of_a_file_lies_over_another_graph(write: Write) -> None:
 
 
 def test_a_variant_with_a_base_lies_over_no_other_graph(write: Write) -> None:
-    with pytest.raises(InputError, match=r"variants.oneshot.base: a graph of its own"):
+    with pytest.raises(InputError, match=r"variants.oneshot.base: a whole graph"):
         with_overlays(read_graph("live"), ["replay_oneshot"])
 
 
@@ -276,7 +276,7 @@ def test_a_group_comes_from_a_file_and_is_changed_where_it_is_used(write: Write)
         ("outputs: {height: raw}", "outputs: {height: row}", "round.group.yaml:8:11: outputs.hei"),
         ("{set: slope", "{set: slpoe", "graph.yaml:9:9: groups.other.patch[0]: set: the group"),
         ("round.group.yaml}", "other.group.yaml}", "graph.yaml:5:11: groups.plain.extends: "),
-        ("round.group.yaml}", "round}", "groups.plain.extends: 'round' is no file of a group"),
+        ("round.group.yaml}", "round}", "groups.plain.extends: 'round' is not the file of a group"),
         ("round.group.yaml}", "round.group.yaml, nodes: {}}", "groups.plain.nodes: unknown key"),
     ],
 )

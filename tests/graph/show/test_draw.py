@@ -1,8 +1,6 @@
-"""Pictures of a plan: DOT, Mermaid and SVG."""
+"""Pictures of a plan: Mermaid and SVG."""
 
 import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from typing import NamedTuple, Self
 from xml.etree import ElementTree
@@ -15,8 +13,8 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.show.draw_mermaid import to_mermaid
 from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import Edge, Sketch, fold
 from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
@@ -36,11 +34,11 @@ def folded(plan: Plan) -> Sketch:
 
 def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
-    dot, mermaid = to_dot(every_step(plan)), to_mermaid(every_step(plan))
+    mermaid = to_mermaid(every_step(plan))
     assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
     for step in plan.steps:
-        assert dot.count(f'\n  "{step.name}" [label=') == 1
-    assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
+        assert mermaid.count(f'"{step.name}<br/>') == 1
+    assert mermaid.count(" -->|") == len(edges(plan))
 
 
 def grouped() -> Plan:
@@ -66,19 +64,6 @@ def grouped() -> Plan:
 
 def test_the_nodes_of_a_use_are_drawn_together() -> None:
     plan = grouped()
-    assert [
-        line.split(" [")[0].strip() for line in to_dot(every_step(plan)).splitlines()[3:12]
-    ] == [
-        '"shape"',
-        '"ball"',
-        'subgraph "cluster_use" { label="use"; color="#999999"; fontsize=10;',
-        '"use.b"',
-        'subgraph "cluster_use.a" { label="use.a"; color="#999999"; fontsize=10;',
-        '"use.a.n"',
-        "}",
-        "}",
-        '"shape" -> "ball"',
-    ]
     mermaid = to_mermaid(every_step(plan))
     assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
         ('use_use["use"]', ""), ('use_use_a["use.a"]', ""), ("", "end"), ("", "end"),
@@ -95,9 +80,10 @@ def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None
 
 
 def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
-    dot = to_dot(folded(planned(write(SLOPES), device)))
-    colours = set(re.findall(r'fillcolor="(#\w+)"', dot))
-    assert len(colours) == 2
+    mermaid = to_mermaid(folded(planned(write(SLOPES), device)))
+    used = {*re.findall(r":::(\w+)", mermaid)}
+    colours = dict(re.findall(r"classDef (\w+) fill:(#\w+)", mermaid))
+    assert len({colours[backend] for backend in used}) == 2
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -105,19 +91,6 @@ def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
     steps = {step.name for step in plan.steps}
     assert all({a, b} <= steps for a, b, _ in edges(plan))
-
-
-@pytest.mark.parametrize("name", ['we"ird.yaml', "back\\slash.yaml", "two words.yaml"])
-def test_the_name_of_the_file_breaks_no_quotes(write: Write, name: str) -> None:
-    first = to_dot(folded(planned(write(SLOPES, name), None))).splitlines()[0]
-    assert re.fullmatch(r'digraph "(?:[^"\\]|\\.)*" \{', first)
-
-
-@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not here")
-def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
-    dot = to_dot(folded(planned("paper", device)))
-    done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
-    assert "<svg" in done.stdout
 
 
 class Box(NamedTuple):
@@ -154,7 +127,6 @@ def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> N
     assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
     assert boxes.keys() == {name.partition(".")[0] for name in plan.tasks}
     for drawn_as in (
-        to_dot(folded(plan)),
         to_mermaid(folded(plan)),
         to_svg(folded(plan)),
     ):
