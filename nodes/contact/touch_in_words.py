@@ -20,5 +20,8 @@ def touch_in_words(figures: Metrics) -> str:
     contacts = {0: "no contact", 1: f"1 contact, {depth:.2g} mm deep"}.get(
         count, f"{count} contacts, the deepest of {depth:.2g} mm"
     )
-    trust = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
+    if "trust" not in figures:
+        return f"{contacts}; its light was not judged"
+    checked = "" if "check_light" in figures else ", which no light was checked for"
+    trust = f"trust {figures['trust']:.2f}{checked}"
     return f"{contacts}; {trust}"

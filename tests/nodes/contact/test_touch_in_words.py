@@ -8,10 +8,10 @@ from tactograph.nodes.contact.touch_in_words import touch_in_words
 @pytest.mark.parametrize(
     ("figures", "sentence"),
     [
-        ({"contacts": 0.0, "trust": 0.981}, "no contact; trust 0.98"),
+        ({"contacts": 0.0, "trust": 0.981, "check_light": 0.2}, "no contact; trust 0.98"),
         (
             {"contacts": 1.0, "contact_depth_mm/c1": 0.6149, "trust": 0.0},
-            "1 contact, 0.61 mm deep; trust 0.00",
+            "1 contact, 0.61 mm deep; trust 0.00, which no light was checked for",
         ),
         (
             {"contacts": 2.0, "contact_depth_mm/c1": 0.2, "contact_depth_mm/c2": 1.25},
