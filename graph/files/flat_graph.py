@@ -32,8 +32,6 @@ class Param:
     help: str = ""
     required: bool = True
     default: Any = None
-    of_group: bool = False
-    """Taken over from a group: without a node that takes it, the graph does not have it."""
 
     @property
     def state(self) -> str:
@@ -249,7 +247,7 @@ class Graph:
 
     def _called(self, name: str) -> list[str]:
         """The nodes and uses of that name that lie in the fewest uses."""
-        gone = self.gone.keys() - self.nodes.keys()
+        gone = self.gone.keys() - self.nodes.keys() - self.uses.keys()
         paths = [path for path in self._inside.get(name, ()) if path not in gone]
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]

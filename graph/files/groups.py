@@ -240,7 +240,7 @@ def _with_taken_over(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
         for name, param in body.params.items():
             if not param.kind or name in use.settings:
                 continue
-            known = graph.params.get(name) or taken.setdefault(name, replace(param, of_group=True))
+            known = graph.params.get(name) or taken.setdefault(name, param)
             if known.kind != param.kind:
                 raise GraphError(
                     f"{body.where(f'params.{name}.kind')}: the graph has a param '{name}' of kind "

@@ -90,14 +90,14 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
         changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
-    return _without_unread(_flat_outputs(changed))
+    return _without_unread(_flat_outputs(changed), model.params)
 
 
-def _without_unread(graph: Graph) -> Graph:
-    """The graph without params of groups that none of its nodes takes."""
+def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
+    """The graph without params that none of its nodes takes, but for those `stated` here."""
     read = {v for e in graph.nodes.values() for v in e.settings.values() if isinstance(v, str)}
     params = graph.params.items()
-    return replace(graph, params={n: p for n, p in params if not p.of_group or f"${n}" in read})
+    return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
 
 
 def _stated(change: PatchModel) -> Change:

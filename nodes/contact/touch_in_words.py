@@ -10,7 +10,9 @@ def touch_in_words(figures: Metrics) -> str:
 
     Parameters
     ----------
-    figures : of `measure_contact` and `judge_touch`, as far as the graph has them
+    figures
+        Those of `measure_contact` where it is used, and ``trust`` of `judge_touch` where the graph
+        judges touches.
     """
     judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     if "contacts" not in figures:
