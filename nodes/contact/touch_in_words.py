@@ -12,7 +12,10 @@ def touch_in_words(figures: Metrics) -> str:
     ----------
     figures : of `measure_contact` and `judge_touch`, as far as the graph has them
     """
-    judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
+    checked = "" if "check_light" in figures else ", which no light was checked for"
+    judged = "its light was not judged"
+    if "trust" in figures:
+        judged = f"trust {figures['trust']:.2g}{checked}"
     if "contacts" not in figures:
         return judged
     count = int(figures["contacts"])
