@@ -139,7 +139,8 @@ class Simulator:
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]
         graph = {"format": 1, "extends": self.ring.graph, "patch": patch, "outputs": outputs}
         view = {"lens_at_corner": 0.0} if self.hand else {}
-        return load(graph, out=self.folder / "unused", **self.canvas, **view)
+        given = {"out": self.folder / "unused", "pixel_size_mm": self.ring.pixel_mm}
+        return load(graph, given | view)
 
     @cached_property
     def film(self) -> F4:
