@@ -10,9 +10,7 @@ def touch_in_words(figures: Metrics) -> str:
 
     Parameters
     ----------
-    figures
-        Those of `measure_contact` where it is used, and ``trust`` of `judge_touch` where the graph
-        judges touches.
+    figures : of `measure_contact` and `judge_touch`, as far as the graph has them
     """
     judged = f"trust {figures['trust']:.2g}" if "trust" in figures else "its light was not judged"
     if "contacts" not in figures:

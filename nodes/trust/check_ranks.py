@@ -149,6 +149,7 @@ CHECK_FIGURES = {
     ),
 }
 """All figures of a touch, by name."""
+FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
 CheckRanks = Annotated[F4, Port("3 20 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
@@ -201,9 +202,8 @@ def ranked(figures: F8) -> F8:
 
 def p_values(figures: F8, quantiles: F8) -> F8:
     """Return the share of right touches that have each figure as large as this, or larger."""
-    resolution = [figure.resolution for figure in CHECK_FIGURES.values()]
     start = quantiles[:, TAIL_START - 1]
-    scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), resolution)
+    scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), FIGURE_ERRORS)
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
     above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANK_COUNT)
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))

@@ -83,10 +83,10 @@ def judge_touch(
         p = p_values(figures_of(evidence, added or 0.0, lines), known[:-1])
         made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
         trust, alone, why = _verdict(p, known, made, false_alarms)
-        causes = _said(why, evidence, added or 0.0)
-        if all(share < false_alarms for share in alone) and not force:
-            raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
         if trust < false_alarms:
+            causes = _said(why, evidence, added or 0.0)
+            if max(alone) < false_alarms and not force:
+                raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
         figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(made, alone, strict=True)}
     if rim_share is not None:
@@ -104,13 +104,11 @@ def _verdict(
     p: F8, known: F8, made: list[str], false_alarms: float
 ) -> tuple[float, list[float], list[str]]:
     """The trust, that in each check alone, and the causes of those that fail, the worst first."""
-    causes = [figure.cause for figure in CHECK_FIGURES.values()]
-    of_check = np.array([figure.check for figure in CHECK_FIGURES.values()])
-    worst = [int(np.argmin(np.where(of_check == check, p, np.inf))) for check in made]
-    alone = [of_all_checks(p[i], known) for i in worst]
-    order = sorted(zip(alone, worst, strict=True))
-    failed = [causes[i] for share, i in order if share < false_alarms]
-    return order[0][0], alone, failed or [causes[order[0][1]]]
+    found = list(zip(p.tolist(), CHECK_FIGURES.values(), strict=True))
+    worst = [min((f for f in found if f[1].check == check), key=lambda f: f[0]) for check in made]
+    alone = [of_all_checks(least, known) for least, _ in worst]
+    order = sorted(zip(alone, [figure.cause for _, figure in worst], strict=True))
+    return order[0][0], alone, [cause for share, cause in order if share < false_alarms]
 
 
 def _said(causes: list[str], evidence: TouchEvidence, added: float) -> str:

@@ -17,6 +17,7 @@ from tactograph.nodes.contact.touch_in_words import touch_in_words
             {"contacts": 2.0, "contact_depth_mm/c1": 0.2, "contact_depth_mm/c2": 1.25},
             "2 contacts, the deepest of 1.2 mm; its light was not judged",
         ),
+        ({"trust": 0.5}, "trust 0.5"),
     ],
 )
 def test_a_touch_is_told_by_its_contacts_depth_and_trust(
