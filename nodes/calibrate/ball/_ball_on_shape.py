@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import KnownBall
-from tactograph.nodes.calibrate.film.balls_on_film import ball_height
+from tactograph.nodes.calibrate.film.balls_on_film import away_on, ball_height
 from tactograph.nodes.optics.rest_shape import RestShape
 
 MARGIN_PX = 0.5
@@ -43,11 +43,10 @@ class BallOnShape(NamedTuple):
         camera = self.shape.camera
         z = ball_height(u, v, (at.x, at.y, at.z), self.radius, camera)
         dx, dy = u * (1 - camera * z) - at.x, v * (1 - camera * z) - at.y
-        above = np.sqrt(max(self.radius**2 - at.rim**2, 0.0)) + z - self.shape.at(u, v)[3]
-        hit = np.hypot(dx, dy) ** 2 + (z - at.z) ** 2 < self.radius**2 * (1 + 1e-6)
-        away = np.sqrt(np.maximum(self.radius**2 - np.maximum(above, 0) ** 2, 0))
-        # Film so much lower than the ball's middle that a ray passes beside the ball is far away.
-        away = np.where(hit, away, np.maximum(np.hypot(dx, dy), self.radius))
+        rest = self.shape.at(u, v)[3]
+        base = at.z + np.sqrt(max(self.radius**2 - at.rim**2, 0.0))
+        centre = at.x, at.y, at.z
+        away = away_on(u, v, rest, base, centre, self.radius, camera)
         normal = [part / self.radius for part in (dx, dy, np.maximum(z - at.z, 0))]
         return normal, away * circle.radius / max(at.rim, 1e-9)
 

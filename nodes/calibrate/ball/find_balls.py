@@ -79,7 +79,7 @@ def find_balls(
         return FoundBalls(circles, none, radius, none.astype(np.int32), names)
     if shape is not None and (pitch_mm is not None or marks is not None):
         raise InputError(
-            "a grid of balls calibrates a film that is flat at rest: press single balls, one a press"
+            "a grid of balls is for film that is flat at rest: press single balls, one a press"
         )
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)

@@ -40,11 +40,16 @@ def known_balls(
     circle : B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask
     radius, of : length B: the balls' radii in mm, and the press that each is in
     pixel : mm per px
-    shape : the film at rest if it is no plane; heights then are those above its plane
+    shape
+        The film at rest if it is no plane: then heights are those above the plane, and slope and
+        height beside the balls are its own.
     """
     rows = flat.shape[1]
     slope = np.zeros((2, *light.shape[1:]), np.float32)
     mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
+    if shape is not None:
+        sheets = light.shape[1] // rows
+        slope[:], height[:] = np.tile(shape.slope, (1, sheets, 1)), np.tile(shape.height, (sheets, 1))
     for c, r, press in zip(circle, radius, of, strict=True):
         if shape is None:
             ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
