@@ -12,6 +12,7 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import Layout, read_capture, read_capture_file
 from tactograph.nodes.files.calibration_file import dark_led
 from tactograph.nodes.files.image_files import lights_of, read_plane
+from tactograph.nodes.optics.rest_shape import RestShape
 
 
 class Flat(NamedTuple):
@@ -26,6 +27,7 @@ def read_flat(
     image: Light,
     estimate: Light | None = None,
     black: Dark | None = None,
+    shape: RestShape | None = None,
     *,
     folder: Path | None = None,
     dark: Path | None = None,
@@ -39,6 +41,9 @@ def read_flat(
     image : K x H x W, the capture whose size the flat frame must have
     estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
     black : H x W, used if `dark` is not given; None: black
+    shape
+        The film at rest if it is no plane.  Its light changes right up to the border, where a
+        Gaussian would bend it: it is left to `denoise_flat`.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
@@ -66,7 +71,8 @@ def read_flat(
         warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
-    flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
+    width = smooth_px if shape is None else 0.0
+    flat = np.stack([_smoothed(plane - black, width) for plane in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
             f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "

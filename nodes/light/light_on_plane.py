@@ -5,15 +5,18 @@ from tactograph.nodes import Light
 
 
 @node(neutral="light")
-def light_on_plane(light: Light, share: Light | None = None) -> Light:
+def light_on_plane(light: Light, share: Light | None = None, *, away: bool = False) -> Light:
     """Multiply light relative to the film at rest by the film's own over that of a plane (F5).
 
     Parameters
     ----------
     light : K x H x W
     share : K x H x W, r as `untouched_film` returns it; None: the film at rest is a plane
+    away : whether light relative to a plane is made relative to the film at rest
     """
-    return light if share is None else light * share
+    if share is None:
+        return light
+    return light / share if away else light * share
 
 
 light_on_plane.opencl(grid="K H W", lanes="grid")
