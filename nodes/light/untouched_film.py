@@ -19,14 +19,15 @@ from tactograph.nodes.optics.rest_shape import (
 class Surface(NamedTuple):
     """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
 
-    `share` is r of F5, `matt` the light of a matt film of that shape (N1), `rest` and `tilt` are the
-    seen height and its slopes; None on a plane.
+    `share` is r of F5, `thrown` the part of it from film to film, `matt` the light of a matt film of
+    that shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
     """
 
     height: Height
     slope: Slope
     flat: Light
     share: Light | None
+    thrown: Light | None
     matt: Light | None
     rest: Height | None
     tilt: Slope | None
@@ -62,7 +63,7 @@ def untouched_film(
     size = flat.shape[1:]
     if rest is None:
         zero = np.zeros((2, *size), np.float32)
-        return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None)
+        return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None, None)
     if film is None or pixel is None:
         raise InputError("untouched_film: a film that is no plane needs 'film' and 'pixel' as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
@@ -73,7 +74,7 @@ def untouched_film(
     share = np.maximum(own + thrown, np.float32(MIN_REST_LIGHT))
     matt = expected_light(light_vectors(film.lights, shape.seen, shape.pixel), shape.slope)
     flat = np.asarray(flat / share, np.float32)
-    return Surface(shape.seen, shape.slope, flat, share, matt, shape.seen, shape.tilt)
+    return Surface(shape.seen, shape.slope, flat, share, thrown, matt, shape.seen, shape.tilt)
 
 
 def light_at_rest(
