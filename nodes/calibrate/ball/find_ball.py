@@ -124,12 +124,12 @@ def find_ball(
         return _ball(circle, _goodness(light, circle, radius))
     first = search_ball(light, radius, center_px, contact_px)
     beneath = None if shape is None else BallOnShape(shape, radius_mm)
-    circle = _refine(light, first, radius, center_px, contact_px, beneath)
+    circle = refined(light, first, radius, center_px, contact_px, beneath)
     goodness = _goodness(light, circle, radius)
     smallest = CONTACT_SHARES[-1] * radius
     if contact_px is None and (goodness < MIN_GOODNESS or circle.radius < smallest):
         first = search_ball(light, radius, center_px, None, SHALLOW_SHARES)
-        shallow = _refine(light, first, radius, center_px, None, beneath)
+        shallow = refined(light, first, radius, center_px, None, beneath)
         better = _goodness(light, shallow, radius)
         if better > max(goodness, MIN_SHALLOW_GOODNESS):
             circle, goodness = shallow, better
@@ -225,7 +225,7 @@ def _explained(normal: F8, right: F8) -> F8:
     return np.sum(np.linalg.solve(damped, right[..., None])[..., 0] * right, axis=-1)
 
 
-def _refine(
+def refined(
     light: F4,
     seed: Circle,
     radius: float,

@@ -83,10 +83,10 @@ def place_leds(
         return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
 
     def residual(unknown: F8) -> F8:
-        return _all_residuals(objects, rest, *split(unknown))
+        return all_residuals(objects, rest, *split(unknown))
 
     def jacobian(unknown: F8) -> F8:
-        return _jacobian(objects, rest, *split(unknown))
+        return jacobian_of(objects, rest, *split(unknown))
 
     solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
     return Placed(*split(solution), flat)
@@ -94,7 +94,7 @@ def place_leds(
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed) -> float:
     """The minimum of the cost that `place_leds` reaches."""
-    return huber(_all_residuals(objects, rest, placed.leds, placed.shifts))
+    return huber(all_residuals(objects, rest, placed.leds, placed.shifts))
 
 
 def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width_mm: float) -> F4:
@@ -106,7 +106,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width
     effects add up exactly.
     """
     leds, flat = placed.leds, rest is not None
-    slopes = _jacobian(objects, rest, leds, placed.shifts)
+    slopes = jacobian_of(objects, rest, leds, placed.shifts)
     on_objects = np.concatenate(
         [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
@@ -211,7 +211,7 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
     return unknown
 
 
-def _all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
+def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
     left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
@@ -308,7 +308,7 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     return [left.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
 
 
-def _jacobian(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
+def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """The Jacobian by differences; an LED affects only its own light, a shift its own object."""
     count, flat = len(leds), rest is not None
     sizes = [o.light.shape[1] for o in objects]

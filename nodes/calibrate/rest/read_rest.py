@@ -78,7 +78,7 @@ def read_rest(
     x, y, z, turn = (*(at_mm or ()), 0.0, 0.0, 0.0, 0.0)[:4]
     size = image.shape[1], image.shape[2]
     if file is None:
-        height = _by_form(size, pixel, camera, _form(radius_mm, cylinder_mm), (x, y, z))
+        height = by_rays(size, pixel, camera, _form(radius_mm, cylinder_mm, (x, y, z)))
     elif file.suffix.lower() in MESH_SUFFIXES:
         height = _by_mesh(file, size, pixel, camera, (x, y, z, turn))
     else:
@@ -103,7 +103,9 @@ def read_rest(
     return Resting(shape.height, shape)
 
 
-def _form(radius_mm: float | None, cylinder_mm: Radius | None) -> Callable[[F8, F8], F8]:
+def _form(
+    radius_mm: float | None, cylinder_mm: Radius | None, at: tuple[float, float, float]
+) -> Callable[[F8, F8], F8]:
     """The height of a ball or a cylinder over places in mm from its middle; NaN beside it."""
     values = (radius_mm,) if cylinder_mm is None else np.ravel(cylinder_mm).tolist()
     radius, angle = float(values[0] or 0), np.radians(values[1] if len(values) > 1 else 0.0)
@@ -112,26 +114,23 @@ def _form(radius_mm: float | None, cylinder_mm: Radius | None) -> Callable[[F8, 
     along = 0.0 if cylinder_mm is None else 1.0
 
     def height(x: F8, y: F8) -> F8:
+        x, y = x - at[0], y - at[1]
         square = x * x + y * y - along * (x * np.cos(angle) + y * np.sin(angle)) ** 2
         inside = np.where(square < radius * radius, radius * radius - square, np.nan)
-        return np.asarray(np.sign(radius) * (abs(radius) - np.sqrt(inside)))
+        return np.asarray(np.sign(radius) * (abs(radius) - np.sqrt(inside)) + at[2])
 
     return height
 
 
-def _by_form(
-    size: tuple[int, int],
-    pixel: float,
-    camera: float,
-    form: Callable[[F8, F8], F8],
-    at: tuple[float, float, float],
+def by_rays(
+    size: tuple[int, int], pixel: float, camera: float, form: Callable[[F8, F8], F8]
 ) -> F8:
-    """The height at which each ray meets a form."""
+    """Return the height at which the ray of each pixel meets a form, by its height over x and y."""
     v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
     height = np.zeros(size)
     for _ in range(RAY_STEPS if camera else 1):
         nearer = 1 - camera * height
-        height = form(u * nearer - at[0], v[:, None] * nearer - at[1]) + at[2]
+        height = form(u * nearer, v[:, None] * nearer)
     return height
 
 
