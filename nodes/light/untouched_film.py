@@ -19,7 +19,7 @@ from tactograph.nodes.optics.rest_shape import (
 class Surface(NamedTuple):
     """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
 
-    `share` is r of F5, `thrown` the part of it from film to film, `matt` the light of a matt film of
+    `share` is r of F5, `thrown` its part from film to film, `matt` the light of a matt film of
     that shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
     """
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from tactograph.graph import InputError, node
+from tactograph.graph import node
 from tactograph.nodes import F8
 from tactograph.nodes.files.mesh_file import rasterised, read_mesh
 from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, turned

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import KnownBall
-from tactograph.nodes.calibrate.film.balls_on_film import away_on, ball_height
+from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
 from tactograph.nodes.optics.rest_shape import RestShape
 
 MARGIN_PX = 0.5
@@ -54,9 +54,7 @@ class BallOnShape(NamedTuple):
         """Return the slope and height of a ball within its contact."""
         rows, columns = self.shape.height.shape
         y, x = np.mgrid[:rows, :columns].astype(np.float64)
-        (nx, ny, nz), away = self.seen(
-            x.ravel(), y.ravel(), circle, self.radius / self.shape.pixel
-        )
+        (nx, ny, nz), away = self.seen(x.ravel(), y.ravel(), circle, self.radius / self.shape.pixel)
         inside = (away < circle.radius - MARGIN_PX) & (nz > MIN_FACING)
         up = np.where(inside, nz, 1)
         at = place_on(self.shape, circle, self.radius)

@@ -49,7 +49,10 @@ def known_balls(
     mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
     if shape is not None:
         sheets = light.shape[1] // rows
-        slope[:], height[:] = np.tile(shape.slope, (1, sheets, 1)), np.tile(shape.height, (sheets, 1))
+        slope[:], height[:] = (
+            np.tile(shape.slope, (1, sheets, 1)),
+            np.tile(shape.height, (sheets, 1)),
+        )
     for c, r, press in zip(circle, radius, of, strict=True):
         if shape is None:
             ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))

@@ -1,4 +1,7 @@
-"""Samples of balls pressed into a film, to which a film's model is fitted."""
+"""Samples of balls pressed into a film, to which a film's model is fitted.
+
+Long because a sample holds the light that its film throws on itself, on a film of any shape.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -10,16 +13,15 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
-from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film._light_pattern import MEDIAN_OF_SQUARES
-from tactograph.nodes.calibrate.film.balls_on_film import (
+from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
-    Balls,
-    Beneath,
     away_on,
     ball_height,
     sunk,
 )
+from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
+from tactograph.nodes.calibrate.film._light_pattern import MEDIAN_OF_SQUARES
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -290,7 +292,9 @@ def _seen_at(circle: F4 | F8, size: tuple[int, ...], pixel: float) -> tuple[F8, 
 def _scales(circle: F4 | F8, size: tuple[int, ...], pixel: float, shape: RestShape | None) -> F8:
     """The size of a pixel in mm on the film under each ball."""
     scale = np.full(len(circle), pixel, np.float64)
-    return scale if shape is None else scale * (1 - shape.camera * _base(shape, circle, size, pixel))
+    return (
+        scale if shape is None else scale * (1 - shape.camera * _base(shape, circle, size, pixel))
+    )
 
 
 def _base(shape: RestShape, circle: F4 | F8, size: tuple[int, ...], pixel: float) -> F8:
@@ -320,9 +324,7 @@ def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4
     return _rest_of(shape, film._replace(rim=0.0), DEFAULT_MAX_CELLS, False, bounce).bounced
 
 
-def _rest_of(
-    shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall
-) -> _AtRest:
+def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall) -> _AtRest:
     """The light of the film at rest; what it throws on itself in turn with what falls on it."""
     if film.albedo == 0 and not fine:
         film = film._replace(albedo=USUAL_ALBEDO)
@@ -415,9 +417,7 @@ def _thrown_on(
     return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
-def _levelled(
-    press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest | None
-) -> F4:
+def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest | None) -> F4:
     """Level a press again, with the known light from film to film not taken for drift.
 
     For a film of this albedo, the press minus the light from film to film then is the LEDs'

@@ -241,9 +241,7 @@ def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
 
 
-def _distant(
-    objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool
-) -> F8:
+def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, then moved to a distance of a few image widths."""
     if not objects:
         return _distant_over(rest, k, width_mm)
@@ -288,7 +286,9 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
     model = (nx * dx + ny * dy + nz * dz) * irradiance_ratio(at_rest, plan + dz * dz)
     if flat and there.beneath is not None:
-        model /= irradiance_ratio(at_rest, 1.0) * np.maximum(_over(there.beneath, a, b, c), MIN_OVER)
+        model /= irradiance_ratio(at_rest, 1.0) * np.maximum(
+            _over(there.beneath, a, b, c), MIN_OVER
+        )
     return np.where(there.lit[k] & (model > DIM_LIGHT), there.light[k] - model, 0)
 
 

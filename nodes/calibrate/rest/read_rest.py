@@ -122,9 +122,7 @@ def _form(
     return height
 
 
-def by_rays(
-    size: tuple[int, int], pixel: float, camera: float, form: Callable[[F8, F8], F8]
-) -> F8:
+def by_rays(size: tuple[int, int], pixel: float, camera: float, form: Callable[[F8, F8], F8]) -> F8:
     """Return the height at which the ray of each pixel meets a form, by its height over x and y."""
     v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
     height = np.zeros(size)

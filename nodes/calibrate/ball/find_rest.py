@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, F8, Height, Light, Metrics, PixelSize
+from tactograph.nodes import F4, F8, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.lights.light_fit import (
-    LIGHT_DEVIATION,
     Placed,
     all_residuals,
     huber,
@@ -125,7 +123,9 @@ def find_bend(
     """
     sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
     circles = [Circle(*map(float, circle[b])) for b in found]
-    given = _Presses([sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera)
+    given = _Presses(
+        [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
+    )
     trials = []
     for bend in TRIED_BENDS:
         k = bend / given.half
@@ -209,7 +209,9 @@ def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
         ball = on.known(circle)
         y, x = np.indices(light.shape[1:])
         near = np.hypot(x - first.x, y - first.y) < SAMPLED_SHARE * first.radius
-        press = Press(light, ball.slope, (ball.mask & near).astype(np.uint8), ball.height, label_lit(light))
+        press = Press(
+            light, ball.slope, (ball.mask & near).astype(np.uint8), ball.height, label_lit(light)
+        )
         circles.append(circle)
         objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
     rest = rest_of(given.flat, given.pixel, shape)
