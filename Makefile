@@ -9,7 +9,7 @@ CONSTRAINTS ?= constraints.txt
 # Tests start Python a hundred times: keep what it compiles.
 test test-all lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test test-all test-lerobot ready types lint constraints docs ablation clean
+.PHONY: demo demo-live test test-all test-lerobot ready lint constraints docs ablation clean
 
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TESTED_WITH = $(addprefix -c ,$(CONSTRAINTS))
@@ -23,16 +23,10 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	$(PIP) -e '.[report]'
 	@$(MAKE) --no-print-directory ready
 
-# What type checkers and editors read beside the code.
-ready: types
+# What editors read beside the code.
+ready:
 	@$(BIN)/tactograph schema > pipelines/pipeline.schema.json
 	@touch $(VENV)/.installed
-
-# Type checkers cannot follow an editable install: show them a folder that holds the package alone.
-TYPING := $(CURDIR)/.typing
-types:
-	@test -L $(TYPING)/tactograph || { rm -rf $(TYPING); mkdir $(TYPING); ln -s ../tactograph $(TYPING); }
-	@echo '$(TYPING)' > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tactograph-types.pth"
 
 demo: $(VENV)/.installed
 	@$(BIN)/tactograph demo --out $(DEMO)
@@ -81,12 +75,15 @@ $(VENV)/.linted: $(VENV)/.tested
 # its own, 'make test-lerobot VENV=.venv-lerobot CONSTRAINTS='.
 test-lerobot: $(VENV)/.tested
 	$(PIP) -e '.[lerobot]'
-	$(BIN)/python -m pytest -k lerobot tests/nodes/recording tests/tactograph
+	$(BIN)/python -m pytest -k lerobot rings/recording/tests
 
-lint: $(VENV)/.linted types
+# mypy cannot follow an editable install, so it reads one of copied files.
+lint: $(VENV)/.linted
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	MYPYPATH=$(TYPING) $(BIN)/mypy -m tactograph -p tactograph.lerobot -p tactograph.graph -p tactograph.nodes
+	rm -rf build/typed build/lib
+	$(PIP) --no-deps --target build/typed .
+	MYPYPATH=build/typed $(BIN)/mypy --python-executable $(BIN)/python -p tactograph
 
 # Once all tests have passed with newer versions: make clean test-all CONSTRAINTS=, then this.
 constraints: $(VENV)/.tested-all
@@ -102,4 +99,4 @@ ablation: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph PYTHON=$(BIN)/python sh benchmarks/ablation.sh out/ablation
 
 clean:
-	rm -rf $(VENV) .typing $(DEMO) build *.egg-info
+	rm -rf $(VENV) $(DEMO) build *.egg-info

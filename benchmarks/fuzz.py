@@ -25,8 +25,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, Phase, given, seed, settings, strategies as st
 from PIL import Image
 
 from tactograph.graph import Provenance, Session
@@ -37,8 +36,8 @@ from tactograph.graph.files.graph_places import (
     shipped_studies,
 )
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.recording.nodes.record import record
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 LONGEST_S = 60.0

@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.files.mcap_log import log_files, need_mcap
-from tactograph.nodes.files.mcap_read import McapFile
-from tactograph.nodes.files.ros_messages import read_image
-from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.recording.files.mcap_log import log_files, need_mcap
+from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.ros_messages import read_image
+from tactograph.rings.recording.nodes.record import record
 
 LEDS = 4
 NOBODY = Provenance({}, None, [], {}, {}, [], [])

@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 from accuracy import DATA, SHAPES, calibrate, rigs_in, row, true_shadows
-from error_band import BALL, RIGS, run, simulate
-from error_band import SHAPES as SIMULATED
+from error_band import BALL, RIGS, SHAPES as SIMULATED, run, simulate
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 

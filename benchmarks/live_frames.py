@@ -12,9 +12,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor
-from tactograph.nodes.live.touches._match_frames import Matcher
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
+from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
+from tactograph.rings.live.nodes.touches._match_frames import Matcher
 
 Made = TypeVar("Made")
 RATE, FRAMES = 60.0, 480

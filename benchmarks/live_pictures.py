@@ -26,11 +26,11 @@ from PIL import Image
 from tactograph.graph import Provenance, Session
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4, U1
-from tactograph.nodes.live.simulated.simulated_sensor import Scene, SimulatedSensor
-from tactograph.nodes.live.view._live_picture import draw_touch, round_up
-from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
+from tactograph.rings.live.nodes.view._live_picture import draw_touch, round_up
+from tactograph.rings.recording.nodes.record import record
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30.0
@@ -162,7 +162,7 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
 def draw_preview(shown: Shown, file: Path) -> None:
     top = round_up(float(shown.height.max()))
     footer = f"{shown.seconds:.2f} s after the film was touched"
-    touch = Touch(shown.height, shown.image, shown.pixel, shadow=shown.shadow)
+    touch = Touch(shown.height, shown.image, shown.pixel, layers={"shadow": shown.shadow})
     picture = draw_touch(touch, top, footer)
     Image.fromarray(picture).save(file, optimize=True)
 

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.files.mcap_log import log_files
-from tactograph.nodes.live.view.live_statistics import resident_mib
-from tactograph.nodes.recording.record import record
 from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.live.nodes.view.live_statistics import resident_mib
+from tactograph.rings.recording.files.mcap_log import log_files
+from tactograph.rings.recording.nodes.record import record
 
 SIZE = (480, 640)
 LEDS = 4

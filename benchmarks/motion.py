@@ -20,33 +20,54 @@ import cv2
 import numpy as np
 
 from tactograph.graph import load
-from tactograph.nodes.force.drag_to_shear import drag_to_shear
-from tactograph.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.nodes.live.simulated.simulated_colour_sensor import (
-    ColourScene,
-    SimulatedColourSensor,
-)
-from tactograph.nodes.live.simulated.simulated_sensor import _Pressed, read_scene
-from tactograph.nodes.motion.find_slip import find_slip
-from tactograph.nodes.motion.follow_contacts import follow_contacts
-from tactograph.nodes.motion.stitch import stitch
-from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.stream.colour_planes import planes_of
-from tactograph.nodes.stream.touch import MarkerTracks, ObjectPose
+from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.rings.live.nodes.simulated.simulated_sensor import _Pressed, read_scene
+from tactograph.rings.mechanics.layers.markers import MarkerTracks
+from tactograph.rings.mechanics.layers.pose import ObjectPose
+from tactograph.rings.mechanics.nodes.force.drag_to_shear import drag_to_shear
+from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.rings.mechanics.nodes.motion.find_slip import find_slip
+from tactograph.rings.mechanics.nodes.motion.follow_contacts import follow_contacts
+from tactograph.rings.mechanics.nodes.motion.stitch import stitch
+from tactograph.rings.mechanics.nodes.motion.track_pose import track_pose
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.conftest import simulated_sensor
-from tests.nodes.force.test_drag_to_shear import random_presses
-from tests.nodes.live import oneshot
-from tests.nodes.motion import moved_objects, test_find_slip, test_follow_contacts, test_stitch
-from tests.nodes.motion.moved_objects import SIGMA, STATED, coin, moved, plate, pressed, seen
-from tests.nodes.motion.test_track_pose import PLATE_STEP, STEP, astray, pose_of_film, track, way
+from rings.live.tests import oneshot
+from rings.mechanics.tests.force.test_drag_to_shear import random_presses
+from rings.mechanics.tests.motion import (
+    moved_objects,
+    test_find_slip,
+    test_follow_contacts,
+    test_stitch,
+)
+from rings.mechanics.tests.motion.moved_objects import (
+    SIGMA,
+    STATED,
+    coin,
+    moved,
+    plate,
+    pressed,
+    seen,
+)
+from rings.mechanics.tests.motion.test_track_pose import (
+    PLATE_STEP,
+    STEP,
+    astray,
+    pose_of_film,
+    track,
+    way,
+)
+from tests.fixtures import simulated_sensor
 
 Row = tuple[str, str]
 FRAMES, STREAM_FRAMES, CONTACT_FRAMES, STUCK_FRAMES = 30, 60, 10_000, 1000

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import cv2
 
-from tactograph.nodes.live.simulated.simulated_colour_sensor import (
+from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
 )

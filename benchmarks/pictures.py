@@ -24,7 +24,7 @@ from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tactograph.nodes.drawing.led_colours import LED_COLOURS
+from tactograph.graph.show.colours import BIT_COLOURS
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM = 1 / 14
@@ -88,7 +88,7 @@ def draw_labels(found: Result, file: Path) -> None:
     """The shadow of each LED in its colour, over the height."""
     figure, axes = new_axes(6, 4.5)
     axes.imshow(found["height"], cmap="gray")
-    for k, colour in enumerate(LED_COLOURS[:4]):
+    for k, colour in enumerate(BIT_COLOURS[:4]):
         axes.contour(found["shadow"] >> k & 1, [0.5], colors=[colour], linewidths=1)
         axes.plot([], [], color=colour, label=f"LED {k + 1}")
     axes.legend(loc="lower right")

@@ -27,6 +27,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure, row, run
+from rings.metrology.tests.scan.scans import groove_shape, seen, write_scan
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
@@ -34,14 +35,13 @@ from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.drawing.new_picture import write_picture
 from tactograph.nodes.files.image_files import read_image
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.metrology.filter_surface import form
-from tactograph.nodes.metrology.measure_step import measure_step, step_profiles
-from tactograph.nodes.metrology.plot_step import plot_step
-from tactograph.nodes.optics.light_model import LightModel
-from tactograph.nodes.scan.judge_light_model import judge_light_model
-from tactograph.nodes.scan.light_model_slope import light_model_slope
-from tactograph.nodes.scan.read_light_model import ScanLight, read_light_model
-from tests.nodes.scan.scans import groove_shape, seen, write_scan
+from tactograph.rings.metrology.nodes.scan.judge_light_model import judge_light_model
+from tactograph.rings.metrology.nodes.scan.light_model import LightModel
+from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
+from tactograph.rings.metrology.nodes.scan.read_light_model import ScanLight, read_light_model
+from tactograph.rings.metrology.nodes.surface.filter_surface import form
+from tactograph.rings.metrology.nodes.surface.measure_step import measure_step, step_profiles
+from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
 
 DATA = ROOT.parent / "shared/data/real"
 GRIDS, SCANS = DATA / "gelsight_six_led", DATA / "gelsight_scans"
@@ -83,7 +83,7 @@ def show_balls(_: Path | None) -> None:
             alone = run("reconstruct_scan", model=MODEL, pixel_size_mm=PIXEL_MM, **size)
             file = Path(folder) / f"{other}.npz"
             run(
-                "calibrate",
+                "calibrate_scan",
                 capture=GRIDS / other,
                 flat=GRIDS / "flat",
                 start=MODEL,

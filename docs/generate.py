@@ -1,8 +1,10 @@
 """Pages made from the code when the site is built: the nodes and the shipped graphs."""
 
+from pathlib import Path
+
 import mkdocs_gen_files
 
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node_page import describe, node_page
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
@@ -15,7 +17,7 @@ from tactograph.graph.show.sketch import fold
 def write_nodes() -> None:
     """``nodes.md``, and a page for each node."""
     rows = ["# Nodes", "", "| node | kernel | what it does |", "| --- | --- | --- |"]
-    for name in builtin_names():
+    for name in shipped_nodes():
         node = find_node(name)
         kernel = "yes" if node.has_kernel else ""
         rows.append(f"| [{name}](nodes/{name}.md) | {kernel} | {describe(node).summary} |")
@@ -50,5 +52,13 @@ def _params(graph: Graph) -> list[str]:
     return rows
 
 
+def write_ring_pages() -> None:
+    """The pages of the rings, as if they lay beside the others."""
+    for file in Path("rings").glob("*/docs/*.md"):
+        with mkdocs_gen_files.open(file.name, "w") as page:
+            page.write(file.read_text(encoding="utf-8"))
+
+
 write_nodes()
 write_pipelines()
+write_ring_pages()

@@ -21,9 +21,10 @@ from tactograph.graph.declare.engine_arguments import (
     Wanted,
     Whole,
 )
-from tactograph.graph.declare.node import Node, Parts, SizeLimit, SizeRule
-from tactograph.graph.declare.ports import Port
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.ports import NamedPorts, Port
 from tactograph.graph.declare.provenance import Provenance
+from tactograph.graph.declare.size_rules import Parts, SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Close, Exact, Flips
 from tactograph.graph.errors import (
     EndOfStream,
@@ -52,6 +53,7 @@ __all__ = [
     "Flips",
     "GraphError",
     "InputError",
+    "NamedPorts",
     "Node",
     "NodeCall",
     "NodeError",

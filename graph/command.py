@@ -5,12 +5,14 @@ import os
 import sys
 import warnings
 from contextlib import suppress
-from typing import Any
+from typing import Any, cast
 
 import click
 from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
+    GraphError,
+    NodeError,
     TactographError,
     WriteError,
     did_you_mean,
@@ -35,12 +37,11 @@ COMMANDS = (
     "graphs",
     "nodes",
     "new-node",
+    "new-ring",
     "devices",
-    "cameras",
     "bench",
     "schema",
 )
-COMMAND_ALIASES = {"plan": "explain"}
 STOPPED_MESSAGE = (
     "tactograph: stopped; no file is half written. The same command starts again; "
     "'compare' and 'batch' go on where they were"
@@ -54,22 +55,21 @@ class _Lazy(click.Group):
     """Loads a command's module only when it is needed, so that --help stays quick."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [*COMMANDS, *_ring_verbs()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        cmd_name = COMMAND_ALIASES.get(cmd_name, cmd_name)
-        if cmd_name not in COMMANDS:
-            return None
-        module = importlib.import_module(f"tactograph.graph.commands.{cmd_name.replace('-', '_')}")
-        command: click.Command = module.command
-        return command
+        file = cmd_name.replace("-", "_")
+        if cmd_name in COMMANDS:
+            module = importlib.import_module(f"tactograph.graph.commands.{file}")
+            return cast(click.Command, module.command)
+        return _ring_command(cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         word = args[0]
         if (
-            word not in (*COMMANDS, *COMMAND_ALIASES)
+            word not in (*COMMANDS, *_ring_verbs())
             and not word.startswith("-")
             and not ctx.resilient_parsing
         ):
@@ -84,13 +84,33 @@ class _Lazy(click.Group):
             raise _BrokenPipe from error
 
 
+def _ring_verbs() -> list[str]:
+    """The commands that rings bring; those of the core have precedence."""
+    from tactograph.graph.rings import brought
+
+    return sorted({name.replace("_", "-") for name in brought("verbs")} - {*COMMANDS})
+
+
+def _ring_command(name: str) -> click.Command | None:
+    """The command that a ring brings under this name."""
+    from tactograph.graph.rings import bring
+
+    module = bring("verbs", name.replace("-", "_"))
+    if module is None:
+        return None
+    command = getattr(module, "command", None)
+    if not isinstance(command, click.Command):
+        raise NodeError(f"{module.__name__} holds no click command called 'command'")
+    return command
+
+
 def _meant(word: str) -> str:
     """A hint for a word that is no command."""
     from tactograph.graph.files.read_graph import shipped_names
 
     if word in shipped_names() or word.endswith((".yaml", ".yml")):
         return f"; a graph is run by 'tactograph run {printable(word)}'"
-    return did_you_mean(word, COMMANDS)
+    return did_you_mean(word, [*COMMANDS, *_ring_verbs()])
 
 
 class _BrokenPipe(Exception):  # noqa: N818  (not always an error)
@@ -99,13 +119,13 @@ class _BrokenPipe(Exception):  # noqa: N818  (not always an error)
 
 @click.group(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="tactograph", prog_name="tactograph")
-def _group() -> None:
+def command_line() -> None:
     """Height maps in mm from optical touch sensors, as an editable processing graph."""
 
 
 def run_command(words: list[str]) -> None:
     """Run one command within this process, as if it had been typed."""
-    _group.main(words, standalone_mode=False)
+    command_line.main(words, standalone_mode=False)
 
 
 def main() -> None:
@@ -120,7 +140,7 @@ def main() -> None:
     if "_TACTOGRAPH_COMPLETE" in os.environ:
         importlib.import_module("tactograph.graph.commands")
     try:
-        code: Any = _group.main(standalone_mode=False)
+        code: Any = command_line.main(standalone_mode=False)
     except SystemExit:
         raise
     except BaseException as error:
@@ -145,7 +165,9 @@ def _report(error: BaseException) -> int:
         click.echo("tactograph: out of memory", err=True)
         return 1
     if isinstance(error, TactographError):
-        click.echo(f"tactograph: {_one_line(error)}", err=True)
+        others = len(error.others) if isinstance(error, GraphError) else 0
+        more = f" ({others} more: 'tactograph check' lists them)" if others else ""
+        click.echo(f"tactograph: {_one_line(error)}{more}", err=True)
         return error.exit_code
     return _report_unexpected(error)
 

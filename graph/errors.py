@@ -1,15 +1,24 @@
-"""Errors and warnings in one line: what is wrong, where, and what to do."""
+"""Errors and warnings in one line: what is wrong, where, and what to do.
+
+A node's message names a parameter or input of that node in backticks, with a value where one is to
+be given: ``"the pixel size is not known; give `pixel_mm`=MM"``.  `as_in_graph` puts what feeds it
+in the running graph in its place: ``pixel_size_mm=MM``.
+"""
 
 import difflib
 import errno
+import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from traceback import walk_tb
+from typing import NamedTuple
 
 MAX_CHARACTERS = 2000
 """The most characters of a text from a file that are printed."""
+MARKED_NAME = re.compile(r"`(\w+(?:\.\w+)*)`(=(?:[^\s;:()]*[^\s;:(),.])?)?")
+"""A name of the node in its message, and the value that follows it."""
 
 
 class TactographError(Exception):
@@ -34,7 +43,35 @@ class InputError(TactographError):
 
 
 class GraphError(InputError):
-    """A graph file that cannot be run, with its place as ``file:line:column``."""
+    """A graph file that cannot be run, with its place as ``file:line:column``.
+
+    `others` are further errors that were found with this one.
+    """
+
+    others: Sequence[str] = ()
+
+
+class ErrorsTogether:
+    """Errors of blocks that do not depend on one another, to be raised as one."""
+
+    def __init__(self) -> None:
+        self._errors: dict[str, GraphError] = {}
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Go on behind the block if that finds the graph wrong."""
+        try:
+            yield
+        except GraphError as error:
+            self._errors.setdefault(str(error), error)
+
+    def raise_any(self) -> None:
+        """Raise the first error, with the others."""
+        if self._errors:
+            first, *others = self._errors
+            error = self._errors[first]
+            error.others = others
+            raise error
 
 
 class WriteError(InputError):
@@ -118,7 +155,36 @@ def a_few(words: Sequence[str], most: int) -> str:
     return ", ".join(words[:most]) + (f" and {left} more" if left > 0 else "")
 
 
-_notes: ContextVar[list[str] | None] = ContextVar("tactograph_notes", default=None)
+Feed = Callable[[str], str | None]
+"""What feeds a parameter or input: ``param=`` of the graph, a ``--set node.param=``, or a node in
+words; None for a name that the node does not have."""
+
+
+def as_in_graph(message: str, feed: Feed) -> str:
+    """A node's message, with what feeds its marked names in their place.
+
+    A value stays behind what the user can set, and goes behind the name of a node.
+    """
+
+    def fed(match: re.Match[str]) -> str:
+        name, value = match.group(1), match.group(2) or ""
+        source = feed(name)
+        if source is None:
+            return match.group(0)
+        return source.removesuffix("=") + (value if source.endswith("=") else "")
+
+    return MARKED_NAME.sub(fed, message)
+
+
+class _Collector(NamedTuple):
+    """Where warnings go; the graph's names for what they mark; whether they keep their marks."""
+
+    notes: list[str]
+    feed: Feed | None = None
+    marked: bool = False
+
+
+_collector: ContextVar[_Collector | None] = ContextVar("tactograph_warnings", default=None)
 
 
 def warn(message: str) -> None:
@@ -127,9 +193,12 @@ def warn(message: str) -> None:
     The engine prints it once and writes it into ``result.json``.  Outside a run
     (a node called as a plain function) it does nothing.
     """
-    notes = _notes.get()
-    if notes is not None and message not in notes:
-        notes.append(message)
+    collector = _collector.get()
+    if collector is None:
+        return
+    line = message if collector.feed is None else as_in_graph(message, collector.feed)
+    if line not in collector.notes:
+        collector.notes.append(line)
 
 
 def is_of_printing(error: OSError) -> bool:
@@ -139,10 +208,32 @@ def is_of_printing(error: OSError) -> bool:
 
 
 @contextmanager
-def collect_warnings(notes: list[str]) -> Iterator[list[str]]:
-    """Collect the warnings of the block in `notes`, which it hands on."""
-    token = _notes.set(notes)
+def collect_warnings(notes: list[str], *, marked: bool = False) -> Iterator[list[str]]:
+    """Collect the warnings of the block in `notes`, which it hands on.
+
+    With `marked` they keep the marks of names, for a graph that is not known yet.
+    """
+    token = _collector.set(_Collector(notes, marked=marked))
     try:
         yield notes
     finally:
-        _notes.reset(token)
+        _collector.reset(token)
+
+
+class GraphNames:
+    """A block whose errors and warnings name what feeds a node's parameters and inputs."""
+
+    __slots__ = ("_feed", "_token")
+
+    def __init__(self, feed: Feed) -> None:
+        self._feed = feed
+
+    def __enter__(self) -> None:
+        outer = _collector.get()
+        inner = outer if outer is None or outer.marked else outer._replace(feed=self._feed)
+        self._token = _collector.set(inner)
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        _collector.reset(self._token)
+        if isinstance(error, TactographError):
+            error.args = (as_in_graph(str(error), self._feed),)

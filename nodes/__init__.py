@@ -42,6 +42,7 @@ HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of 
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
 UM_PER_MM = 1e3
+METRES_PER_MM = 1e-3
 Labels = Annotated[
     U1,
     Port("H W", "LED bits", high=255),
@@ -140,100 +141,100 @@ class Film(NamedTuple):
     ]
     others: Annotated[
         LightPlaces,
-        Stored(-1e8, 1e8, older="lights"),
+        Stored(-1e8, 1e8, plain="lights"),
         "mm, other places of the LEDs that the fit allows",
     ]
     diffuse: Annotated[
         F4,
         Port("K", "1", high=0.4),
-        Stored(0, 0.99, older=0.0),
+        Stored(0, 0.99, plain=0.0),
         "b_k, share of an LED's light that the gel diffuses",
     ]
     wrap: Annotated[
         Wrap,
-        Stored(0, 1, older=0.0),
+        Stored(0, 1, plain=0.0),
         "w, how far light goes on falling behind the terminator, over that from the LED",
     ]
     harmonics: Annotated[
         F4,
         Port("K 8 6", "1", low=-0.05, high=0.05),
-        Stored(-100, 100, older=0.0),
+        Stored(-100, 100, plain=0.0),
         "harmonics x y z-1 xy xz yz xx-yy 3(zz-1) of the unit normal, by 1 u v uu uv vv",
     ]
     flattest: Annotated[
         float,
         Port(unit="n_z", low=0.3, high=0.9),
-        Stored(0, 1, older=1.0),
+        Stored(0, 1, plain=1.0),
         "smallest n_z that was pressed",
     ]
     pressed_slope: Annotated[
         float,
         Port(unit="mm/mm", low=0.3, high=2),
-        Stored(0, 1e3, older=0.0),
+        Stored(0, 1e3, plain=0.0),
         "mm/mm, steepest slope that was pressed; 0: not known",
     ]
     reach: Annotated[
         float,
         Port(unit="mm", low=5, high=20),
-        Stored(1e-6, 1e6, older=1.0),
+        Stored(1e-6, 1e6, plain=1.0),
         "mm, half the width of the film that the camera sees, the unit of u and v",
     ]
     gain: Annotated[
         float,
         Port(unit="1", low=0.95, high=1.1),
-        Stored(0.1, 10, older=1.0),
+        Stored(0.1, 10, plain=1.0),
         "light of touched film relative to untouched film",
     ]
     contact: Annotated[
         float,
         Port(unit="mm", low=0.02, high=0.2),
-        Stored(1e-9, 1e3, older=0.05),
+        Stored(1e-9, 1e3, plain=0.05),
         "mm, height from which film counts as touched",
     ]
     base: Annotated[
         float,
         Port(unit="1", low=0.3, high=1),
-        Stored(1e-3, 1e3, older=1.0),
+        Stored(1e-3, 1e3, plain=1.0),
         "k_d, albedo of the matt base under the coat",
     ]
     roughness: Annotated[
         float,
         Port(unit="1", low=0.1, high=0.5),
-        Stored(0.01, 10, older=0.2),
+        Stored(0.01, 10, plain=0.2),
         "Beckmann's alpha of the coat",
     ]
     refraction: Annotated[
         float,
         Port(unit="1", low=1, high=1.6),
-        Stored(1, 10, older=1.0),
+        Stored(1, 10, plain=1.0),
         "refractive index of the coat; 1: none",
     ]
     albedo: Annotated[
-        Albedo, Stored(0, 0.95, older=0.0), "rho, share of light that the film throws back"
+        Albedo, Stored(0, 0.95, plain=0.0), "rho, share of light that the film throws back"
     ]
     rim: Annotated[
         float,
         Port(unit="mm", low=0, high=4),
-        Stored(0, 1e3, older=USUAL_RIM_MM),
+        Stored(0, 1e3, plain=USUAL_RIM_MM),
         "mm of film beyond the frame",
     ]
     camera: Annotated[
-        Vergence, Stored(0, 10, older=0.0), "1/mm, one over the pupil's height; 0: far"
+        Vergence, Stored(0, 10, plain=0.0), "1/mm, one over the pupil's height; 0: far"
     ]
     emission: Annotated[
         float,
         Port(unit="1", low=0, high=2),
-        Stored(-1, 10, older=0.0),
+        Stored(-1, 10, plain=0.0),
         "m: the LEDs face the middle of the film and emit as cos^m of the angle from there",
     ]
     grain: Annotated[
         Grain,
-        Stored(0, 1, older=0.0),
+        Stored(0, 1, plain=0.0),
         "light departs by this share, beyond the camera's noise: texture, dirt, the model's errors",
     ]
     uneven: Annotated[
         Uneven,
-        Stored(0, 1, older=0.03),
+        Stored(0, 1, plain=0.03),
         "brightness of touched film departs by this share, under all LEDs alike",
     ]
 

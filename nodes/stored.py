@@ -1,4 +1,4 @@
-"""Values of a record that a file keeps, their limits, and what stands for them in older files."""
+"""Values of a record that a file keeps, their limits, and what they are of a plain sensor."""
 
 import typing
 from collections.abc import Mapping
@@ -19,14 +19,14 @@ class Stored:
     Parameters
     ----------
     low, high : the values of any sensor: beyond them a file is damaged, not unusual
-    older
-        The value for files from before it was kept: numbers, repeated to the declared shape, or
-        the name of the field that stands for it.  None: every file has it.
+    plain
+        The value of a plain sensor: numbers, repeated to the declared shape, or the name of the
+        field that stands for it.  None: every sensor has its own.
     """
 
     low: float = -np.inf
     high: float = np.inf
-    older: float | tuple[float, ...] | str | None = None
+    plain: float | tuple[float, ...] | str | None = None
 
 
 class Value(NamedTuple):
@@ -54,8 +54,8 @@ def stored_values(record: type) -> Mapping[str, Value]:
     return values
 
 
-def with_older(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a record, those that an older file lacks as they were then.
+def with_plain(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of a record, those that are not known as of a plain sensor.
 
     Arrays are shaped to the `known` ones, and as exact as the most exact of them.
     """
@@ -71,11 +71,11 @@ def with_older(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
     for name, (port, stored) in values.items():
         if name in known:
             continue
-        older = known[stored.older] if isinstance(stored.older, str) else stored.older
-        filled[name] = older
+        plain = known[stored.plain] if isinstance(stored.plain, str) else stored.plain
+        filled[name] = plain
         if port.dims:
             shape = [dim if isinstance(dim, int) else sizes[dim] for dim in port.dims]
             counts = port.dtype is not None and port.dtype.kind == "u"
-            kept = np.asarray(older, port.dtype if counts else exact)
+            kept = np.asarray(plain, port.dtype if counts else exact)
             filled[name] = np.array(np.broadcast_to(kept, shape))
     return filled

@@ -3,7 +3,7 @@
 import re
 import tomllib
 
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 TOWNCRIER = PROJECT["tool"]["towncrier"]

@@ -6,7 +6,7 @@ import tomllib
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
 
 UNTESTED = {"cpu", "lerobot"}
 """Extras that 'make test-all' does not install."""

@@ -109,4 +109,4 @@ def write(folder: Path, image: F4, colour: bool) -> None:
 @lru_cache(maxsize=4)
 def pipeline(graph: str, file: Path, forced: bool = False) -> Any:
     """A graph that is ready to run with a calibration, also on what it would refuse."""
-    return load(graph, calibration=str(file), **({"force": True} if forced else {}))
+    return load(graph, calibration=str(file), **({"accept_contradictions": True} if forced else {}))

@@ -31,7 +31,7 @@ MIN_AHEAD_PROGRAMS = 4
 MAX_HELPERS = 3
 helpers: list[subprocess.Popen[bytes]] = []
 _idle: list[subprocess.Popen[bytes]] = []
-"""Helpers that have not been told yet what to build."""
+"""Idle helpers, which wait for programs to build."""
 
 
 def begin_helpers(device: cl.Device) -> None:

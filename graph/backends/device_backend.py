@@ -62,8 +62,6 @@ class DeviceBackend(Protocol):
         The exception type of the device's library.
     lanes
         Number of elements that a work-item does side by side.
-    built
-        Whether kernels were on disk that `compile` was last given, of nodes that are never idle.
     queue
         The library's own queue, for arrays that a caller makes there.
     poison
@@ -77,7 +75,6 @@ class DeviceBackend(Protocol):
     error: type[Exception]
     lanes: int
     is_cpu: bool
-    built: bool
     queue: Any
     poison: int | None
 

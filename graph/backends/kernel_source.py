@@ -96,7 +96,7 @@ def _find(node: Node, file: str) -> tuple[str, str]:
             name = f"{package.removeprefix('tactograph.').replace('.', '/')}/{file}"
             return name, resource.read_text(encoding="utf-8")
     if not packages:
-        raise NodeError(f"node '{node.name}': there is no {file}; say opencl(source=…)")
+        raise NodeError(f"node '{node.name}': there is no {file}; give opencl(source=…)")
     raise NodeError(f"node '{node.name}': there is no {file} in {node.kernel_package}")
 
 

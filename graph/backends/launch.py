@@ -195,7 +195,7 @@ class Launch:
     def put(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array, which may be empty, to a buffer for this launch alone.
 
-        It is none of the pool's: the queue may still use that, and a copy would have to wait.
+        It does not come from the pool: the queue may still use that, and a copy would have to wait.
         """
         self.repeats = False
         return self._device.constant(array)

@@ -11,7 +11,7 @@ from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
-from tactograph.graph.backends.programs import Recipe, is_ready
+from tactograph.graph.backends.programs import Recipe
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
@@ -31,7 +31,6 @@ class OpenCL(Queue):
     def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
         super().__init__(device, lanes)
         self._compiled: dict[Node, Compiled] = {}
-        self.built = True
 
     def compile(self, nodes: Sequence[Node]) -> None:
         """Check the sources of nodes' kernels, and begin to build those that are not on disk.
@@ -52,9 +51,6 @@ class OpenCL(Queue):
         longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
         needed = [programs[node] for node in longest_first if node.is_idle is None]
         perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
-        # A launch function may add constants, which are not known yet; an idle node is not built.
-        known = [programs[n] for n in programs if n.is_idle is None and not n.kernels.launch]
-        self.built = all(is_ready(self.context.devices[0], *recipe) for recipe in known)
         build_ahead(self.context, needed, perhaps)
 
     def compiled(self, node: Node) -> Compiled:

@@ -46,7 +46,7 @@ def open_batch(
     place = store_place(out, job)
     wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]
     if not wanted:
-        raise InputError(f"--over: nothing is there but what lies in --out {out}")
+        raise InputError(f"--over: it holds nothing but --out {out}")
     store = open_store(place)
     identity = identity_of(job, origin)
     if store is None or _holds_nothing_for(store, identity, wanted, chunk or store.chunk):

@@ -193,6 +193,8 @@ def _address_in(file: str) -> str:
     except (OSError, ValueError) as error:
         raise InputError(f"--scheduler-file {file}: cannot be read: {error}") from None
     if not isinstance(about, dict) or not isinstance(about.get("address"), str):
-        raise InputError(f"--scheduler-file {file}: names no address; 'dask scheduler' writes it")
+        raise InputError(
+            f"--scheduler-file {file}: holds no address; 'dask scheduler' writes such a file"
+        )
     address: str = about["address"]
     return address

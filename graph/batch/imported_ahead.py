@@ -8,7 +8,7 @@ from tactograph.graph.run.collect_seldom import collect_seldom
 
 collect_seldom()
 
-LOOK_EVERY_S = 0.2
+POLL_INTERVAL_S = 0.2
 """Time between two looks whether the parent still runs."""
 _imported = threading.Event()
 
@@ -16,7 +16,7 @@ _imported = threading.Event()
 def _end_with(parent: int) -> None:
     """End as soon as the parent has ended: it may be killed during the imports."""
     while os.getppid() == parent:
-        if _imported.wait(LOOK_EVERY_S):
+        if _imported.wait(POLL_INTERVAL_S):
             return
     os._exit(1)
 

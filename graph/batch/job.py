@@ -97,10 +97,12 @@ def _check_param(graph: Graph, given: Mapping[str, Any], param: str) -> None:
     if param not in graph.params:
         raise InputError(
             f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
-            f"a capture; say which with --param (it has: {', '.join(graph.params)})"
+            f"a capture; name it with --param (it has: {', '.join(graph.params)})"
         )
     if graph.params[param].kind != "path":
-        raise InputError(f"--param {param}: {graph.name} takes no file or folder by that name")
+        raise InputError(
+            f"--param {param}: {graph.name} has no parameter of that name for a file or folder"
+        )
     for name, option in ((param, "--over"), ("out", "--out")):
         if name in given:
             raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import zarr
 
-MAX_HELD_BYTES = 2**26
-"""Maps that a worker gathers before it writes them; it may hold twice as much."""
+MAX_BUFFERED_BYTES = 2**26
+"""Bytes of maps that a worker gathers before it writes them; it may hold twice as many."""
 MAX_CHUNK_CAPTURES = 32
 """Captures of a chunk: with more, a dead worker loses more, and others idle at the end."""
 COMPRESSED_BYTES = 2**21
@@ -38,7 +38,7 @@ class MapType:
 
 def captures_together(types: Iterable[MapType]) -> int:
     """The number of captures to write together: a power of two whose maps a worker can hold."""
-    fit = MAX_HELD_BYTES // max(1, sum(kind.nbytes for kind in types))
+    fit = MAX_BUFFERED_BYTES // max(1, sum(kind.nbytes for kind in types))
     return max(1, min(MAX_CHUNK_CAPTURES, 1 << max(0, fit.bit_length() - 1)))
 
 

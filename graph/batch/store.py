@@ -69,7 +69,7 @@ class Store:
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
             typed = {"maps": tuple(map(str, job["maps"])), "given": dict(job["given"])}
-            files = {str(n): dict(said) for n, said in dict(job.get("files", {})).items()}
+            files = {str(n): dict(said) for n, said in dict(job["files"]).items()}
             self.job = Job(**{**job, **typed, "files": files})
             self.origin = Origin(**about["origin"])
         except (KeyError, TypeError, ValueError) as error:
@@ -84,7 +84,7 @@ class Store:
     def _check_arrays(self) -> None:
         """Refuse a store that lacks an array, or describes more than a batch can have."""
         count = len(self)
-        for name in ("status", "milliseconds", *_TEXT_ARRAYS):
+        for name in ("status", "milliseconds", "checksum", *_TEXT_ARRAYS):
             if len(shape := self._array(name).shape) != 1 or shape[0] < count:
                 raise self._damage(f"'{name}' is not of length {count}")
         for name in self._by_capture():
@@ -141,7 +141,7 @@ class Store:
         return [int(number) for number in finished if not whole[number]]
 
     def are_whole(self, here: slice) -> list[bool]:
-        """Return whether captures are read as they were written; old stores have no checksums.
+        """Return whether captures are read as they were written.
 
         They are read all at once, which takes as long as one, unless some cannot be decoded.
         """
@@ -155,8 +155,6 @@ class Store:
             middle = (here.start + here.stop) // 2
             halves = slice(here.start, middle), slice(middle, here.stop)
             return [is_whole for half in halves for is_whole in self.are_whole(half)]
-        if "checksum" not in self._group:
-            return [True] * len(entries)
         for at, entry in enumerate(entries):
             entry.maps = {name: maps[name][at] for name in maps}
         checksums = self._read("checksum", here)
@@ -238,8 +236,7 @@ class Store:
             self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
             self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
             self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
-            if "checksum" in self._group:
-                self._merge("checksum", here, {n: e.checksum for n, e in entries.items()})
+            self._merge("checksum", here, {n: e.checksum for n, e in entries.items()})
             self._merge("status", here, {n: e.status for n, e in entries.items()})
 
     @contextmanager

@@ -6,18 +6,12 @@ import importlib.util
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.machinery import ModuleSpec, SourceFileLoader
-from importlib.util import resolve_name
-from modulefinder import ModuleFinder
 from pathlib import Path
-from types import CodeType
 from typing import Any
 
-import tactograph.graph
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
 from tactograph.graph.declare.find_node import find_node
@@ -27,9 +21,10 @@ from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Draft
 
-ENGINE_PACKAGE = "tactograph.graph"
-PACKAGE_FOLDERS = ("site-packages", "dist-packages")
-_IMPORT_FINDER = ModuleFinder()
+ENGINE_PACKAGE, NODES_PACKAGE = "tactograph.graph", "tactograph.nodes"
+NO_SOURCE = {"__pycache__", "commands", "verbs", "tests"}
+"""Folders of a package that make no result."""
+INSTALLED_FOLDERS = ("site-packages", "dist-packages")
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
@@ -37,7 +32,7 @@ _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 class Origin:
     """All that makes a graph's results, apart from the graph and its data.
 
-    `code` has, by node and for the engine, a hash of all its source.  `versions` are of Python,
+    `code` has, by package and for the engine, a hash of all its source.  `versions` are of Python,
     this package, the nodes' packages, and all that these need.  `device` is "" where none is used.
     """
 
@@ -54,14 +49,18 @@ def find_origin(graph: Graph, *, backend: str | None = None, device: str | None 
     nodes = [
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
-    code = {node.name: code_of(node) for node in nodes}
+    code: dict[str, list[str]] = {}
+    for node in nodes:
+        code.setdefault(_package(node), []).append(code_of(node))
     packages = versions()
     for package in {node.package for node in nodes}:
         packages |= _versions_around(package)
     names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
     opened, _ = open_device(names, device)
     name = f"{opened.name}, driver {opened.driver}" if opened is not None else ""
-    return Origin({"engine": _engine(), **code}, dict(sorted(packages.items())), name)
+    hashes = {package: digest({"nodes": each}) for package, each in code.items()}
+    engine = digest({"files": _source(ENGINE_PACKAGE)})
+    return Origin({"engine": engine, **hashes}, dict(sorted(packages.items())), name)
 
 
 def named_files(draft: Draft, given: Iterable[str]) -> dict[str, Path]:
@@ -84,107 +83,52 @@ def digest(about: Mapping[str, Any]) -> str:
 
 
 def code_of(node: Node) -> str:
-    """A hash of all source of a node.
+    """A hash of all source that a node may be made of.
 
-    It covers the node's module, all that this imports from the same package or this project, the
-    packages' data files, and the kernels with their headers, also of the nodes that it calls.
+    It covers the core's nodes, the node's own package, and the kernels with their headers, also of
+    the nodes that it calls.
     """
-    seen = {file: _hash(file) for file in _closure(node)}
     kernels = [kernel_text(n) for n in (node, *node.calls.values()) if n.has_kernel]
-    if not seen:  # source that cannot be read is never the same
-        return os.urandom(8).hex()
-    return digest({"files": sorted(seen.values()), "kernels": kernels})
+    files = [*_source(NODES_PACKAGE), *_source(_package(node))]
+    return digest({"files": files, "kernels": kernels})
 
 
-def _closure(node: Node) -> set[Path]:
-    """The files of a node's module and of all its imports, direct or not."""
-    module = node.function.__module__
-    waiting = [_spec(module)]
-    files: set[Path] = set()
-    while waiting:
-        spec = waiting.pop()
-        if spec is None or not spec.has_location or not spec.origin:
-            continue
-        file = Path(spec.origin)
-        if file in files or not file.is_file():
-            continue
-        files.add(file)
-        if spec.submodule_search_locations is not None:
-            source = (".py", ".pyc", ".cl", ".clh")
-            files |= {f for f in file.parent.iterdir() if f.is_file() and f.suffix not in source}
-        parents = [spec.name.rpartition(".")[0]] if "." in spec.name else []
-        for name in (*parents, *_imports(spec.name, file.stat().st_mtime_ns)):
-            if _belongs(name, module):
-                waiting.append(_spec(name))
-    return files
-
-
-def _belongs(name: str, module: str) -> bool:
-    """Return whether a module belongs to the project, or to the package of a node's own module."""
-    top, own = name.partition(".")[0], module.partition(".")[0]
-    if name == ENGINE_PACKAGE or name.startswith(f"{ENGINE_PACKAGE}."):
-        return False
-    if top in ("tactograph", own):
-        return True
-    here = _folder(top)
-    return here is not None and here == _folder(own) and not {*PACKAGE_FOLDERS} & {*here.parts}
+def _package(node: Node) -> str:
+    """The package of a node: the core's nodes, a ring that ships, or somebody else's."""
+    parts = node.function.__module__.split(".")
+    if parts[0] != "tactograph":
+        return parts[0]
+    return ".".join(parts[: 3 if parts[1] == "rings" else 2])
 
 
 @cache
-def _folder(top: str) -> Path | None:
-    """The folder of a top-level module or package."""
-    spec = _spec(top)
-    if spec is None or not spec.has_location or not spec.origin:
-        return None
-    file = Path(spec.origin)
-    return file.parent.parent if spec.submodule_search_locations is not None else file.parent
+def _source(package: str) -> tuple[str, ...]:
+    """Hashes of a package's files, or of a module's and those beside it.
 
-
-def _spec(name: str) -> ModuleSpec | None:
-    """The spec of a module; None if there is none by that name.
-
-    A plain module is not searched, since that would run it.
+    They are read once a process, as modules are.  Source that cannot be read is never the same.
     """
-    parent = name.rpartition(".")[0]
-    above = _spec(parent) if parent else None
-    if parent and (above is None or above.submodule_search_locations is None):
-        return None
     try:
-        return importlib.util.find_spec(name)
+        spec = importlib.util.find_spec(package)
     except (ImportError, ValueError, AttributeError):
-        return None
+        spec = None
+    if spec is None or not spec.has_location or not spec.origin:
+        return (os.urandom(8).hex(),)
+    root = Path(spec.origin).parent
+    files = [Path(spec.origin)] if spec.submodule_search_locations is None else [*_below(root)]
+    if "." not in package:
+        around = root.parent if spec.submodule_search_locations is not None else root
+        files += [] if {*INSTALLED_FOLDERS} & {*around.parts} else around.glob("*.py")
+    return tuple(sorted({f"{file.name}:{content_hash(file)}" for file in files}))
 
 
-@cache
-def _imports(module: str, changed: int) -> list[str]:
-    """The full names of what a module's bytecode imports: modules, or objects in them."""
-    spec, names = _spec(module), dict[str, None]()
-    if spec is None or not spec.origin or not spec.origin.endswith(".py"):
-        return []
-    package = module if spec.submodule_search_locations is not None else module.rpartition(".")[0]
-    with suppress(SyntaxError, ValueError, ImportError):  # the node itself tells
-        # Not by its own loader: that of pytest has no code to give.
-        codes = [SourceFileLoader(module, spec.origin).get_code(module)]
-        for code in filter(None, codes):  # a list that grows by the functions and classes in each
-            codes += [each for each in code.co_consts if isinstance(each, CodeType)]
-            for kind, found in _IMPORT_FINDER.scan_opcodes(code):
-                if kind == "store":
-                    continue
-                attributes, name = found[-2:]
-                base = resolve_name("." * found[0] + name, package) if len(found) == 3 else name
-                names |= dict.fromkeys([base, *(f"{base}.{each}" for each in attributes or ())])
-    return list(names)
-
-
-def _hash(file: Path) -> str:
-    return f"{file.name}:{content_hash(file)}"
-
-
-def _engine() -> str:
-    """A hash of the engine without its commands."""
-    folders = [Path(place) for place in tactograph.graph.__path__]
-    files = sorted(file for folder in folders for file in folder.rglob("*.py"))
-    return digest({"files": [_hash(file) for file in files if file.parent.name != "commands"]})
+def _below(folder: Path) -> Iterator[Path]:
+    """The files of a folder and of those in it that hold modules."""
+    inside = [*folder.iterdir()]
+    if any(each.suffix == ".py" for each in inside):
+        yield from (each for each in inside if each.is_file())
+    for each in inside:
+        if each.is_dir() and each.name not in NO_SOURCE:
+            yield from _below(each)
 
 
 @cache

@@ -31,7 +31,10 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
 
 
 class GraphCommand(click.Command):
-    """A command that runs a graph; after the graph's name, --help lists its params."""
+    """A command that runs a graph; after the graph's name, --help lists its params.
+
+    With --all, it lists the parameters of its nodes as well.
+    """
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
@@ -50,15 +53,54 @@ class GraphCommand(click.Command):
                     for name, p in rows
                 ]
             )
+        if words.get("every"):
+            self._format_parameters(graph, formatter)
+
+    def _format_parameters(self, graph: Graph, formatter: click.HelpFormatter) -> None:
+        """List the parameters of a graph's nodes, as --set takes them."""
+        from tactograph.graph.declare.find_node import find_node
+        from tactograph.graph.declare.node_page import describe, range_of
+
+        for name, entry in graph.nodes.items():
+            node = find_node(entry.op, graph.own)
+            rows = []
+            for each in node.parameters.values():
+                value = entry.settings.get(each.name, "needed" if each.required else each.default)
+                if isinstance(value, str) and value.startswith("$"):
+                    continue  # a param of the graph
+                facts = "; ".join(
+                    filter(None, [range_of(each), describe(node).arguments[each.name]])
+                )
+                rows.append((f"{name}.{each.name}={value}", printable(facts)))
+            if rows:
+                with formatter.section(f"--set, {name} ({node.name})"):
+                    formatter.write_dl(rows)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[WORDS_KEY] = [*args]
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            name, param = error.option_name, error.option_name.lstrip("-")
-            told = f"No such option '{name}'; a param is written {param}=VALUE"
+            name, param = error.option_name, error.option_name.lstrip("-").replace("-", "_")
+            how = _how_to_give(param, ctx.meta[WORDS_KEY])
+            told = f"No such option '{name}'; {how}"
             raise click.NoSuchOption(name, told, error.possibilities, ctx) from None
+
+
+def _how_to_give(name: str, words: Sequence[str]) -> str:
+    """Say how the value of a parameter is given to the graph that is among the words."""
+    from tactograph.graph.errors import TactographError
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.files.typed_values import settings_called
+
+    written = f"a param is written {name}=VALUE"
+    try:
+        graph = read_graph(next(word for word in words if not word.startswith("-")))
+    except (StopIteration, TactographError):
+        return written
+    if name not in graph.params and (settings := settings_called(graph, name)):
+        return f"it is written {settings}"
+    return written
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

@@ -156,7 +156,7 @@ def _cluster(
     if not scheduler and not scheduler_file:
         return None
     if number is not None or (scheduler and scheduler_file):
-        raise InputError("say one of --workers, --scheduler and --scheduler-file")
+        raise InputError("give one of --workers, --scheduler and --scheduler-file")
     from tactograph.graph.batch.cluster import Cluster
 
     return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
@@ -200,8 +200,13 @@ def _here(
 def _show(tallies: Iterator[Tally], total: int) -> None:
     """Show a bar with rate and time left, without a terminal a line now and then, and fallbacks."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as TimeLeft
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn as TimeLeft,
+    )
 
     console = Console(stderr=True)
     columns = (

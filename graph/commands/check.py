@@ -20,11 +20,21 @@ if TYPE_CHECKING:
 @with_option
 @set_option
 def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
-    """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params."""
+    """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params.
+
+    All errors of a pass are listed; the next pass needs the one before it.
+    """
+    from tactograph.graph.errors import GraphError
     from tactograph.graph.files.read_graph import read_graphs
 
-    for read in read_graphs(graph):
-        _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
+    try:
+        for read in read_graphs(graph):
+            _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
+    except GraphError as error:
+        for other in error.others:
+            say(other, err=True)
+        error.others = ()
+        raise
 
 
 def _check(read: Graph, own_params: Container[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph.graph.commands import GraphName, say, with_option
+from tactograph.graph.commands.progress_line import PRINT_INTERVAL_S
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -41,6 +43,10 @@ if TYPE_CHECKING:
     help="Repeat the comparison in this folder, into REPORT_again.",
 )  # fmt: skip
 @click.option(
+    "--columns", metavar="LIST",
+    help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
+)  # fmt: skip
+@click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path),
     help="Folder for results, tables and report.  [default: report]",
 )  # fmt: skip
@@ -48,6 +54,7 @@ def command(
     words: tuple[str, ...],
     former_report: Path | None,
     out: Path | None,
+    columns: str | None,
     repeats: int,
     **choices: Any,
 ) -> None:
@@ -68,14 +75,14 @@ def command(
     if former_report is None:
         values = [word for word in words if "=" in word]
         out = out or Path("report")
-        _compare(_read_study(words, out, repeats=repeats, **choices), values, out)
+        _compare(_read_study(words, out, repeats=repeats, **choices), values, out, columns)
         return
     if words or any(choices.values()) or repeats > 1:
-        raise InputError("--again repeats what was recorded; only --out may be said with it")
+        raise InputError("--again repeats what was recorded; it goes with --out and --columns only")
     then = read_record(former_report)
     former = read_rows(former_report)
     folder = out or former_report.with_name(f"{former_report.resolve().name}_again")
-    rows, now = _compare(study_again(then, former_report), then.values, folder)
+    rows, now = _compare(study_again(then, former_report), then.values, folder, columns)
     for line in what_changed(then, now):
         say(f"changed: {line}")
     say(deviation(former, rows))
@@ -146,7 +153,9 @@ def _read_backends(text: str | None) -> list[str | None]:
     return [*names]
 
 
-def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row], Record]:
+def _compare(
+    study: Study, values: Sequence[str], out: Path, columns: str | None
+) -> tuple[list[Row], Record]:
     from tactograph.graph.extras import need
 
     need("report", "the report of a comparison", "jinja2")
@@ -160,7 +169,8 @@ def _compare(study: Study, values: Sequence[str], out: Path) -> tuple[list[Row],
     record = make_record(study, values, rows, sys.argv[1:])
     write_tables(rows, out)
     write_record(record, study, out)
-    print_table(rows, say, shutil.get_terminal_size((160, 24)).columns)
+    width = shutil.get_terminal_size((160, 24)).columns
+    print_table(rows, say, width, columns.split(",") if columns else [])
     page = write_report(study, rows, record, out)
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
@@ -178,7 +188,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     cache = Cache()
     jobs = make_jobs(study)
     rows: list[Row] = []
-    kept = 0
+    kept, printed = 0, time.monotonic()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task("comparing", total=len(jobs))
         for job in jobs:
@@ -189,6 +199,9 @@ def _run_all(study: Study, out: Path) -> list[Row]:
             rows.append(row)
             kept += was_there
             progress.advance(bar)
+            if not progress.console.is_terminal and time.monotonic() - printed > PRINT_INTERVAL_S:
+                printed = time.monotonic()
+                say(f"{len(rows)} of {len(jobs)} runs, the last one {job.label}", err=True)
     if kept:
         say(f"{kept} of {len(jobs)} runs were there already", err=True)
     return rows

@@ -29,8 +29,8 @@ def command(
 ) -> None:
     """Print the plan of GRAPH, how long its steps took before, and what is kept on disk.
 
-    Params that are not given do not matter to the plan.  No node runs; files are read that tell
-    whether a result is kept.
+    Params that are not given do not matter to the plan.  No node runs; files are read
+    to find whether a result is on disk.
     """
     from tactograph.graph.cache.store import kept_on_disk
     from tactograph.graph.files.typed_values import read_words
@@ -119,7 +119,7 @@ def _print_steps(
 
 
 def _when(step: Step, task: Task | None, kept: Mapping[str, bool]) -> str:
-    """Occasion of a step's run, and whether an earlier result stands for it."""
+    """Occasion of a step's run, and whether an earlier result replaces it."""
     from tactograph.graph.cache.store import has_stored
 
     if step.conditions:

@@ -1,33 +1,48 @@
 """``tactograph nodes``: the nodes there are, or the page of one."""
 
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
 import click
 
 from tactograph.graph.commands import say
+
+if TYPE_CHECKING:
+    from tactograph.graph.declare.find_node import NodePlace
 
 
 @click.command("nodes", short_help="List the nodes, or show one node's page.")
 @click.argument("name", required=False)
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
-    from tactograph.graph.declare.find_node import builtin_rooms, find_node, node_names
+    from tactograph.graph.declare.find_node import find_node, node_places
     from tactograph.graph.declare.node_page import node_page
     from tactograph.graph.errors import TactographError
 
     if name is not None:
         say(node_page(find_node(name)))
         return
-    rooms = builtin_rooms()
-    names = sorted(node_names(), key=lambda name: (rooms.get(name, "~"), name))
-    width = max(map(len, names))
-    room = None
-    for each in names:
-        if rooms.get(each) != room:
-            room = rooms.get(each)
-            say(f"\n{room or 'of other packages'}")
-        try:
-            node = find_node(each)
-        except TactographError as error:
-            say(f"  {each:<{width}}  --  {error}")
-            continue
-        kernels = " ".join(node.implementations)
-        say(f"  {each:<{width}}  {kernels:<6}  {node.summary}")
+    places = node_places()
+    width = max(map(len, places))
+    by_room = itertools.groupby(
+        sorted(places, key=lambda each: (_heading(places[each]), each)),
+        key=lambda each: _heading(places[each]),
+    )
+    for (_, heading), names in by_room:
+        say(f"\n{heading}")
+        for each in names:
+            try:
+                node = find_node(each)
+            except TactographError as error:
+                say(f"  {each:<{width}}  --  {error}")
+                continue
+            kernels = " ".join(node.implementations)
+            say(f"  {each:<{width}}  {kernels:<6}  {node.summary}")
+
+
+def _heading(place: NodePlace) -> tuple[bool, str]:
+    """Rooms of the core come first, those of a ring under its name."""
+    ring = place.ring.name
+    return ring != "core", place.room if ring == "core" else f"{ring}: {place.room}".rstrip(": ")

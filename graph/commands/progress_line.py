@@ -1,7 +1,9 @@
 """A line on a terminal, from two seconds on: the present stage, and the time that is left.
 
+Where standard error is a file or a pipe, a line every ten seconds says the same.
+
 The time left is that of the last run of the same graph from this stage on, by the disk cache.  If
-the graph has not run yet, or a run has several items, the time since the start stands for it.
+the graph has not run yet, or a run has several items, the time since the start is shown instead.
 """
 
 from __future__ import annotations
@@ -22,18 +24,21 @@ if TYPE_CHECKING:
 
 MIN_SHOWN_S = 2.0
 """Shorter runs show nothing."""
-REDRAW_EVERY_S = 0.2
+REDRAW_INTERVAL_S = 0.2
+PRINT_INTERVAL_S = 10.0
 TIMES_FOLDER = "times"
 """The cache folder: by graph, the start of each stage in s; under END_STAGE, the end."""
 END_STAGE = ""
 
 
 class ProgressLine:
-    """Shows the text of `stage_of` on standard error, if `wanted` and that is a terminal."""
+    """Shows the text of `stage_of` on standard error, if `wanted`."""
 
     def __init__(self, *, wanted: bool = True) -> None:
         self.stage_of: Callable[[], str] = lambda: "reading and compiling"
-        self._shown = wanted and sys.stderr.isatty()
+        self._shown = wanted
+        self._is_terminal = sys.stderr.isatty()
+        self._printed = 0.0
         self._start = time.monotonic()
         self._begun: dict[str, float] = {}
         self._before: dict[str, float] = {}
@@ -81,14 +86,26 @@ class ProgressLine:
         return None if self._end is None else max(self._end - now, 0.0)
 
     def _watch(self) -> None:
-        while not self._over.wait(REDRAW_EVERY_S):
+        while not self._over.wait(REDRAW_INTERVAL_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
             self._begun.setdefault(stage, now)
             with self._lock:
-                if stage and now > MIN_SHOWN_S:
+                if not self._is_terminal:
+                    self._print(stage, now)
+                elif stage and now > MIN_SHOWN_S:
                     self._draw(stage, now)
                 else:
                     self._hide()
+
+    def _print(self, stage: str, now: float) -> None:
+        """Print a line if the last one is old enough."""
+        if stage and now - self._printed > PRINT_INTERVAL_S:
+            self._printed = now
+            say(f"{stage}: {self._time(stage, now)}", err=True)
+
+    def _time(self, stage: str, now: float) -> str:
+        left = self.left(stage, now)
+        return f"{now:.0f} s" if left is None else f"{left:.0f} s left"
 
     def _draw(self, stage: str, now: float) -> None:
         left = self.left(stage, now)
@@ -99,7 +116,7 @@ class ProgressLine:
             description=stage,
             total=None if left is None else now + left,
             completed=now,
-            left=f"{now:.0f} s" if left is None else f"{left:.0f} s left",
+            left=self._time(stage, now),
         )
         self._bar.start()
         self._bar.refresh()

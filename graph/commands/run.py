@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FRAME_MS = 1000 / 30
 """Time of a camera's frame; an item that took longer names its slowest node."""
-FORGOTTEN_S = 10.0
+WARNING_INTERVAL_S = 10.0
 """Time after which a warning that an endless stream did not repeat is printed again."""
 
 
@@ -54,6 +54,13 @@ FORGOTTEN_S = 10.0
 )
 @click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
 @click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
+@click.option(
+    "--all", "every", is_flag=True, expose_value=False,
+    help="With --help after a graph: list the parameters of its nodes, too.",
+)  # fmt: skip
+@click.option(
+    "--figures", is_flag=True, help="Print all figures, also where a sentence says the main ones."
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
 def command(*, watch: bool, **words: Any) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
@@ -85,6 +92,7 @@ class _Wanted:
     trace_file: Path | None
     keep: str | None
     until: str | None
+    figures: bool
     quiet: bool
 
 
@@ -133,7 +141,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
         read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
     )
     trace = pipeline.trace() if wanted.trace_file is not None else None
-    report = _Report(line, pipeline, quiet=wanted.quiet)
+    report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     report.plan(strict=wanted.options.strict)
     times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
     line.recall(times)
@@ -190,8 +198,10 @@ class _Report:
     which differ from item to item.
     """
 
-    def __init__(self, line: ProgressLine, pipeline: Pipeline, *, quiet: bool) -> None:
-        self._line, self._pipeline, self._quiet = line, pipeline, quiet
+    def __init__(
+        self, line: ProgressLine, pipeline: Pipeline, *, figures: bool, quiet: bool
+    ) -> None:
+        self._line, self._pipeline, self._figures, self._quiet = line, pipeline, figures, quiet
         self.told: dict[str, float] = {}
 
     def plan(self, *, strict: bool) -> None:
@@ -211,7 +221,7 @@ class _Report:
         else:
             self.warnings(result.warnings)
         if not self._quiet and (not endless or number == 1):
-            self._line.say(_summary(number, result))
+            self._line.say(_summary(number, result, figures=self._figures))
         if number > 1:
             self._line.forget_times()
         if endless:
@@ -226,12 +236,12 @@ class _Report:
 
     def _news(self, warnings: Iterable[str]) -> None:
         """Print the kinds of warnings that have not been due for a while, as a camera's faults."""
-        from tactograph.graph.run.raise_warnings import NUMBER_PATTERN
+        from tactograph.graph.run.raise_warnings import warning_kind
 
         now = time.monotonic()
         for warning in warnings:
-            kind = NUMBER_PATTERN.sub("", warning)
-            if now - self.told.get(kind, -math.inf) > FORGOTTEN_S:
+            kind = warning_kind(warning)
+            if now - self.told.get(kind, -math.inf) > WARNING_INTERVAL_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now
 
@@ -300,14 +310,23 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
             signal.signal(number, handler)
 
 
-def _summary(number: int, result: Result) -> str:
-    """The time of an item on each back end, and the figures and texts among its outputs."""
-    words = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
-    shown = {**_ranges(result), **_in_rows(result.figures), **words}
-    width = max(map(len, shown), default=0)
-    lines = [f"  {name:<{width}}  {text}" for name, text in shown.items()]
+def _summary(number: int, result: Result, *, figures: bool) -> str:
+    """The sentences among the outputs of an item, or its figures, and its time.
+
+    Where a graph puts sentences out, figures are only told if they are wanted.
+    """
+    texts = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
+    rows = dict(texts)
+    if figures or not texts:
+        rows |= {**_ranges(result), **_in_rows(result.figures)}
     head = " ".join(filter(None, [str(number), _name_of(result)]))
-    return "\n".join([f"{head}: {_times(result) or 'done'}", *lines])
+    first = _times(result) or "done"
+    if texts:
+        name, text = next(iter(texts.items()))
+        del rows[name]
+        first = f"{text} ({first})"
+    width = max(map(len, rows), default=0)
+    return "\n".join([f"{head}: {first}", *(f"  {name:<{width}}  {t}" for name, t in rows.items())])
 
 
 def _times(result: Result) -> str:

@@ -57,7 +57,7 @@ class Study:
             raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
         for graph in self.graphs:
             if takes_capture(graph) and not self.captures:
-                raise InputError(f"{graph.name} takes captures; say --over DIR")
+                raise InputError(f"{graph.name} takes captures; give --over DIR")
 
 
 @dataclass(frozen=True)

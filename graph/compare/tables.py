@@ -10,6 +10,7 @@ from typing import Any
 
 from tactograph.graph.compare.compare import Row
 from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.show.figures import Estimate, estimate, short, words
 from tactograph.graph.show.text_table import fitting_table
 from tactograph.graph.show.warning_lines import warning_lines
@@ -19,7 +20,7 @@ HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"}
 FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
 """Figures that are right at a number other than zero."""
 DESCRIPTIVE_FIGURES = ("contact", "peak_px")
-"""Beginnings of figures that say what was seen: none of them is better than another."""
+"""Beginnings of names of descriptive figures: no value is better than another."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"
 """Marks the best figure on the terminal."""
@@ -140,13 +141,19 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
         (stage / "table.tex").write_text(_latex(lines))
 
 
-def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) -> None:
-    """Print the figures, the best value of each capture marked with a star."""
+def print_table(
+    rows: Sequence[Row], echo: Callable[[str], None], width: int, wanted: Sequence[str] = ()
+) -> None:
+    """Print the figures, the best value of each capture marked with a star.
+
+    Of the figures those that are `wanted`, or all.  Raises InputError if there is no such figure.
+    """
     lines = make_lines(rows)
-    headings, labels, table = _cells(lines, f"{{}}{BEST_MARK}", "{} ")
+    names = _chosen(lines, wanted) if wanted else columns(lines)
+    headings, labels, table = _cells(lines, names, f"{{}}{BEST_MARK}", "{} ")
     echo(fitting_table(headings, table, labels, width))
     if any(cell.endswith(BEST_MARK) for cells in table for cell in cells):
-        echo(f"{BEST_MARK} best of its capture: {_what_is_best(columns(lines))}")
+        echo(f"{BEST_MARK} best of its capture: {_what_is_best(names)}")
     for line in lines:
         if line.error:
             echo(f"failed: {line.label}: {line.error}")
@@ -156,6 +163,14 @@ def print_table(rows: Sequence[Row], echo: Callable[[str], None], width: int) ->
         echo(text)
     for text in fallback_lines(rows):
         echo(f"fallback: {text}")
+
+
+def _chosen(lines: Sequence[Line], wanted: Sequence[str]) -> list[str]:
+    known = columns(lines, details=True)
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"--columns: there is no figure '{name}'{did_you_mean(name, known)}")
+    return [*wanted]
 
 
 def _what_is_best(names: Iterable[str]) -> str:
@@ -171,8 +186,7 @@ def fallback_lines(rows: Iterable[Row]) -> list[str]:
     """Each fallback once, after the names of the graphs that it concerns."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
-        # Rows that an earlier version kept have no brief lines.
-        for text in row.brief_fallbacks or row.fallbacks:
+        for text in row.brief_fallbacks:
             variants.setdefault(text, {})[row.variant] = None
     return [f"{', '.join(names)}: {text}" for text, names in variants.items()]
 
@@ -189,7 +203,7 @@ def _line(rows: Sequence[Row]) -> Line:
 
 
 def _mean_line(lines: Sequence[Line], remark: str) -> Line:
-    """A plain mean: captures are no repeats, so an interval would say nothing."""
+    """A plain mean: captures are no repeats, so an interval would be meaningless."""
     first = lines[0]
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
     figures = {}
@@ -213,11 +227,11 @@ def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
 
 
 def _cells(
-    lines: Sequence[Line], best: str, other: str = "{}"
+    lines: Sequence[Line], names: Sequence[str], best: str, other: str = "{}"
 ) -> tuple[list[str], int, list[list[str]]]:
     """Headings, how many of them are labels, and rows; figures in the form of the best or other."""
     shown = [*lines, *over_all(lines)]
-    names, labels = columns(lines), _row_headings(lines)
+    labels = _row_headings(lines)
 
     def cell(line: Line, name: str) -> str:
         form = best if is_best(line, name, shown) else other
@@ -249,14 +263,14 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
 
 
 def _markdown(lines: Sequence[Line]) -> str:
-    headings, labels, rows = _cells(lines, "**{}**")
+    headings, labels, rows = _cells(lines, columns(lines), "**{}**")
     rule = ["---" if number < labels else "---:" for number in range(len(headings))]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (headings, rule, *rows))
 
 
 def _latex(lines: Sequence[Line]) -> str:
     """A table for the booktabs package, a block for each capture."""
-    headings, labels, rows = _cells(lines, r"\textbf{{{}}}")
+    headings, labels, rows = _cells(lines, columns(lines), r"\textbf{{{}}}")
     form = "l" * labels + "r" * (len(headings) - labels)
     text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule"]
     text.append(_latex_row(map(_escaped, headings)))

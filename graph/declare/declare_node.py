@@ -8,17 +8,19 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter, SizeLimit, SizeRule
+from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import (
     CONDITION_INPUT,
+    NamedPorts,
     PortType,
+    input_ports,
     is_record,
-    optional_record,
     read_port,
     record_fields,
     record_ports,
 )
 from tactograph.graph.declare.provenance import Provenance
+from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Tolerance
 
 _ENGINE_ARGUMENTS = (
@@ -83,6 +85,7 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
     records: dict[str, type] = {}
     optional: set[str] = set()
     repeated: PortType | None = None
+    named: NamedPorts | None = None
     parameters: dict[str, Parameter] = {}
     parameter_records: dict[str, type] = {}
     by_engine: dict[str, Any] = {}
@@ -110,13 +113,12 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
                 _add_parameters(function.__name__, parameters, [own])
         elif argument.kind is argument.VAR_POSITIONAL:
             repeated = read_port(name, annotation)
+        elif argument.kind is argument.VAR_KEYWORD:
+            named = _named_ports(function.__name__, name, annotation)
         else:
-            if record := optional_record(annotation):
-                records[name] = record
-                ports = record_ports(record, f"{name}.")
-                inputs.update({port.name: port for port in ports.values()})
-            else:
-                inputs[name] = read_port(name, annotation)
+            ports, record = input_ports(name, annotation)
+            inputs |= ports
+            records |= {name: record} if record else {}
             if argument.default is not argument.empty:
                 optional.add(name)
     outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
@@ -126,6 +128,7 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
         inputs=inputs,
         input_records=records,
         repeated=repeated,
+        named=named,
         parameters=parameters,
         parameter_records=parameter_records,
         outputs=outputs,
@@ -160,6 +163,14 @@ def _arguments(
             yield field, inspect.Parameter(field, kind, default=default)
 
 
+def _named_ports(function: str, name: str, annotation: Any) -> NamedPorts:
+    """The types of ``**name`` by the names of inputs."""
+    for extra in typing.get_args(annotation):
+        if isinstance(extra, NamedPorts):
+            return extra
+    raise TypeError(f"{function}: '**{name}' needs Annotated[..., NamedPorts(...)]")
+
+
 def _fields_as_parameters(record: type) -> list[Parameter]:
     """The fields of a record of parameters."""
     defaults: Mapping[str, Any] = record._field_defaults  # type: ignore[attr-defined]
@@ -179,8 +190,8 @@ def _add_parameters(name: str, parameters: dict[str, Parameter], more: Iterable[
 def _kernel_package(module: str) -> str:
     """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
-    room = package.removeprefix("tactograph.nodes")
-    return f"tactograph.kernels{room}" if room != package else package or module
+    ring, found, room = f"{package}.".partition(".nodes.")
+    return f"{ring}.kernels.{room}".rstrip(".") if found else package or module
 
 
 def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:
@@ -205,7 +216,7 @@ def _check_neutral(declared: Node) -> None:
         port = declared.inputs.get(neutral)
         if port is None or (port.dims, port.dtype) != (output.dims, output.dtype):
             raise TypeError(
-                f"{declared.name}: neutral '{neutral}' is no input of the output's type"
+                f"{declared.name}: neutral '{neutral}' is not an input of the output's type"
             )
 
 

@@ -4,8 +4,9 @@ Positional arguments are input ports, keyword-only arguments are parameters, the
 annotation gives the output port, or a record of ports.  A `NamedTuple` as an input takes all
 outputs of one node, and as a parameter stands for its fields; ``*values: Unpack[Record]`` takes
 the fields of a record, each as an input of its own.  ``*arguments`` takes any number of inputs,
-which a graph names as it likes.  A function that returns an iterator
-is a source of a stream; one that returns None is a sink.  The NumPy body is the reference;
+which a graph names as it likes, ``**arguments`` optional ones whose types follow from their names
+(`NamedPorts`).  A function that returns an iterator is a source of a stream; one that returns None
+is a sink.  The NumPy body is the reference;
 `Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
 """
 
@@ -17,7 +18,7 @@ import os
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from typing import Any
 
 from tactograph.graph.declare.kernel_declaration import (
@@ -27,45 +28,16 @@ from tactograph.graph.declare.kernel_declaration import (
     LaunchFunction,
     can_run_anywhere,
 )
-from tactograph.graph.declare.ports import PortType, make_record, record_ports, record_values
+from tactograph.graph.declare.ports import (
+    NamedPorts,
+    PortType,
+    input_ports,
+    make_record,
+    record_ports,
+    record_values,
+)
+from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-
-
-@dataclass(frozen=True)
-class SizeLimit:
-    """The sizes a node accepts for one symbol, and why not others."""
-
-    low: int
-    high: int | None
-    why: str
-
-    def refuses(self, size: int) -> bool:
-        return size < self.low or (self.high is not None and size > self.high)
-
-
-@dataclass(frozen=True)
-class SizeRule:
-    """A size computed from other sizes ("H", or "H W") and one parameter.
-
-    `rule` computes it, and raises InputError where they do not go together.  Without a rule it is
-    the other size divided by the parameter, rounded up.
-    """
-
-    of: str
-    by: str
-    rule: Callable[..., int] | None = None
-
-    def size(self, sizes: Mapping[str, int], settings: Mapping[str, Any]) -> int:
-        if self.rule is None:
-            return -(-sizes[self.of] // int(settings[self.by]))
-        return self.rule(*(sizes[symbol] for symbol in self.of.split()), settings[self.by])
-
-    def __str__(self) -> str:
-        return f"{self.of}{', ' if self.rule else ' / '}{self.by}"
-
-
-Parts = SizeRule
-"""A size that is another one divided by a parameter, rounded up: a rule without a function."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +70,7 @@ class Node:
     outputs: dict[str, PortType]
     output_record: type | None
     stream: bool
+    named: NamedPorts | None = None
     neutral: float | str | None = None
     tolerance: Tolerance = field(default_factory=Exact)
     sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
@@ -126,14 +99,38 @@ class Node:
         return self.function(*args, **kwargs)
 
     def with_inputs(self, names: Iterable[str]) -> Node:
-        """The node with the inputs that a graph names, if it takes any number."""
+        """The node with the inputs that a graph names, if it takes any number or named ones."""
         key = tuple(names)
-        if self.repeated is None or not key:
-            return self
-        if key not in self._sized:
-            inputs = {name: replace(self.repeated, name=name) for name in key}
-            self._sized[key] = replace(self, inputs=inputs, repeated=None)
-        return self._sized[key]
+        if self.repeated is None:
+            further = {*self.further_names} - {*self.input_names}
+            key = tuple(name for name in key if name in further)
+        if key and key not in self._sized:
+            if self.named:
+                self._sized[key] = self._with_named(self.named, key)
+            elif self.repeated:
+                inputs = {name: replace(self.repeated, name=name) for name in key}
+                self._sized[key] = replace(self, inputs=inputs, repeated=None)
+        return self._sized[key] if key else self
+
+    def _with_named(self, named: NamedPorts, names: tuple[str, ...]) -> Node:
+        """The node with such inputs, which its function takes as ``**arguments``."""
+        inputs, records, count = {**self.inputs}, {**self.input_records}, len(self._arguments)
+        for name in names:
+            ports, record = input_ports(name, named.annotation(name) | None)
+            inputs |= ports
+            records |= {name: record} if record else {}
+
+        def function(*arguments: Any, **settings: Any) -> Any:
+            by_name = dict(zip(names, arguments[count:], strict=False))
+            return self.function(*arguments[:count], **by_name, **settings)
+
+        return replace(
+            self,
+            function=update_wrapper(function, self.function),
+            inputs=inputs,
+            input_records=records,
+            optional_inputs=self.optional_inputs | {*names},
+        )
 
     @cached_property
     def _sized(self) -> dict[tuple[str, ...], Node]:
@@ -151,6 +148,11 @@ class Node:
         Where `repeated` is given, it may use more.
         """
         return [*self.input_records, *(name for name in self.inputs if "." not in name)]
+
+    @property
+    def further_names(self) -> list[str]:
+        """The names of optional inputs that a graph may use besides."""
+        return [*self.named.names()] if self.named else []
 
     @property
     def source(self) -> bool:

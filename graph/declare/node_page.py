@@ -55,6 +55,7 @@ def _parsed(doc: str) -> docstring_parser.Docstring:
 
 def node_page(node: Node) -> str:
     """All about a node as Markdown: its inputs, parameters, outputs and errors."""
+    node = node.with_inputs(node.further_names)
     about = describe(node)
     lines = [f"# {node.name}", "", about.summary, ""]
     if about.text:

@@ -9,7 +9,7 @@ outer record's own.  A node that lacks optional fields of a record can be read a
 """
 
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -52,6 +52,22 @@ class Port:
 
 
 @dataclass(frozen=True)
+class NamedPorts:
+    """The metadata of ``**arguments``: optional inputs whose types follow from their names.
+
+    Parameters
+    ----------
+    names
+        Return the names that a graph may use.
+    annotation
+        Return the annotation of the input of such a name.
+    """
+
+    names: Callable[[], Iterable[str]]
+    annotation: Callable[[str], Any]
+
+
+@dataclass(frozen=True)
 class PortType:
     """A port as the engine sees it, read from an annotation."""
 
@@ -86,6 +102,14 @@ def optional_record(annotation: Any) -> type | None:
     """The record that an annotation stands for, or may stand for; else None."""
     members = members_of(annotation)
     return members[0] if len(members) == 1 and is_record(members[0]) else None
+
+
+def input_ports(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None]:
+    """Return an input's ports by name, and its record; None if it is one port."""
+    record = optional_record(annotation)
+    if record is None:
+        return {name: read_port(name, annotation)}, None
+    return {port.name: port for port in record_ports(record, f"{name}.").values()}, record
 
 
 def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:

@@ -200,7 +200,7 @@ class Graph:
     def check_node(self, node_id: str, where: str) -> None:
         """Refuse a reference at `where` to a node that does not exist.
 
-        A node that a change took out is told at the change: its reader was right before.
+        A node that a change took out is reported at the change: its reader was right before.
         """
         if node_id in self.nodes:
             return

@@ -17,7 +17,7 @@ from pydantic import (
     WithJsonSchema,
     field_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from tactograph.graph.backends import Backend
 from tactograph.graph.disk.strict_yaml import Document, Path_
@@ -282,18 +282,21 @@ Model = TypeVar("Model", bound=BaseModel)
 def validate(document: Document, model: type[Model]) -> Model:
     """Check a document against its model.
 
-    Raises GraphError with the place of the first thing that no file of this kind may say.
+    Raises GraphError with the places of all that no file of this kind may say.
     """
     if not isinstance(document.data, dict):
         raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")
     try:
         return model.model_validate(document.data)
     except ValidationError as error:
-        raise GraphError(_first_error(error, document, model)) from None
+        errors = [_sentence(each, document, model) for each in error.errors()]
+        first, *others = dict.fromkeys(errors)
+        wrong = GraphError(first)
+        wrong.others = others
+        raise wrong from None
 
 
-def _first_error(error: ValidationError, document: Document, whole: type[BaseModel]) -> str:
-    first = error.errors()[0]
+def _sentence(first: ErrorDetails, document: Document, whole: type[BaseModel]) -> str:
     kind = first["type"]
     model = _model_at(whole, first["loc"])
     # A tag never comes first: there it is a key of the user's own.

@@ -1,13 +1,9 @@
-"""Folders of graph files: shipped ones, those of other packages, and the user's own."""
+"""Folders of graph files: those of the core, of rings, and the user's own."""
 
-import importlib.util
-from importlib import resources
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from tactograph.graph.errors import InputError, did_you_mean
-
-ENTRY_GROUP = "tactograph.pipelines"
+from tactograph.graph.rings import rings
 
 
 def shipped_graphs() -> dict[str, Path]:
@@ -32,25 +28,33 @@ def shipped_groups() -> dict[str, Path]:
 
 
 def _shipped_files(pattern: str) -> list[Path]:
-    return sorted(Path(str(resources.files(ENTRY_GROUP))).glob(pattern))
+    """The graph files of the core and of all rings.
+
+    Of one name that of the core or of a shipped ring counts; where several other rings bring it,
+    it has to be named ``ring/name``.
+    """
+    files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
+    for ring in rings():
+        for file in ring.files("pipelines", pattern):
+            kind = file.parent.name if file.parent.name in ("overlays", "studies") else ""
+            files.setdefault((kind, file.name), []).append((file, ring.shipped))
+    return [found[0][0] for found in files.values() if found[0][1] or len(found) == 1]
 
 
 def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> Path | None:
-    """The file of a bare name, a ``package/name`` or a path; None if there is no such file.
-
-    A package brings pipelines through the entry-point group ``tactograph.pipelines``: the
-    point's name is what is said before the slash, its value the package with the files.
+    """The file of a bare name, a ``ring/name`` or a path; None if there is no such file.
 
     Raises InputError if the name says where the file is, and it is not there.
     """
-    package, slash, graph = name.partition("/")
-    if slash and "/" not in graph and (folder := _plugin_folder(package)) is not None:
-        if (folder / f"{graph}.yaml").is_file():
-            return folder / f"{graph}.yaml"
-        known = sorted(file.stem for file in folder.glob("*.yaml"))
+    bringer, slash, graph = name.partition("/")
+    ring = next((each for each in rings() if each.name == bringer), None)
+    if slash and "/" not in graph and not graph.endswith((".yaml", ".yml")) and ring is not None:
+        files = {file.stem: file for file in ring.files("pipelines", "*/*.yaml")}
+        if graph in files:
+            return files[graph]
         raise InputError(
-            f"the package {package} brings no pipeline '{graph}'{did_you_mean(graph, known)}"
-            f" (it brings: {', '.join(known) or 'none'})"
+            f"the ring {bringer} brings no pipeline '{graph}'{did_you_mean(graph, files)}"
+            f" (it brings: {', '.join(files) or 'none'})"
         )
     if not is_path(name):
         return shipped.get(name)
@@ -74,15 +78,3 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # a name that no file can have
         return False
-
-
-def _plugin_folder(package: str) -> Path | None:
-    """The folder of pipelines that an installed package registers under a name."""
-    for point in entry_points(group=ENTRY_GROUP, name=package):
-        spec = importlib.util.find_spec(point.value)
-        for place in (spec and spec.submodule_search_locations) or ():
-            return Path(place)
-        raise InputError(
-            f"the pipelines of {package} should lie in {point.value}; it is no package"
-        )
-    return None

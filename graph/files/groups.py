@@ -191,7 +191,7 @@ def _uses(
             raise GraphError(f"{use.where('group')}: a group cannot use itself: {loop}")
         if len(chain) >= MAX_GROUP_DEPTH:
             raise GraphError(
-                f"{use.where('group')}: more than {MAX_GROUP_DEPTH} groups lie in one another"
+                f"{use.where('group')}: groups are nested more than {MAX_GROUP_DEPTH} deep"
             )
         group = graph.groups[use.group]
         _check_given(use, "in", "input", use.inputs, group.inputs)

@@ -124,7 +124,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
         with blamed_on(layer.document.place((*path, "extends"))):
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
-                raise InputError(f"'{stated.extends}' is no file of a group (.group.yaml)")
+                raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
         document = read_yaml(file)
         groups[name] = _group(name, validate(document, GroupFileModel), document, ())
         for index, change in enumerate(stated.patch):

@@ -56,7 +56,7 @@ def _plain(value: Any, path: Path_, file: str, places: dict[Path_, Place]) -> An
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, str) and printable(value) != value:
-        raise GraphError(f"{place}: a control character is no text")
+        raise GraphError(f"{place}: control characters are not allowed in text")
     if value is None or isinstance(value, str | bool | int | float):
         return value
-    raise GraphError(f"{place}: a {type(value).__name__} is no plain data")
+    raise GraphError(f"{place}: a {type(value).__name__} is not plain data")

@@ -287,7 +287,7 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
     if base is not None:
         with blamed_on(layer.document.place(("base",))):
             if layer.base != graph.name:
-                raise InputError("a graph of its own, which lies over no other")
+                raise InputError("a whole graph, not an overlay")
             below = _named(base, layer.file.parent, chain)
     for index, name in enumerate(layer.model.extends):
         with blamed_on(layer.place(index)):

@@ -6,7 +6,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from tactograph.graph.declare.check_settings import model_of
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
 from tactograph.graph.declare.ports import CONDITION_INPUT
@@ -21,7 +21,7 @@ def make_schema() -> dict[str, Any]:
     """
     kinds: list[type[BaseModel]] = [GraphModel, StudyModel, GroupFileModel]
     _, schema = models_json_schema([(kind, "validation") for kind in kinds], by_alias=True)
-    nodes = [find_node(name) for name in builtin_names()]
+    nodes = [find_node(name) for name in shipped_nodes()]
     definitions = schema["$defs"]
     for each in nodes:
         definitions[f"with_{each.name}"] = _settings(each, definitions)
@@ -75,6 +75,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 }
                 for name in node.input_names
             }
+            | {name: {"type": "string"} for name in node.further_names}
             | {
                 CONDITION_INPUT: {
                     "type": "string",

@@ -3,11 +3,15 @@
 from collections.abc import Iterable
 from typing import Any
 
+from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, a_few
 from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
+
+MAX_NAMED_SETTINGS = 3
+"""The most nodes' parameters of one name that a message names."""
 
 
 def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
@@ -21,11 +25,23 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
         name, equals, text = word.partition("=")
         if not equals:
             raise InputError(f"'{word}': write values as name=value")
+        if name not in graph.params and (settings := settings_called(graph, name)):
+            raise InputError(f"{graph.name} has no param '{name}', but nodes have: {settings}")
         graph.check_param(name)
         if name in given:
             raise InputError(f"{name} is given twice")
         given[name] = _read(name, text, graph.params[name])
     return given
+
+
+def settings_called(graph: Graph, name: str) -> str:
+    """The nodes' parameters of that name, as ``--set`` takes them; empty if there is none."""
+    nodes = [
+        node_id
+        for node_id, entry in graph.nodes.items()
+        if name in find_node(entry.op, graph.own).parameters
+    ]
+    return a_few([f"--set {node_id}.{name}=VALUE" for node_id in nodes], MAX_NAMED_SETTINGS)
 
 
 def read_settings(words: Iterable[str]) -> dict[str, Any]:

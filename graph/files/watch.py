@@ -8,7 +8,7 @@ from typing import Any
 
 from tactograph.graph.files.flat_graph import Graph
 
-LOOK_EVERY_S = 0.25
+POLL_INTERVAL_S = 0.25
 Stamp = tuple[tuple[str, int, int], ...]
 
 
@@ -41,10 +41,10 @@ def stamp(files: Collection[Path]) -> Stamp:
 def wait_for_change(files: Collection[Path], before: Stamp) -> None:
     """Return after a change, once nothing has changed for a moment."""
     while stamp(files) == before:
-        time.sleep(LOOK_EVERY_S)
+        time.sleep(POLL_INTERVAL_S)
     now = stamp(files)
     while True:
-        time.sleep(LOOK_EVERY_S)
+        time.sleep(POLL_INTERVAL_S)
         settled, now = now, stamp(files)
         if settled == now:
             return

@@ -47,7 +47,7 @@ class Task:
     def looks_outside(self) -> bool:
         """Return whether its values may change though its settings and inputs do not.
 
-        It yields items, keeps a session, is told of the run, or names a file.
+        It yields items, keeps a session, takes the run's provenance, or names a file.
         """
         if self.filled:
             return False

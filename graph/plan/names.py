@@ -11,7 +11,7 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import CONDITION_INPUT, record_ports
-from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.errors import ErrorsTogether, GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS_ITEM,
     Entry,
@@ -38,10 +38,21 @@ def bind(
     """
     for name in given:
         graph.check_param(name)
-    names = _Names(graph, {node_id: _find(graph, node_id) for node_id in graph.nodes}, {})
+    errors = ErrorsTogether()
+    nodes: dict[str, Node] = {}
+    for node_id in graph.nodes:
+        with errors.gathered():
+            nodes[node_id] = _find(graph, node_id)
+    errors.raise_any()
+    names = _Names(graph, nodes, {})
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
-    edges = {n: _reads(names, n) for n in graph.nodes if n not in names.passed}
+    edges: dict[str, tuple[dict[str, Value], dict[str, Value]]] = {}
+    for name in graph.nodes:
+        if name not in names.passed:
+            with errors.gathered():
+                edges[name] = _reads(names, name)
+    errors.raise_any()
     whens = {name: _condition(names, name) for name in edges}
     dag, needs = _dags(edges, whens)
     _refuse_cycles(graph, dag)
@@ -58,10 +69,12 @@ def bind(
     for name in filter(live.__contains__, graph.nodes):
         node, entry = names.nodes[name], graph.nodes[name]
         handed_in = name in stand_ins and not has_stream
-        settings = {} if handed_in else settings_of(entry, graph, node, given)
-        tasks[name] = Task(
-            name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
-        )
+        with errors.gathered():
+            settings = {} if handed_in else settings_of(entry, graph, node, given)
+            tasks[name] = Task(
+                name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
+            )
+    errors.raise_any()
     _mark_streams(tasks, dag)
     for name in filter(tasks.__contains__, nx.topological_sort(dag)):
         tasks[name].conditions = _conditions(tasks, tasks[name])
@@ -214,7 +227,7 @@ def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
 
 
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
-    known = node.input_names
+    known = list(dict.fromkeys([*node.input_names, *node.further_names]))
     for name in entry.inputs:
         if name in node.former:
             raise GraphError(

@@ -1,8 +1,8 @@
 """Pass 2: check that both ends of every edge have the same type and unit."""
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.errors import GraphError
-from tactograph.graph.plan.draft import Draft
+from tactograph.graph.errors import ErrorsTogether, GraphError
+from tactograph.graph.plan.draft import Draft, Task, Value
 
 
 def check(draft: Draft) -> None:
@@ -10,17 +10,22 @@ def check(draft: Draft) -> None:
 
     Raises GraphError, which names both ports, if kind, element type, number of axes or unit differ.
     """
+    errors = ErrorsTogether()
     for task in draft.tasks.values():
         for name, value in task.edges.items():
-            wanted = task.node.inputs[name]
-            offered = draft.port_of(value)
-            clash = _clash(wanted, offered)
-            if clash:
-                where = task.entry.where(f"in.{name}")
-                raise GraphError(
-                    f"{where}: '{name}' of {task.node.name} wants {wanted}, but {value} is "
-                    f"{offered}: {clash}{draft.graph.stands(value.node, where)}"
-                )
+            with errors.gathered():
+                _check_edge(draft, task, name, value)
+    errors.raise_any()
+
+
+def _check_edge(draft: Draft, task: Task, name: str, value: Value) -> None:
+    wanted, offered = task.node.inputs[name], draft.port_of(value)
+    if clash := _clash(wanted, offered):
+        where = task.entry.where(f"in.{name}")
+        raise GraphError(
+            f"{where}: '{name}' of {task.node.name} wants {wanted}, but {value} is "
+            f"{offered}: {clash}{draft.graph.stands(value.node, where)}"
+        )
 
 
 def _clash(wanted: PortType, offered: PortType) -> str | None:

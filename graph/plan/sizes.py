@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from tactograph.graph.declare.node import SizeLimit
 from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
+from tactograph.graph.declare.size_rules import SizeLimit
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.plan.draft import Draft, Task, Value
 

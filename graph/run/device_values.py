@@ -174,7 +174,7 @@ class DeviceValues:
                 before = zip(port.dims, recalled.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
-        with Blaming(task, self._device.error):
+        with Blaming(self._plan, task, self._device.error):
             if launch is None or launch.sizes != sizes:
                 wanted = self._wanted_here(task.id)
                 launch = self._device.prepare(task.node, task.settings, sizes, wanted)

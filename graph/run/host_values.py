@@ -13,8 +13,9 @@ from tactograph.graph.backends.device_backend import Event
 from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.declare.engine_arguments import Session
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.errors import NodeError
+from tactograph.graph.errors import NodeError, as_in_graph
 from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.node_errors import Blaming
@@ -105,7 +106,7 @@ class HostValues:
             if value in self._arriving:
                 self._arriving.pop(value).wait()
         start = time.perf_counter()
-        with Blaming(task):
+        with Blaming(self._plan, task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
             if step.stream or task.looks_outside:
                 made = node(*arguments, **keywords)
@@ -117,7 +118,7 @@ class HostValues:
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
         """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
         shapes: Shapes = {}
-        with Blaming(task):
+        with Blaming(self._plan, task):
             results = task.node.results(made)
         for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]
@@ -129,7 +130,7 @@ class HostValues:
                     result = as_fractions(result)
                 result.flags.writeable = False
                 shapes[value.port] = result.shape
-            self._values[value] = result
+            self._values[value] = _in_graph(self._plan, task, result)
         return shapes
 
     def session(self, task: Task) -> dict[str, Session]:
@@ -167,6 +168,15 @@ class HostValues:
         with ExitStack() as stack:
             for session in sessions.values():
                 stack.callback(session.close)
+
+
+def _in_graph(plan: Plan, task: Task, result: Any) -> Any:
+    """A result, with the graph's names in sentences of it."""
+    if isinstance(result, str):
+        return as_in_graph(result, partial(feed_of, plan, task))
+    if isinstance(result, list):
+        return [_in_graph(plan, task, each) for each in result]
+    return result
 
 
 def constant(

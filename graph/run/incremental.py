@@ -15,8 +15,9 @@ from typing import Any
 from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.cache.cache import Cache, Kept, Run
 from tactograph.graph.cache.keys import content_key, key_of
-from tactograph.graph.errors import collect_warnings, warn
+from tactograph.graph.errors import GraphNames, collect_warnings, warn
 from tactograph.graph.plan.draft import Task, Value
+from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Known
 from tactograph.graph.plan.spots import Spot, put_out, read_by, recalled_by, written_by
@@ -206,7 +207,7 @@ class OnlyChanged(Executor):
         if step.name not in self._to_run:
             return self._pass_over(step, known)
         warnings: list[str] = []
-        with collect_warnings(warnings):
+        with collect_warnings(warnings, marked=True):
             known = self._runner.execute(step, known, given)
         self._capture(step, warnings)
         for value in step.release:
@@ -262,8 +263,9 @@ class OnlyChanged(Executor):
         self._runner.notes[:] = self._of_source
         for step in self._plan.steps:
             if step.name in self._keys and step.name in self._runs:
-                for warning in self._runs[step.name].warnings:
-                    warn(warning)
+                with GraphNames(partial(feed_of, self._plan, self._plan.tasks[step.name])):
+                    for warning in self._runs[step.name].warnings:
+                        warn(warning)
 
     def _derive_keys(self, steps: Iterable[Step]) -> None:
         """Find the keys of nodes that compute, and the known runs with these keys."""

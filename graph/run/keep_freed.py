@@ -2,16 +2,16 @@
 
 import numpy as np
 
-MAX_KEPT_BYTES = 2**24
-"""Largest array whose memory is kept."""
+MAX_REUSED_BYTES = 2**24
+"""Largest array whose memory is reused."""
 
 
 def keep_freed() -> None:
-    """Have the C library keep memory that nodes free, up to twice `MAX_KEPT_BYTES`.
+    """Have the C library keep memory that nodes free, up to twice `MAX_REUSED_BYTES`.
 
     glibc gives the memory of large arrays back to the system, which hands it out again page by
     page, zeroed: half of the time of a chain of array operations on an image.  What counts as
     large follows the largest array that was freed (``mallopt(3)``, ``M_MMAP_THRESHOLD``).
     Other C libraries take no note.
     """
-    np.empty(MAX_KEPT_BYTES, np.uint8)
+    np.empty(MAX_REUSED_BYTES, np.uint8)

@@ -1,8 +1,11 @@
 """Errors of nodes, in one line that names the node."""
 
+from functools import partial
+
 from tactograph.graph.errors import (
     DeviceError,
     EndOfStream,
+    GraphNames,
     NodeError,
     TactographError,
     Terminated,
@@ -12,27 +15,31 @@ from tactograph.graph.errors import (
     message_of,
 )
 from tactograph.graph.plan.draft import Task
+from tactograph.graph.plan.feeds import feed_of
+from tactograph.graph.plan.plan import Plan
 
 _PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit, Terminated)
 
 
-class Blaming:
-    """Turn an unexpected exception of a node into one line that names the node.
+class Blaming(GraphNames):
+    """A block that runs a node of a plan; see `GraphNames`.
 
-    Otherwise a node that calls ``sys.exit`` would end the run as if all were well.
+    An unexpected exception becomes one line that names the node.  Otherwise a node that calls
+    ``sys.exit`` would end the run as if all were well.
 
     `device_error` is the exception type of the device's library, for a node on a device.
     """
 
     __slots__ = ("_device_error", "_task")
 
-    def __init__(self, task: Task, device_error: type[Exception] | tuple[()] = ()) -> None:
+    def __init__(
+        self, plan: Plan, task: Task, device_error: type[Exception] | tuple[()] = ()
+    ) -> None:
+        super().__init__(partial(feed_of, plan, task))
         self._task, self._device_error = task, device_error
 
-    def __enter__(self) -> None:
-        pass
-
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        super().__exit__(kind, error, trace)
         if error is not None and not isinstance(error, _PASSED_ON):
             if isinstance(error, OSError) and is_of_printing(error):
                 return

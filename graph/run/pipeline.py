@@ -35,7 +35,7 @@ class Pipeline:
 
     A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
     leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` came after the last item.  `built`: a device had all kernels on disk.
+    `closing_warnings` came after the last item, or of one that failed.
     """
 
     def __init__(
@@ -49,7 +49,6 @@ class Pipeline:
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
-        self.built = device is not None and device.built
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -177,6 +176,9 @@ class Pipeline:
                 yield result
             else:
                 yield from self._all_items(self._source, repeats, mine, stream)
+        except TactographError:
+            self.closing_warnings += self._runner.notes
+            raise
         finally:
             if self._running is mine:
                 self._end()
@@ -185,10 +187,10 @@ class Pipeline:
         self, source: Task, repeats: int, mine: object, begun: SourceStream | None
     ) -> Iterator[Result]:
         self._rehearse(source)
-        keywords = {**source.settings, **self._runner.host.told(source)}
         self._items.ended = False
         with collect_warnings(self._runner.notes):
-            stream = self._stream = begun or SourceStream(source, keywords, ahead=repeats == 1)
+            stream = begun or self._begun(source, source.settings, ahead=repeats == 1)
+        self._stream = stream
         while not self._items.ended and self._running is mine:
             with self._turn:
                 self._items.begin()
@@ -215,7 +217,7 @@ class Pipeline:
         others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
         if make is None or any(t.node.session for t in others if t is not source):
             return
-        with self._turn, Blaming(source):
+        with self._turn, Blaming(self.plan, source):
             item = make(**source.settings, **self._runner.host.told_of_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
@@ -223,20 +225,18 @@ class Pipeline:
     def begin(self, /, **values: Any) -> SourceStream | None:
         """Begin the stream that the pipeline has after `aim` with the same values.
 
-        Another thread may do so, and read the first item ahead, while this pipeline works.
-        None if the source has a session.
-
-        Raises
-        ------
-        InputError
-            If a value is not of its param's kind.
+        Another thread may do so while this pipeline works.  None if the source has a session.
+        Raises InputError if a value is not of its param's kind.
         """
         source = self._source
         if source is None or source.node.session is not None:
             return None
         given = {**self.plan.given, **values}
-        settings = settings_of(source.entry, self.plan.graph, source.node, given)
-        return SourceStream(source, {**settings, **self._runner.host.told(source)})
+        return self._begun(source, settings_of(source.entry, self.plan.graph, source.node, given))
+
+    def _begun(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
+        keywords = {**settings, **self._runner.host.told(source)}
+        return SourceStream(self.plan, source, keywords, ahead=ahead)
 
     def set(self, node: str, /, **settings: Any) -> None:
         """Change parameters of a node, for the items to come.
@@ -348,14 +348,13 @@ class Pipeline:
 
     @property
     def endless(self) -> bool:
-        """Return whether the stream only ends when it is stopped."""
+        """Whether the stream only ends when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
 
     def aim(self, /, **values: Any) -> None:
         """Give other values to params of the graph that only the stream's nodes take.
 
-        A pipeline can so go on to another capture, or another folder for its results, with
-        the same calibration, plan and kernels.
+        A pipeline can so go on to another capture with the same calibration, plan and kernels.
 
         Raises
         ------

@@ -21,5 +21,5 @@ def recall(task: Task, name: str, before: Mapping[Value, Any], sizes: Mapping[st
     pairs = zip(port.dims, recalled.shape, strict=True)
     if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
         return recalled
-    warn(f"{task.id}: the images have another size than before; it starts afresh")
+    warn(f"{task.id}: the images have another size than before; it forgets earlier items")
     return None

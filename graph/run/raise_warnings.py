@@ -5,19 +5,21 @@ import warnings
 from collections.abc import Iterable
 
 NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
-"""The numbers that differ between warnings of one kind; that of an LED tells kinds apart."""
+"""The numbers that differ between warnings of one kind; an LED's number makes another kind."""
 
 CALLER_LEVEL = 5
 """Frames from here to the line that calls a pipeline, or goes through its stream."""
 
 
-def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
-    """Raise each kind of warning that is not in `raised`, at the line that uses the pipeline.
+def warning_kind(line: str) -> str:
+    """A warning without its figures, which differ from frame to frame."""
+    return NUMBER_PATTERN.sub("", line)
 
-    Figures do not count: over a camera's frames they differ from frame to frame.
-    """
+
+def raise_warnings(lines: Iterable[str], raised: set[str]) -> None:
+    """Raise each kind of warning that is not in `raised`, at the line that uses the pipeline."""
     for line in lines:
-        kind = NUMBER_PATTERN.sub("", line)
+        kind = warning_kind(line)
         if kind not in raised:
             raised.add(kind)
             warnings.warn(line, stacklevel=CALLER_LEVEL)

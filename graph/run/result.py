@@ -74,7 +74,7 @@ class Result(Mapping[str, Any]):
 def joined(results: Sequence[Result], device: DeviceBackend | None) -> Result:
     """The results of a batch as one: arrays of one shape stacked, where they are; else lists.
 
-    Times are sums; a warning of several items is told once.
+    Times are sums; a warning of several items is listed once.
     """
     first = results[0]
     return replace(

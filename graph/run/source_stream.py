@@ -11,6 +11,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from tactograph.graph.errors import collect_warnings, warn
 from tactograph.graph.plan.draft import Task
+from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.node_errors import Blaming
 
 Item = TypeVar("Item")
@@ -36,12 +37,14 @@ class SourceStream:
     and ended; `thread` is the name of the thread that read it.
     """
 
-    def __init__(self, source: Task, keywords: Mapping[str, Any], *, ahead: bool = True) -> None:
-        self._source = source
+    def __init__(
+        self, plan: Plan, source: Task, keywords: Mapping[str, Any], *, ahead: bool = True
+    ) -> None:
+        self._plan, self._source = plan, source
         self._ahead: list[_Read] = []
         self._in_thread = ahead and source.node.ahead
         self.start, self.end, self.thread = 0.0, 0.0, ""
-        with Blaming(source):
+        with Blaming(plan, source):
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
     def reads_two(self) -> bool:
@@ -73,7 +76,7 @@ class SourceStream:
             self._reader.close(wait=True)
         close = getattr(self._iterator, "close", None)
         if close is not None:
-            with Blaming(self._source):
+            with Blaming(self._plan, self._source):
                 close()
 
     @cached_property
@@ -85,7 +88,7 @@ class SourceStream:
         item, error, start = None, None, time.perf_counter()
         with collect_warnings(notes):
             try:
-                with Blaming(self._source):
+                with Blaming(self._plan, self._source):
                     item = next(self._iterator, None)
             except Exception as raised:
                 error = raised

@@ -158,7 +158,7 @@ def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
     if np.ma.is_masked(array):
         raise InputError(f"{name} has no masked pixels; its .data holds all of them")
     try:
-        # What has both, such as a tensor of torch, tells more of why it cannot be converted.
+        # Of an object with both, such as torch's tensor, the error of __array__ says more.
         is_dlpack = hasattr(array, "__dlpack__") and not hasattr(array, "__array__")
         values = np.from_dlpack(array) if is_dlpack else np.asarray(array)
     except Exception as error:  # whatever an object's own __array__ raises

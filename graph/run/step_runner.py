@@ -174,7 +174,7 @@ class StepRunner:
                 self.trace.on_device(name, start, end)
 
     def _device_error(self, error: Exception, doing: str) -> DeviceError:
-        """Name the steps that failed: a device tells of them long after they began."""
+        """Name the steps that failed: a device reports them long after they began."""
         failed = self.device.failed() if self.device is not None else []
         if isinstance(error, DeviceError) and not failed:
             return error

@@ -14,13 +14,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 from tactograph.graph.show.figures import Estimate, words
 from tactograph.graph.show.views import View, kind_of
 
-BIT_COLOURS = (
-    "#e6a03c", "#3c8fe6", "#d1495b", "#4caf7a", "#8e6bbf", "#c9c13b", "#5bc0be", "#b07d62",
-)  # fmt: skip
-SEVERAL_COLOUR = "#3a3a3a"
 LINE_COLOURS = (
     "#1f5fa8", "#d1495b", "#2d8a5f", "#b57614", "#6f4fa3", "#0f8b8d", "#8a5a44", "#a3306f",
 )  # fmt: skip

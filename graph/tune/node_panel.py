@@ -19,7 +19,7 @@ from tactograph.graph.tune.picture_view import ScaledPicture
 from tactograph.graph.tune.pictures import draw, planes_of
 from tactograph.graph.tune.tuning import Shown, Tuning
 
-SLIDE_EVERY_S = 0.02
+SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
 MAX_ENTRIES = 30
 """Entries of a mapping that are listed."""
@@ -156,7 +156,7 @@ class NodePanel:
             slider.on(
                 "input",
                 moved,
-                throttle=SLIDE_EVERY_S,
+                throttle=SLIDER_INTERVAL_S,
                 js_handler=f"{KEEP_TEXT_JS}; {EMIT_TEXT_JS} }}",
             )
 

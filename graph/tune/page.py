@@ -17,9 +17,9 @@ from tactograph.graph.tune.result_view import ResultView
 from tactograph.graph.tune.save_dialog import ask_where_to_save
 from tactograph.graph.tune.tuning import Shown, Tuning
 
-LOOK_EVERY_S = 0.025
+POLL_INTERVAL_S = 0.025
 """Time between two looks for a new result."""
-DRAW_EVERY_S = 0.5
+DRAW_INTERVAL_S = 0.5
 """Time between two looks at the file, and between two drawings with new times."""
 MAX_FIGURES = 4
 
@@ -60,8 +60,8 @@ class Page:
             with ui.row().classes("w-full gap-3 no-wrap items-start"):
                 self._result = ResultView(tuning, self._follow)
                 self._panel = NodePanel(tuning, self._follow)
-        ui.timer(LOOK_EVERY_S, self._look)
-        ui.timer(DRAW_EVERY_S, self.take_up_late)
+        ui.timer(POLL_INTERVAL_S, self._look)
+        ui.timer(DRAW_INTERVAL_S, self.take_up_late)
 
     def choose(self, name: str) -> None:
         """Look at a node, if there is one of that name."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.show.pictures import BIT_COLOURS, SEVERAL_COLOUR
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 
 NAN_LEVEL = 255
 """The level of NaN, above those of numbers."""

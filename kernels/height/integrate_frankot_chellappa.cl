@@ -44,34 +44,3 @@ __kernel void real_part(
     const int i = y * W + x;
     out[i] = spectrum[i].x * pixel;
 }
-
-// A sine transform is a cosine transform of the signs alternated, read backwards.
-__kernel void alternate(
-    __global const float *restrict slope,
-    __global float *restrict p,
-    __global float *restrict q,
-    const int H, const int W)
-{
-    GRID_2(y, x, H, W)
-    const int i = y * W + x;
-    p[i] = x & 1 ? -slope[i] : slope[i];
-    q[i] = y & 1 ? -slope[H * W + i] : slope[H * W + i];
-}
-
-__kernel void combine_mirrored(
-    __global const float *restrict p,
-    __global const float *restrict q,
-    __global const float *restrict v_of,
-    __global const float *restrict u_of,
-    __global float *restrict out,
-    const int H, const int W,
-    const float pixel)
-{
-    GRID_2(y, x, H, W)
-    const float p_hat = x ? p[y * W + W - x] : 0.0f;
-    const float q_hat = y ? q[(H - y) * W + x] : 0.0f;
-    const float u = u_of[x], v = v_of[y];
-    const float square = u * u + v * v;
-    const float scale = square > 0.0f ? 1.0f / square : 0.0f;
-    out[y * W + x] = -(u * p_hat + v * q_hat) * scale * pixel;
-}

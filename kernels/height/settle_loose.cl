@@ -2,6 +2,8 @@
 #include "lanes.clh"
 #include "border.clh"
 
+#define LOOSE_VARIANCE 0.2f
+
 // Heights of a row beside those that a work-item does.
 #define AT(row, dx) load_within_border(row, x + (dx), count, W, REPLICATE)
 
@@ -10,15 +12,14 @@ LANED __kernel void settle_loose(
     __global const float *restrict height,
     __global const float *restrict variance,
     __global float *restrict out,
-    const int H, const int W,
-    const float loose)
+    const int H, const int W)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats z = load_floats(height + i, count), none = 0.0f;
     const floats first = load_floats(variance + i, count);
     const floats second = load_floats(variance + H * W + i, count);
-    const ints moves = LESS_OF(first, second) > loose;
+    const ints moves = LESS_OF(first, second) > LOOSE_VARIANCE;
     if (!ANY(moves)) {
         store_floats(z, out + i, count);
         return;

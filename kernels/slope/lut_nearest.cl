@@ -2,54 +2,17 @@
 #ifndef LIGHTS
 #define LIGHTS 4
 #endif
-#ifndef NEIGHBOURS
-#define NEIGHBOURS 1
-#endif
 #include "lanes.clh"
 #include "table_tree.clh"
 
-#if LANES == 1 || NEIGHBOURS > 1
-// The nearest entries of one pixel, nearest first; of equally near ones the first in the table.
+#if LANES == 1
+// The nearest entry of one pixel; of equally near ones the first in the table.
 typedef struct {
-    int found;
-    float square[NEIGHBOURS];
-    int number[NEIGHBOURS];
-} Several;
+    float square;
+    int number;
+} Found;
 
-static int comes_before(
-    const float square, const int number, const float other_square, const int other)
-{
-    return square < other_square || (square == other_square && number < other);
-}
-
-static void enter(Several *several, const float square, const int number)
-{
-    // Leaves are padded with entries that also occur elsewhere.
-    for (int i = 0; i < several->found; ++i)
-        if (several->number[i] == number) return;
-    int place = several->found;
-    if (place == NEIGHBOURS) {
-        --place;
-        if (!comes_before(square, number, several->square[place], several->number[place])) return;
-    } else {
-        ++several->found;
-    }
-    for (; place > 0; --place) {
-        const float before = several->square[place - 1];
-        if (!comes_before(square, number, before, several->number[place - 1])) break;
-        several->square[place] = before;
-        several->number[place] = several->number[place - 1];
-    }
-    several->square[place] = square;
-    several->number[place] = number;
-}
-
-static float reach_of(const Several *several)
-{
-    return several->found < NEIGHBOURS ? INFINITY : several->square[NEIGHBOURS - 1];
-}
-
-static void enter_leaf(Several *several, const float *light, const Table *table, const int leaf)
+static void scan_entries(Found *found, const float *light, const Table *table, const int leaf)
 {
     for (int e = leaf * LEAF_ENTRIES; e < (leaf + 1) * LEAF_ENTRIES; ++e) {
         float square = 0.0f;
@@ -57,33 +20,35 @@ static void enter_leaf(Several *several, const float *light, const Table *table,
             const float away = table->entries[e * LIGHTS + k] - light[k];
             square += away * away;
         }
-        enter(several, square, table->numbers[e]);
+        const int number = table->numbers[e];
+        if (square > found->square || (square == found->square && number >= found->number)) continue;
+        found->square = square;
+        found->number = number;
     }
 }
 
-static void walk_for_several(
-    Several *several, const float *light, const float *point, const Table *table)
+static void walk_tree(Found *found, const float *light, const float *point, const Table *table)
 {
-    enter_leaf(several, light, table, descend(table, point, point));
+    scan_entries(found, light, table, descend(table, point, point));
     for (int group = 0; group < table->groups; ++group) {
-        Boxes tops = within(gaps(point, point, boxes_of_tops(table, group)), reach_of(several));
+        Boxes tops = within(gaps(point, point, boxes_of_tops(table, group)), found->square);
         while (tops) {
             const int top = 16 * group + take(&tops);
             if (top >= table->tops) continue;
             Boxes middles
-                = within(gaps(point, point, boxes_of_middles(table, top)), reach_of(several));
+                = within(gaps(point, point, boxes_of_middles(table, top)), found->square);
             while (middles) {
                 const int middle = 16 * top + take(&middles);
-                Boxes leaves = within(
-                    gaps(point, point, boxes_of_leaves(table, middle)), reach_of(several));
+                Boxes leaves
+                    = within(gaps(point, point, boxes_of_leaves(table, middle)), found->square);
                 while (leaves)
-                    enter_leaf(several, light, table, 16 * middle + take(&leaves));
+                    scan_entries(found, light, table, 16 * middle + take(&leaves));
             }
         }
     }
 }
 
-// The mean slope of the entries nearest in light, a pixel per work-item.
+// The slope of the entry nearest in light, a pixel per work-item.
 __kernel void lut_nearest(
     __global const float *restrict light,
     __global const uchar *restrict shadow,
@@ -102,16 +67,10 @@ __kernel void lut_nearest(
         point[j] = -table.centre[j];
         for (int k = 0; k < LIGHTS; ++k) point[j] += table.axes[j * LIGHTS + k] * value[k];
     }
-    Several several;
-    several.found = 0;
-    if (table.tops) walk_for_several(&several, value, point, &table);
-    float p = 0.0f, q = 0.0f;
-    for (int n = 0; n < several.found; ++n) {
-        p += table.slopes[2 * several.number[n]];
-        q += table.slopes[2 * several.number[n] + 1];
-    }
-    out[pixel] = p / max(several.found, 1);
-    out[size + pixel] = q / max(several.found, 1);
+    Found found = {INFINITY, INT_MAX};
+    if (table.tops) walk_tree(&found, value, point, &table);
+    for (int axis = 0; axis < 2; ++axis)
+        out[axis * size + pixel] = table.tops ? table.slopes[2 * found.number + axis] : 0.0f;
 }
 
 #else

@@ -1,6 +1,8 @@
 // Equation W1 of docs/model.md.
 #include "common.clh"
 
+#define USUAL_MISFIT 12.0f
+
 // The variance of the slopes, increased by misfit and by an open choice between two normals.
 __kernel void misfit_variance(
     __global const float *restrict variance,
@@ -9,7 +11,6 @@ __kernel void misfit_variance(
     __global const float *restrict misfit,
     __global float *restrict out,
     const int H, const int W,
-    const float usual,
     const int open_pairs,
     const float steepest)
 {
@@ -17,7 +18,7 @@ __kernel void misfit_variance(
     const int size = H * W, i = y * W + x;
     const float p = slope[i], q = slope[size + i];
     const float twin_p = twin[i], twin_q = twin[size + i];
-    const float wider = fmax(misfit[i] / usual, 1.0f);
+    const float wider = fmax(misfit[i] / USUAL_MISFIT, 1.0f);
     const int doubt = open_pairs && p * p + q * q > 0.002f && (twin_p != p || twin_q != q);
     const float apart_p = doubt ? clamp(twin_p, -steepest, steepest) - p : 0.0f;
     const float apart_q = doubt ? clamp(twin_q, -steepest, steepest) - q : 0.0f;

@@ -5,21 +5,21 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tactograph.graph import InputError, warn
-from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.capture.listed_capture import listed_capture
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 IMAGE_SUFFIXES = (".png", ".tiff", ".tif", ".pgm", ".bmp", ".jpg", ".jpeg")
 MIN_LEDS = 3
-LEAST_TIME = 10**5
+MIN_TIMESTAMP = 10**5
 """Smallest number that counts as a photograph's time, as in 20210425_093012: times have gaps."""
 MAX_LED_IMAGES = 16
-"""Most images that can be those of LEDs where nothing says which."""
+"""Most images that are taken for those of LEDs where no names are given."""
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
 """Name without suffix: the part before its last number, the number, and the part behind."""
-SAY_LIGHTS = "say lights=bgr to a graph that takes it, such as reconstruct or gelsight_mini"
+LIGHTS_ADVICE = "give `lights`=bgr"
 
-CHOOSE_LEDS = "'leds: [1, 2, ...]' in capture.yaml"
+LEDS_ADVICE = "'leds: [1, 2, ...]' in capture.yaml"
 Named = dict[int, Path]
 """Images of one name by their numbers."""
 
@@ -31,7 +31,7 @@ def images_of(folder: Path) -> list[Path]:
 
 
 def colour_frames(folder: Path) -> list[Path]:
-    """Return images that are a capture each, in the order of their numbers; none of a single one.
+    """Return images that are a capture each, in the order of their numbers; [] for a single one.
 
     Names of LEDs' images are not of colour frames.
 
@@ -53,7 +53,7 @@ def _by_number(part: str) -> tuple[int, str]:
 
 
 def is_hidden(path: Path) -> bool:
-    """Return whether it is hidden: what a killed writer left (`atomic_files`), or a system file."""
+    """Return whether it is hidden: a killed writer's remains (`atomic_files`), or a system file."""
     return path.name.startswith(".")
 
 
@@ -61,7 +61,7 @@ def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> boo
     """Return whether a folder holds images that are one LED's each."""
     if pattern != USUAL_PATTERN:
         return any(_by_pattern(folder, pattern, leds or range(1, MAX_LED_IMAGES + 1)).values())
-    if is_scan(folder):
+    if listed_capture(folder) is not None:
         return True
     groups = _by_name(folder)
     return (USUAL_PATTERN.format(""), "") in groups or any(map(_may_be_leds, groups.values()))
@@ -72,8 +72,8 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
 
     With the usual pattern, images of any one name with numbers are taken in the order of these,
     and this is said; images of other names with numbers are named as left out.  Of more LEDs than
-    a label holds, eight are taken that are spread evenly over the numbers.  Of a scan, those
-    that its ``scan.yaml`` lists are taken, in that order.
+    a label holds, eight are taken that are spread evenly over the numbers.  Where the
+    capture's own file lists images (`listed_capture`), those are taken, in that order.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
         than a slope needs, or more than `MAX_LED_IMAGES`.
     """
     if leds is not None and len(set(leds)) < len(leds):
-        raise InputError(f"leds={tuple(leds)}: an LED is named twice")
+        raise InputError(f"`leds`={','.join(map(str, leds))}: an LED is named twice")
     if pattern == USUAL_PATTERN:
         there = _numbered_leds(folder)
     else:
@@ -97,21 +97,21 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
         wanted = [wanted[number * len(wanted) // MAX_LEDS] for number in range(MAX_LEDS)]
         warn(
             f"of {len(there)} LEDs, {', '.join(map(str, wanted))} are taken, as labels hold "
-            f"{MAX_LEDS}; {CHOOSE_LEDS} takes others"
+            f"{MAX_LEDS}; {LEDS_ADVICE} takes others"
         )
     if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
         raise InputError(
             f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
-            f"of them ({CHOOSE_LEDS}; if the channels of one colour image are the lights, "
-            f"{SAY_LIGHTS})"
+            f"of them ({LEDS_ADVICE}; if the channels of one colour image are the lights, "
+            f"{LIGHTS_ADVICE})"
         )
     return {led: there[led] for led in wanted}
 
 
 def _numbered_leds(folder: Path) -> Named:
     """The images of one name by LED, counted from 1."""
-    if is_scan(folder):
-        return dict(enumerate(read_scan(folder).images, start=1))
+    if (listed := listed_capture(folder)) is not None:
+        return dict(enumerate(listed.images, start=1))
     groups = _by_name(folder)
     usual = USUAL_PATTERN.format(""), ""
     likely = [usual] if usual in groups else [n for n, g in groups.items() if _may_be_leds(g)]
@@ -119,7 +119,7 @@ def _numbered_leds(folder: Path) -> Named:
         names = " and ".join(next(iter(groups[name].values())).name for name in likely)
         raise InputError(
             f"{folder}: images of several names could be those of the LEDs, such as {names}; "
-            "keep one name, or set 'files' of the node that reads them"
+            "keep one name, or give `files`=NAME{}"
         )
     if not likely:
         return {}
@@ -133,7 +133,7 @@ def _numbered_leds(folder: Path) -> Named:
         return led_files
     steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
     files = [*led_files.values()]
-    if len(steps) > 1 and first < LEAST_TIME:
+    if len(steps) > 1 and first < MIN_TIMESTAMP:
         raise InputError(
             f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
             "the numbers of the LEDs' images follow one another"
@@ -184,7 +184,7 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
         if stem == pattern:
             raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
-        raise InputError(f"files={pattern}: write it as led{{}} or image{{:02}}") from None
+        raise InputError(f"`files`={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
     likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
     there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]

@@ -19,7 +19,7 @@ BALL_SHARE = 0.98
 HIGHLIGHT_SHARE = 0.5
 """Light of a highlight, over its brightest pixel."""
 MIN_LIGHT, MAX_AREA_SHARE, MAX_DULL_SHARE = 0.1, 0.1, 0.25
-"""Least light of a highlight, as a share of full scale, its largest share of the ball, and the
+"""Smallest light of a highlight, as a share of full scale, its largest share of the ball, and the
 largest light of nine tenths of the ball, over that of the highlight: a dull ball has more."""
 
 
@@ -57,7 +57,7 @@ def find_highlights(
     nx, ny = (x - center_px[0]) / radius_px, (y - center_px[1]) / radius_px
     on_ball = np.hypot(nx, ny) < BALL_SHARE
     if not on_ball.any():
-        raise InputError(f"ball_center_px={center_px[0]:g},{center_px[1]:g}: lies beside the image")
+        raise InputError(f"`center_px`={center_px[0]:g},{center_px[1]:g}: lies beside the image")
     lit = np.stack(planes) - np.min(planes, axis=0)
     directions = []
     for led, light in zip(files, lit, strict=True):
@@ -67,8 +67,8 @@ def find_highlights(
         is_wide = np.count_nonzero(weight) > MAX_AREA_SHARE * on_ball.sum()
         if brightest < MIN_LIGHT or is_dull or is_wide:
             raise InputError(
-                f"{files[led]}: LED {led} makes no highlight on the ball: check ball_center_px and "
-                "ball_radius_px, that the ball mirrors, and that other light is kept out"
+                f"{files[led]}: LED {led} makes no highlight on the ball: check `center_px` and "
+                "`radius_px`, that the ball mirrors, and that other light is kept out"
             )
         u, v = (float(np.average(n, weights=weight)) for n in (nx, ny))
         w = np.sqrt(1 - u * u - v * v)

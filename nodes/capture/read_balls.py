@@ -9,13 +9,13 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
+from tactograph.nodes.capture.listed_capture import ListedCapture, listed_capture
 from tactograph.nodes.capture.read_capture import (
     CaptureFile,
     Layout,
     read_capture,
     read_capture_file,
 )
-from tactograph.nodes.files.gelsight_scan import Scan, is_scan, read_scan
 from tactograph.nodes.files.image_files import lights_of
 from tactograph.nodes.optics.sheet import SheetLight
 
@@ -92,11 +92,11 @@ def read_balls(
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, and ball_center_px and ball_contact_px are "
-            "for one; write them into each press's capture.yaml"
+            f"{folder}: holds {len(names)} presses, and `center_px` and `contact_px` are for "
+            "one; write them into each press's capture.yaml"
         )
     said = [read_capture_file(folder / name) for name in names]
-    scans = [read_scan(folder / name) if is_scan(folder / name) else None for name in names]
+    scans = [listed_capture(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
         for name, about, usual, scan in zip(
@@ -110,7 +110,7 @@ def read_balls(
     marks = [
         (mark.x - x0, mark.y - y0, number)
         for number, scan in enumerate(scans)
-        for mark in (scan.circles if scan else ())
+        for mark in (scan.balls if scan else ())
     ]
     known = [known_circle(about, center_px, contact_px) for about in said]
     return BallPresses(
@@ -127,7 +127,7 @@ def read_balls(
 def refuse_flat(flat: Path | None, folder: Path) -> None:
     """Refuse presses that are said to be the untouched film as well."""
     if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
-        raise InputError(f"flat={flat}: is the folder of the presses; give the untouched film's")
+        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
 
 
 def _spread(
@@ -139,7 +139,7 @@ def _spread(
     given = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
     if len(given) not in (1, len(names)):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, but ball_radius_mm names {len(given)} radii; "
+            f"{folder}: holds {len(names)} presses, but `radius_mm` has {len(given)} radii; "
             "give one for all, one for each in order of name, or write ball_radius_mm into "
             "each press's capture.yaml"
         )
@@ -150,21 +150,21 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
     radius = about.ball_radius_mm or usual
     if radius is None:
         raise InputError(
-            f"{press}: the ball's radius is not known; give ball_radius_mm=..., "
+            f"{press}: the ball's radius is not known; give `radius_mm`=MM, "
             "or write it into the press's capture.yaml"
         )
     return radius
 
 
-def _compare_marks(press: Path, scan: Scan) -> None:
+def _compare_marks(press: Path, scan: ListedCapture) -> None:
     """Warn where a scan's marks are not as large as its balls."""
-    marked = float(np.median([mark.radius for mark in scan.circles])) if scan.circles else 0.0
+    marked = float(np.median([mark.radius for mark in scan.balls])) if scan.balls else 0.0
     of_ball = scan.ball_radius / scan.pixel_size if scan.pixel_size else 0.0
     if marked and of_ball and abs(marked / of_ball - 1) > MAX_MARK_DIFFERENCE:
         warn(
             f"{press}: its balls are marked with a radius of {marked:.0f} px, but its radius and "
-            f"pixel size make them {of_ball:.0f} px: settle them by ball_radius_mm= and "
-            "pixel_size_mm="
+            f"pixel size make them {of_ball:.0f} px: settle the radius by `radius_mm`=MM, "
+            "or give another pixel size"
         )
 
 

@@ -16,7 +16,7 @@ from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture._led_files import (
-    SAY_LIGHTS,
+    LIGHTS_ADVICE,
     USUAL_PATTERN,
     colour_frames,
     find_led_files,
@@ -24,7 +24,7 @@ from tactograph.nodes.capture._led_files import (
     images_of,
     is_hidden,
 )
-from tactograph.nodes.files.gelsight_scan import is_scan, read_scan
+from tactograph.nodes.capture.listed_capture import listed_capture
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
@@ -133,7 +133,7 @@ def read_capture(
     single : refuse a folder of captures
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
-        or `serial` than the calibration is refused, or taken with a warning.
+        or `serial` than this calibration cannot be used, or taken with a warning.
     whole : whether images may remain the camera's integers
 
     Returns
@@ -158,7 +158,7 @@ def read_capture(
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
     inside = frames or [d for d in folders if _is_capture(d, layout)]
     if not inside:
-        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}, nor any folder that does")
+        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
     if single:
         raise InputError(
             f"{folder}: holds {len(inside)} captures, but one is needed; "
@@ -235,7 +235,7 @@ def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
         _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
         _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
         _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
-        (read_scan(folder).pixel_size or None) if is_scan(folder) else None,
+        (listed.pixel_size or None) if (listed := listed_capture(folder)) else None,
     )
 
 
@@ -280,7 +280,8 @@ def _is_capture(folder: Path, layout: Layout) -> bool:
 def _lights(folder: Path, layout: Layout) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
     said = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
-    if said is None and is_scan(folder) and len(read_scan(folder).images) == 1:
+    listed = listed_capture(folder) if said is None else None
+    if listed is not None and len(listed.images) == 1:
         return "rgb"
     return said or "leds"
 
@@ -291,7 +292,8 @@ def read_capture_file(folder: Path) -> CaptureFile:
 
 
 def _only_image(folder: Path) -> Path:
-    images = read_scan(folder).images if is_scan(folder) else images_of(folder)
+    listed = listed_capture(folder)
+    images = listed.images if listed is not None else images_of(folder)
     if len(images) != 1:
         names = ", ".join(f.name for f in images[:4]) or "none"
         raise InputError(f"{folder}: one colour image is needed here, there are: {names}")
@@ -300,13 +302,13 @@ def _only_image(folder: Path) -> Path:
 
 def _what_is_missing(folder: Path, layout: Layout) -> str:
     if layout.lights in ("bgr", "rgb"):
-        return "holds no colour image"
+        return "holds no colour image, and no folder inside it does"
     if len(images := images_of(folder)) == 1:
         return (
-            f"holds {images[0].name} alone, but there is one image per LED (led1.png, led2.png, "
-            f"...); if its channels are the lights, {SAY_LIGHTS}"
+            f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
+            f"led2.png and so on. If the channels of a colour image are the lights, {LIGHTS_ADVICE}"
         )
     return (
-        f"holds no {layout.files.format(1)}.png (one image per LED, numbered; images of other "
-        "names: set 'files' of the node that reads them)"
+        f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "
+        "image per LED, numbered (`files`=NAME{} for other names)"
     )

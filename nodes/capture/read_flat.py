@@ -68,7 +68,9 @@ def read_flat(
     if folder is None and estimate is not None:
         return Flat(estimate, black)
     if folder is None:
-        warn("no flat frame was given: uneven light and vignetting are not corrected (flat=DIR)")
+        warn(
+            "no flat frame was given: uneven light and vignetting are not corrected (`folder`=DIR)"
+        )
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
     width = smooth_px if shape is None else 0.0
@@ -76,7 +78,7 @@ def read_flat(
     if (led := dark_led(flat)) is not None:
         raise InputError(
             f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "
-            "dark= is one image with all LEDs off"
+            "`dark` is one image with all LEDs off"
         )
     return Flat(flat, black)
 

@@ -29,6 +29,6 @@ def read_single(*, folder: Path | None = None, layout: Layout) -> SingleCapture:
         As `read_capture`; if there is none.
     """
     if folder is None:
-        raise InputError("a capture is needed here")
+        raise InputError("no capture was given; give one")
     (taken,) = read_capture(folder=folder, single=True, **layout._asdict())
     return SingleCapture(taken.image, taken.pixel_size)

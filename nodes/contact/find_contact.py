@@ -12,7 +12,7 @@ from tactograph.graph import Flips, InputError, node, warn
 from tactograph.nodes import Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
-"""Least number of evenly spread pixels from which the noise is estimated; neighbours err alike."""
+"""Fewest evenly spread pixels from which the noise is estimated: errors of neighbours correlate."""
 MAX_CONTACTS = 254
 """Largest number of a contact: numbers have 8 bits."""
 NO_CONTACT = np.uint8(MAX_CONTACTS + 1)
@@ -66,7 +66,7 @@ def find_contact(
         If `leave` exceeds `enter`.
     """
     if leave > enter:
-        raise InputError(f"find_contact: leave={leave:g} is above enter={enter:g}; make it smaller")
+        raise InputError(f"`leave`={leave:g} is above `enter`={enter:g}; make it smaller")
     if error is None:
         level: Height | np.float32 = np.float32(max(_rest_noise(height), least_error_mm))
     else:
@@ -83,11 +83,11 @@ def find_contact(
     contacts = [number for number in areas if cores[number] >= least_px]
     if len(contacts) > most:
         warn(
-            f"find_contact: {len(contacts)} contacts, of which the {most} largest are numbered; "
-            "'most' sets how many"
+            f"{len(contacts)} contacts, of which the {most} largest are numbered; "
+            "`most` sets how many"
         )
     elif len(contacts) == MAX_CONTACTS:
-        warn(f"find_contact: {MAX_CONTACTS} contacts or more; the largest are numbered")
+        warn(f"{MAX_CONTACTS} contacts or more; the largest are numbered")
     largest = sorted(contacts, key=lambda number: -areas[number])[:most]
     numbers = np.zeros(256, np.uint8)
     numbers[largest] = np.arange(1, len(largest) + 1)

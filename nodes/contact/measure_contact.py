@@ -59,8 +59,8 @@ def measure_contact(
     if len(numbers) > most:
         # The same words in each frame, so that a stream says it once.
         warn(
-            f"measure_contact: of all contacts (figure 'contacts') the {most} largest are "
-            "measured; 'most' sets how many"
+            f"of all contacts (figure 'contacts') the {most} largest are "
+            "measured; `most` sets how many"
         )
         numbers = largest_contacts(contact, most)
     for number in numbers:

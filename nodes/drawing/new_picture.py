@@ -53,7 +53,7 @@ def _is_free(picture: Path) -> bool:
 def _free(file: Path) -> Path:
     if not _is_free(file):
         raise ValueError(
-            "a name that is free, or of an earlier picture of a calibration, is needed"
+            "the name of a new file, or of an earlier picture of a calibration, is needed"
         )
     return file
 

@@ -9,23 +9,37 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
-    UM_PER_MM,
-    Confidence,
     Contacts,
     Height,
     HeightError,
     Labels,
     Light,
 )
-from tactograph.nodes.drawing.led_colours import LED_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.layer_files import picture_file
+from tactograph.nodes.stream.layer_kinds import deviation_of, layers_of
+from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 
 # Fixed margins and `print_png` take half the time of a layout that measures every text and of
 # `savefig`, which draws twice.
 DPI = 110
+
+
+def draw_result(touch: Touch, folder: Path) -> None:
+    """Draw the height, and every layer that is a map or lies over the image."""
+    draw_height(touch.height, deviation_of(touch), touch.pixel, folder / "height.png")
+    for layer in layers_of(touch):
+        match layer.kind.drawn:
+            case ColourMap() as how:
+                draw_map(layer.value, how, touch.pixel, picture_file(layer, folder))
+            case LedLabels(title):
+                draw_labels(layer.value, touch.image, title, picture_file(layer, folder))
+            case Regions(noun):
+                draw_regions(layer.value, touch.image, noun, picture_file(layer, folder))
 
 
 def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
@@ -51,14 +65,13 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
     FigureCanvasAgg(figure).print_png(file)
 
 
-def draw_error(error: HeightError, pixel: float, file: Path) -> None:
-    """The height's standard deviation in micrometres."""
-    _draw_plane(UM_PER_MM * error, pixel, "standard deviation of the height", "µm", "magma", file)
-
-
-def draw_confidence(confidence: Confidence, pixel: float, file: Path) -> None:
-    """The probability that the shadow labels are right."""
-    _draw_plane(confidence, pixel, "shadow labels: probability of all", "", "gray", file)
+def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
+    """A map in a colour scale."""
+    figure, axes = _one_plane()
+    picture = axes.imshow(how.scale * plane, cmap=how.colours, extent=_extent(plane, pixel))
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=how.title)
+    figure.colorbar(picture, ax=axes, label=how.unit)
+    FigureCanvasAgg(figure).print_png(file)
 
 
 def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
@@ -79,59 +92,41 @@ def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
     FigureCanvasAgg(figure).print_png(file)
 
 
-def _draw_plane(plane: F4, pixel: float, title: str, unit: str, colours: str, file: Path) -> None:
-    figure, axes = _one_plane()
-    picture = axes.imshow(plane, cmap=colours, extent=_extent(plane, pixel))
-    axes.set(xlabel="x / mm", ylabel="y / mm", title=title)
-    figure.colorbar(picture, ax=axes, label=unit)
-    FigureCanvasAgg(figure).print_png(file)
-
-
 def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
     """The image's borders in mm from its middle: left, right, bottom, top; y runs down."""
     half = plane.shape[1] * pixel / 2, plane.shape[0] * pixel / 2
     return -half[0], half[0], half[1], -half[1]
 
 
-def draw_shadow(shadow: Labels, image: Light, file: Path) -> None:
-    """The shadowed LEDs over the mean image."""
-    _draw_leds(shadow, image, "in shadow", file)
-
-
-def draw_highlight(highlight: Labels, image: Light, file: Path) -> None:
-    """The mirrored LEDs over the mean image."""
-    _draw_leds(highlight, image, "mirrored", file)
-
-
-def draw_contact(contact: Contacts, image: Light, file: Path) -> None:
-    """The contacts over the mean image, each in a colour and with its number."""
-    plate = _plate(contact.shape, 0)
-    colours = len(LED_COLOURS)
-    numbers, areas = np.unique(contact[contact > 0], return_counts=True)
-    share = areas.sum() / contact.size
-    many = f"{len(numbers)} contact{'' if len(numbers) == 1 else 's'}"
+def draw_regions(regions: Contacts, image: Light, noun: str, file: Path) -> None:
+    """Regions over the mean image, each in a colour and with its number."""
+    plate = _plate(regions.shape, 0)
+    colours = len(BIT_COLOURS)
+    numbers, areas = np.unique(regions[regions > 0], return_counts=True)
+    share = areas.sum() / regions.size
+    many = f"{len(numbers)} {noun}{'' if len(numbers) == 1 else 's'}"
     plate.begin(image)
-    plate.colour(np.ma.masked_where(contact == 0, (contact - 1.0) % colours + 1))
+    plate.colour(np.ma.masked_where(regions == 0, (regions - 1.0) % colours + 1))
     for number in numbers:
-        # The contact's pixel nearest to the centroid: that of a ring lies outside the contact.
-        rows, columns = np.nonzero(contact == number)
+        # The region's pixel nearest to the centroid: that of a ring lies outside the region.
+        rows, columns = np.nonzero(regions == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
         plate.number(int(number), float(columns[nearest]), float(rows[nearest]))
     plate.write(f"{many}: {share:.1%} of the pixels", file)
 
 
-def _draw_leds(bits: Labels, image: Light, label: str, file: Path) -> None:
+def draw_labels(bits: Labels, image: Light, title: str, file: Path) -> None:
     """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
     count = image.shape[0]
     numbers = _label_numbers(bits, count)
     plate = _plate(bits.shape, count)
     plate.begin(image)
     plate.colour(np.ma.masked_equal(numbers, 0))
-    plate.write(f"{label}: {(numbers > 0).mean():.1%} of the pixels", file)
+    plate.write(f"{title}: {(numbers > 0).mean():.1%} of the pixels", file)
 
 
 class _Plate:
-    """The mean image with numbers in colours over it: LEDs with their legend, or (0) contacts.
+    """The mean image with numbers in colours over it: LEDs with their legend, or (0) regions.
 
     Axes and legend are drawn once for all touches of a run; they take ten times as long as what
     differs.
@@ -140,7 +135,7 @@ class _Plate:
     def __init__(self, shape: tuple[int, ...], leds: int) -> None:
         figure, self._axes = _one_plane()
         empty = np.zeros(shape)
-        chosen = [*LED_COLOURS[:leds], SEVERAL_COLOUR] if leds else LED_COLOURS
+        chosen = [*BIT_COLOURS[:leds], SEVERAL_COLOUR] if leds else BIT_COLOURS
         colours = ListedColormap(chosen)
         norm = BoundaryNorm(np.arange(0.5, len(chosen) + 1), colours.N)
         self._grey = self._axes.imshow(empty, cmap="gray", vmin=0, animated=True)

@@ -5,8 +5,8 @@ import numpy as np
 from tactograph.graph import node, warn
 from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.metrology.level_plane import level_plane
-from tactograph.nodes.metrology.scale_height import Scale
+from tactograph.nodes.height.level_plane import level_plane
+from tactograph.nodes.height.scale_height import Scale
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""
@@ -59,6 +59,6 @@ def doubt_brightness(
         warn(
             "no film is taken for film at rest: heights are above a plane, and how bright touched "
             f"film is makes up {of_brightness:.2g} of the {of_all:.2g} um that are stated (root "
-            "mean square); a step of known depth settles it (measure_step known_um=, scale=)"
+            "mean square); a step of known depth settles it (measure_step, `scale`=RATIO)"
         )
     return np.asarray(combined, np.float32)

@@ -21,6 +21,6 @@ def join_metrics(*metrics: Metrics) -> Metrics:
     for each in metrics:
         twice = sorted(joined.keys() & each.keys())
         if twice:
-            raise InputError(f"join_metrics: two inputs hold a figure called '{twice[0]}'")
+            raise InputError(f"two inputs hold a figure called '{twice[0]}'")
         joined |= each
     return joined

@@ -17,7 +17,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import one_line
 from tactograph.nodes.files.sensor_identity import identity_in
-from tactograph.nodes.stored import Value, stored_values, with_older
+from tactograph.nodes.stored import Value, stored_values, with_plain
 
 R = TypeVar("R")
 MIN_FLAT_LIGHT = 1e-3
@@ -27,7 +27,7 @@ COLOUR_LIGHTS = ("bgr", "rgb")
 KIND_USERS = {
     "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
     "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
-    "camera": "lens=",
+    "camera": "a camera's lens",
 }
 """Users of each kind of file."""
 
@@ -73,7 +73,7 @@ def free_for(file: Path, kind: FileKind) -> Path:
     except InputError:
         is_free = False
     if not is_free:
-        raise ValueError(f"a name that is free, or of an earlier {kind.name}, is needed")
+        raise ValueError(f"the name of a new file, or of an earlier {kind.name}, is needed")
     return file
 
 
@@ -84,7 +84,7 @@ def write_arrays(
 
     Parameters
     ----------
-    arrays : all those of `kind`; for absent ones stands what stands for them in older files
+    arrays : those of `kind`; absent ones are those of a plain sensor
     about
         Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
         added.
@@ -101,13 +101,13 @@ def write_arrays(
         "units": {name: value.port.meaning for name, value in kind.values.items()},
         **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
     }
-    filled = with_older(kind.record, {n: v for n, v in arrays.items() if v is not None})
+    filled = with_plain(kind.record, {n: v for n, v in arrays.items() if v is not None})
     with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
         typed: dict[str, Any] = {
             n: np.asarray(filled[n], value.dtype) for n, value in kind.values.items()
         }
     try:
-        _check_arrays(kind, typed, kind.values)
+        _check_arrays(kind, typed)
     except ValueError as error:
         raise InputError(
             f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
@@ -137,16 +137,13 @@ def write_record(file: Path, kind: FileKind, record: Any, about: Mapping[str, An
 
 
 def record_of(record: type[R], known: Mapping[str, Any]) -> R:
-    """Make a record of a file's values, and of the defaults for older files."""
-    filled = with_older(record, known)
-    made: R = make_record(record, [filled[name] for name in record_ports(record)])
+    """Make a record of a file's values."""
+    made: R = make_record(record, [known[name] for name in record_ports(record)])
     return made
 
 
 def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     """Return the arrays of a calibration, without pickle; those without axes as floats.
-
-    An older file may lack those of which it is known what they were then (`Stored.older`).
 
     Raises
     ------
@@ -157,12 +154,13 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     """
     arrays = _load(file, kind)
     _check_head(file, kind, arrays)
-    kept = {n: v for n, v in kind.values.items() if v.stored.older is None or n in arrays}
     try:
-        _check_arrays(kind, arrays, kept)
+        _check_arrays(kind, arrays)
     except ValueError as error:
         raise InputError(f"{file}: {error}; calibrate again") from None
-    return {n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kept.items()}
+    return {
+        n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kind.values.items()
+    }
 
 
 class About(NamedTuple):
@@ -180,7 +178,7 @@ class About(NamedTuple):
 
 
 def read_about(file: Path) -> About:
-    """Return a calibration's header; that of an older file has fewer entries.
+    """Return a calibration's header, which may lack entries.
 
     `read_arrays` must have read the file before.
 
@@ -228,11 +226,13 @@ def check_use(file: Path, about: About, lights: str | None) -> None:
         return
     if about.lights in COLOUR_LIGHTS and about.lights != lights:
         raise InputError(
-            f"{file}: was made with lights={about.lights}, but lights={lights} is asked for; give "
-            f"lights={about.lights}, or calibrate with lights={lights}"
+            f"{file}: was made of colours in the order {about.lights}, not {lights}; give "
+            f"`lights`={about.lights}, or calibrate with {lights}"
         )
     if about.lights is None and lights == "rgb":
-        warn(f"{file}: does not say whether it was made with lights=rgb; calibrate again")
+        warn(
+            f"{file}: does not say whether it was made of colours in the order rgb; calibrate again"
+        )
 
 
 def _is_number(value: object) -> bool:
@@ -258,7 +258,7 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         return load_arrays(file)
     except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
-        raise InputError(f"{file}: the calibration is refused: {why}") from None
+        raise InputError(f"{file}: this calibration cannot be used: {why}") from None
 
 
 def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -283,16 +283,14 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
         )
 
 
-def _check_arrays(
-    kind: FileKind, arrays: Mapping[str, NDArray[Any]], values: Mapping[str, Value]
-) -> None:
-    """Raise a `ValueError` that says which array is not as declared in `values`, and why."""
+def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise a `ValueError` that says which array is not as declared, and why."""
     sizes: dict[str, int] = {}
-    for name, value in values.items():
+    for name, value in kind.values.items():
         if name not in arrays:
             raise ValueError(f"'{name}' is missing")
         _check_array(name, arrays[name], value, sizes)
-    if "flat" in values and (led := dark_led(arrays["flat"])) is not None:
+    if "flat" in kind.values and (led := dark_led(arrays["flat"])) is not None:
         raise ValueError(f"'flat' is dark under LED {led}")
     kind.check(arrays)
 

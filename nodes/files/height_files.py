@@ -1,11 +1,11 @@
-"""Height maps in other people's formats: images, meshes, and those of surface metrology."""
+"""Height maps in other people's formats: images and meshes; rings bring further ones."""
 
 import json
 import math
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,8 +13,8 @@ from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, I4, UM_PER_MM, Height, Lens
-from tactograph.nodes.files.areal_surface import areal_surface, surfalize
+from tactograph.graph.rings import bring, brought
+from tactograph.nodes import F4, I4, Height, HeightError, Lens
 from tactograph.nodes.files.height_picture import (
     OFFSET_MM,
     STEP_MM,
@@ -22,12 +22,15 @@ from tactograph.nodes.files.height_picture import (
     height_levels,
     level_height,
 )
-from tactograph.nodes.files.image_files import MAX_PIXELS, read_heights
-from tactograph.nodes.files.metrology_files import METROLOGY_READERS
+from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.film_places import film_places
 
-Format = Literal["npy", "tiff", "png", "tmd", "sur", "x3p", "gwy", "gsf", "ply", "stl", "obj"]
+if TYPE_CHECKING:
+    Format = str
+else:
+    Format = Literal[("npy", "tiff", "png", "tmd", "ply", "stl", "obj", *brought("formats"))]
+"""The formats of a height map: those written here, and those that rings bring."""
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1e3
 """Pixel sizes that files of 32-bit floats can hold."""
@@ -42,8 +45,6 @@ PER_CM = 3
 TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
 """24 bytes: some readers take the comment to be as long as TrueMap's own."""
-SUR_SIZES_AT, SUR_SIZES = 108, struct.Struct("<2i")
-"""Positions of the numbers of columns and rows in a .sur file."""
 TMD_SIZES = struct.Struct("<2i4f")
 """Columns, rows, width and length in mm, offset in x and y in mm."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
@@ -159,26 +160,28 @@ def write_tmd(file: Path, height: Height, pixel: float) -> None:
     file.write_bytes(TMD_MAGIC + TMD_COMMENT + sizes + height.astype("<f4").tobytes())
 
 
-def write_sur(file: Path, height: Height, pixel: float) -> None:
-    """Digital Surf's format, which MountainsMap and Gwyddion read: 32-bit steps; NaN: unknown.
+def write_height(
+    file: Path,
+    height: Height,
+    pixel: float,
+    lens: Lens | None = None,
+    camera: float = 0.0,
+    error: HeightError | None = None,
+) -> None:
+    """Write a height map in the format of the file's suffix.
 
     Raises
     ------
     InputError
-        If surfalize is not installed, or all heights are the same: the file's steps divide the
-        range of the heights.
+        If the format cannot hold it, or its library is not installed.
     """
-    # First, so that a missing library is reported whatever the heights are.
-    surfalize()
-    known = height[np.isfinite(height)]
-    if not known.size or known.min() == known.max():
-        raise InputError(
-            f"{file.name}: all heights are the same, which a .sur file cannot hold; write tmd or "
-            "tiff"
-        )
-    surface = areal_surface(np.where(np.isfinite(height), height, np.nan), pixel)
-    # The format is older than UTF-8: its unit is a micro sign of one byte.
-    surface.save(str(file), encoding="latin-1")
+    extension = file.suffix[1:]
+    if extension in MESH_WRITERS:
+        write_mesh(file, height, pixel, lens, camera)
+    elif extension in HEIGHT_WRITERS:
+        HEIGHT_WRITERS[extension](file, height, pixel)
+    elif (further := bring("formats", extension)) is not None:
+        further.write(file, height, pixel, error)
 
 
 def write_mesh(
@@ -220,7 +223,6 @@ HEIGHT_WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
     "tiff": write_tiff,
     "png": write_png,
     "tmd": write_tmd,
-    "sur": write_sur,
 }
 
 
@@ -251,7 +253,7 @@ def _tiff_pixel(file: Path) -> float | None:
             tags = image.tag_v2
             if tags.get(270) != TIFF_TEXT or tags.get(296) != PER_CM:
                 return None
-            return _square(10 / float(tags[282]), 10 / float(tags[283]))
+            return square_pixel(10 / float(tags[282]), 10 / float(tags[283]))
     except (OSError, SyntaxError, ValueError, KeyError, ZeroDivisionError):
         return None
 
@@ -271,7 +273,7 @@ def read_png(file: Path) -> HeightFile:
     height = level_height(levels, step, offset)
     if "unknown_level" in about:
         height[levels == about["unknown_level"]] = np.nan
-    return HeightFile(height, _square(side, side))
+    return HeightFile(height, square_pixel(side, side))
 
 
 def read_tmd(file: Path) -> HeightFile:
@@ -288,31 +290,11 @@ def read_tmd(file: Path) -> HeightFile:
         raise InputError(f"{file}: declares {columns} x {rows} heights, but the file is shorter")
     heights = np.frombuffer(content, "<f4", columns * rows, start)
     height = np.asarray(heights.reshape(rows, columns), np.float32)
-    return HeightFile(height, _square(width / columns, length / rows))
+    return HeightFile(height, square_pixel(width / columns, length / rows))
 
 
-def read_sur(file: Path) -> HeightFile:
-    """Digital Surf's format; what was not measured is NaN."""
-    load = surfalize().Surface.load
-    with file.open("rb") as opened:
-        header = opened.read(SUR_SIZES_AT + SUR_SIZES.size)
-    if len(header) < SUR_SIZES_AT + SUR_SIZES.size:
-        raise InputError(f"{file}: ends within its header")
-    columns, rows = SUR_SIZES.unpack_from(header, SUR_SIZES_AT)
-    if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
-        raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
-    try:
-        surface = load(str(file))
-    # A damaged file can raise any exception.
-    except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{file}: cannot be read as a .sur file: {reason}") from None
-    side = _square(surface.step_x / UM_PER_MM, surface.step_y / UM_PER_MM)
-    return HeightFile(np.asarray(surface.data / UM_PER_MM, np.float32), side)
-
-
-def _square(width: float, length: float) -> float | None:
-    """The side of a pixel in mm; None if it is not square, or no size."""
+def square_pixel(width: float, length: float) -> float | None:
+    """Return the side of a pixel of this width and length in mm; None if it is no square."""
     is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
     return width if is_size and math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE) else None
 
@@ -322,7 +304,6 @@ HEIGHT_READERS: Mapping[str, Callable[[Path], HeightFile]] = {
     ".tif": read_tiff,
     ".png": read_png,
     ".tmd": read_tmd,
-    ".sur": read_sur,
 }
 """The formats other than ``.npy``, by suffix."""
 
@@ -338,7 +319,7 @@ def read_height_file(file: Path) -> HeightFile:
     if not file.is_file():
         raise InputError(f"{file}: there is no such file")
     suffix = file.suffix.lower()
-    if suffix in METROLOGY_READERS:
-        found = METROLOGY_READERS[suffix](file)
-        return HeightFile(found.height, _square(found.width, found.length), found.error)
-    return HEIGHT_READERS.get(suffix, read_npy)(file)
+    if suffix in HEIGHT_READERS:
+        return HEIGHT_READERS[suffix](file)
+    further = bring("formats", suffix[1:])
+    return read_npy(file) if further is None else further.read(file)

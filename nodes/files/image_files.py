@@ -22,7 +22,7 @@ MAX_PIXELS = 2**25
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 GLINT_SHARE = 0.5
-"""Share of full scale of a highlight in an image that is dark else."""
+"""Share of full scale of a highlight in an otherwise dark image."""
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 MAX_HEIGHT_MM = 1e4
@@ -45,10 +45,10 @@ Lights = Literal["leds", "bgr", "rgb"]
 Channel = Literal["blue", "green", "red"]
 CHANNEL_NAMES: tuple[Channel, ...] = ("blue", "green", "red")
 MEAN_OF_CHANNELS = (
-    "their light is the mean of the three channels; channel=red, green or blue takes one"
+    "their light is the mean of the three channels; `channel`=red, green or blue takes one"
 )
 PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
-"""The head of a PGM, up to the value that stands for white."""
+"""The head of a PGM, up to the value of white."""
 
 
 def read_image(file: Path) -> NDArray[Any]:
@@ -133,7 +133,7 @@ def write_image(file: Path, image: NDArray[Any]) -> None:
     OSError
         If the file cannot be written; `atomic_files` makes it a `WriteError`.
     """
-    # `cv2.imwrite` tells of a full disk by what it returns, and keeps the reason to itself.
+    # On a full disk `cv2.imwrite` returns False and gives no reason.
     file.write_bytes(cv2.imencode(file.suffix, image)[1].tobytes())
 
 
@@ -194,7 +194,7 @@ def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
     """Return an image H x W; H x W x 3 if its channels differ and none of them is chosen."""
     if image.ndim == 2:
         if channel is not None:
-            warn(f"channel={channel}: grey images have one channel, which is taken")
+            warn(f"`channel`={channel}: grey images have one channel, which is taken")
         return image
     colours = image[..., :3] if image.shape[2] >= 3 else image[..., :1]
     if channel is not None or (colours == colours[..., :1]).all():
@@ -239,13 +239,13 @@ def channels(
 ) -> list[NDArray[Any]]:
     """Return the channels of an image H x W x 3 as lights, H x W each: all, or those of `leds`."""
     if image.ndim != 3 or image.shape[2] < 3:
-        raise InputError(f"{file}: a grey image, but lights={lights} needs a colour one")
+        raise InputError(f"{file}: a grey image, but `lights`={lights} needs a colour one")
     order = (0, 1, 2) if lights == "bgr" else (2, 1, 0)
     planes = [image[..., i] for i in order]
     if leds is None:
         return planes
     if max(leds) > 3:
-        raise InputError(f"leds={leds}: a colour image has 3 lights")
+        raise InputError(f"`leds`={','.join(map(str, leds))}: a colour image has 3 lights")
     return [planes[k - 1] for k in leds]
 
 
@@ -276,10 +276,10 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
     height, width = plane.shape[:2]
     if not (0 <= x0 < x1 and 0 <= y0 < y1):
         raise InputError(
-            f"crop={x0},{y0},{x1},{y1}: holds no pixel; give x0,y0,x1,y1 with x0 < x1 and y0 < y1"
+            f"`crop`={x0},{y0},{x1},{y1}: holds no pixel; give x0,y0,x1,y1 with x0 < x1 and y0 < y1"
         )
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
-        raise InputError(f"crop={x0},{y0},{x1},{y1}: {file} has only {size_of(plane)} pixels")
+        raise InputError(f"`crop`={x0},{y0},{x1},{y1}: {file} has only {size_of(plane)} pixels")
     return plane[y0:y1, x0:x1]
 
 
@@ -308,7 +308,7 @@ def check_exposed(
     counts = stack.dtype.kind == "u"
     full = 2 ** (bits or _bits(stack)) - 1 if counts else 1
     brightest = [plane.max().item() for plane in stack]
-    shallow = ""
+    shallow, told = "", False
     if counts and full > 4095 and max(brightest) < 4096:
         depth = 8 if max(brightest) < 256 else 12
         shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
@@ -322,11 +322,12 @@ def check_exposed(
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
-        spread = _parity_spread(plane)
-        if spread:
+        if not told and (spread := _parity_spread(plane)):
+            told = True
             warn(
-                f"{name}: even and odd pixels differ by {spread:.0%}: a colour camera's raw mosaic "
-                "or interlaced lines? Give the colour image (channel=red takes one) or whole frames"
+                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
+                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
+                "or whole frames"
             )
     if shallow and bits is None:
         warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")

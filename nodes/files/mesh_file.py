@@ -25,15 +25,15 @@ def read_mesh(file: Path, reader: str) -> tuple[F8, np.ndarray]:
     import trimesh
 
     if not file.is_file():
-        raise InputError(f"{reader}: there is no file {file}; give a mesh")
+        raise InputError(f"there is no file {file}; give a mesh")
     try:
         mesh = trimesh.load_mesh(file)
     except Exception as error:
         # trimesh's readers raise whatever their parsers raise.
-        raise InputError(f"{reader}: {file} is no mesh that trimesh can read: {error}") from None
+        raise InputError(f"{file} is no mesh that trimesh can read: {error}") from None
     triangles = np.asarray(getattr(mesh, "faces", ()))
     if triangles.size == 0:
-        raise InputError(f"{reader}: {file} holds no triangles; give a surface mesh")
+        raise InputError(f"{file} holds no triangles; give a surface mesh")
     used, triangles_used = np.unique(triangles, return_inverse=True)
     return np.asarray(mesh.vertices, float)[used], triangles_used.reshape(triangles.shape)
 

@@ -75,7 +75,7 @@ def check_sensor(
     line = f"{place}: is of {identity}, but the calibration {calibration}{when} is of {known}"
     if not another_sensor:
         raise InputError(
-            f"{line}; give the calibration of this sensor, or another_sensor=true to take it "
+            f"{line}; give the calibration of this sensor, or `another_sensor`=true to take it "
             "on purpose"
         )
-    warn(f"{line}; taken on purpose (another_sensor=true)")
+    warn(f"{line}; taken on purpose (`another_sensor`=true)")

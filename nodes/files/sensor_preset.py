@@ -8,8 +8,8 @@ from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.rings import rings
 
-PRESET_FOLDER = Path(__file__).parent / "sensors"
 MAX_SETTING = 1e9
 """Largest size of a number for the driver, in the driver's unit."""
 MAX_WAIT_S = 3600.0
@@ -49,6 +49,12 @@ class SensorPreset(_Part):
     warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 
 
+def shipped_presets() -> dict[str, Path]:
+    """Return the files of the presets that rings bring, by name."""
+    files = [file for ring in rings() for file in ring.files("sensors", "*.yaml")]
+    return {file.stem: file for file in sorted(files)}
+
+
 def read_preset(sensor: str) -> SensorPreset:
     """Read a shipped preset by name, or the user's own by path.
 
@@ -57,12 +63,12 @@ def read_preset(sensor: str) -> SensorPreset:
     InputError
         If there is none, or an entry is invalid; the message gives its place.
     """
-    file = Path(sensor)
-    if file.suffix != ".yaml":
-        file = PRESET_FOLDER / f"{sensor}.yaml"
-    if not file.is_file():
-        there = ", ".join(sorted(each.stem for each in PRESET_FOLDER.glob("*.yaml")))
-        raise InputError(f"sensor={sensor}: is neither a file (.yaml) nor one of {there}")
+    presets = shipped_presets()
+    file = presets.get(sensor, Path(sensor))
+    if file.suffix != ".yaml" or not file.is_file():
+        raise InputError(
+            f"`sensor`={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
+        )
     document = read_yaml(file)
     preset = document.checked(SensorPreset)
     left, top, right, bottom = preset.crop

@@ -1,11 +1,11 @@
 """Integrate slopes by Frankot and Chellappa's projection in the frequency domain."""
 
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct, dst, fftfreq, idctn, irfft2, rfft2, rfftfreq
+from scipy.fft import fftfreq, irfft2, rfft2, rfftfreq
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
@@ -13,7 +13,6 @@ from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import (
-    cosine_transform,
     fourier_transform,
     missing_vkfft,
 )
@@ -22,33 +21,22 @@ C8 = NDArray[np.complex64]
 
 
 @node(tolerance=Close(5e-4, 5e-4, why="two float32 transforms of different libraries"))
-def integrate_frankot_chellappa(
-    slope: Slope, pixel: PixelSize, *, border: Literal["periodic", "mirrored"] = "periodic"
-) -> Height:
+def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
     """Project the slopes onto integrable ones (section 3.4, equation 14).
 
     R. T. Frankot and R. Chellappa, "A method for enforcing integrability in shape from
-    shading algorithms", IEEE PAMI 10(4), 1988.  On a CPU the NumPy function is faster, and
-    preferred.
+    shading algorithms", IEEE PAMI 10(4), 1988.  The surface must have the same height at opposite
+    borders.  On a CPU the NumPy function is faster, and preferred.
 
     Parameters
     ----------
     slope : 2 x H x W
     pixel : mm per px
-    border
-        "periodic": as in the paper; the surface must have the same height at opposite borders.
-        "mirrored": the surface is continued by its mirror image, as in a transform of 2H x 2W
-        pixels; for surfaces of any height at the border.
 
     Returns
     -------
     H x W in mm, with zero mean.
     """
-    height = _periodic(slope) if border == "periodic" else _mirrored(slope)
-    return np.asarray(height * np.float32(pixel), np.float32)
-
-
-def _periodic(slope: Slope) -> F4:
     p, q = slope
     by_v, by_u = _multipliers(p.shape)
     spectrum = rfft2(p, workers=cores())
@@ -56,7 +44,8 @@ def _periodic(slope: Slope) -> F4:
     other = rfft2(q, workers=cores())
     other *= by_v
     spectrum += other
-    return np.asarray(irfft2(spectrum, s=p.shape, workers=cores(), overwrite_x=True))
+    height = irfft2(spectrum, s=p.shape, workers=cores(), overwrite_x=True)
+    return np.asarray(height * np.float32(pixel), np.float32)
 
 
 @lru_cache(maxsize=8)
@@ -65,20 +54,6 @@ def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
     v, u = _frequencies(shape)
     inverse = np.complex64(-1j) * _inverse(u, v)
     return v * inverse, u * inverse
-
-
-def _mirrored(slope: Slope) -> F4:
-    """z is even, hence p odd in x and even in y: products of sine and cosine transforms."""
-    p, q = slope
-    v, u = _half_frequencies(p.shape)
-    p_hat = np.roll(dct(dst(p, 2, axis=1, norm="ortho"), 2, axis=0, norm="ortho"), 1, axis=1)
-    q_hat = np.roll(dct(dst(q, 2, axis=0, norm="ortho"), 2, axis=1, norm="ortho"), 1, axis=0)
-    # After the roll, index u holds the sine of frequency u; index 0 held the last one,
-    # which no cosine of the height corresponds to.
-    p_hat[:, 0] = 0
-    q_hat[0, :] = 0
-    spectrum = -(u * p_hat + v * q_hat) * _inverse(u, v)
-    return np.asarray(idctn(spectrum.astype(np.float32), 2, norm="ortho", workers=cores()))
 
 
 def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
@@ -90,13 +65,6 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
         v[shape[0] // 2] = 0
     if shape[1] % 2 == 0:
         u[:, -1] = 0
-    return v.astype(np.float32), u.astype(np.float32)
-
-
-def _half_frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
-    """pi v / H and pi u / W: the frequencies of the cosine transform."""
-    v = np.pi * np.arange(shape[0])[:, None] / shape[0]
-    u = np.pi * np.arange(shape[1])[None, :] / shape[1]
     return v.astype(np.float32), u.astype(np.float32)
 
 
@@ -114,13 +82,6 @@ def _can_run(device: DeviceTraits) -> Obstacle | None:
 @integrate_frankot_chellappa.opencl(can_run=_can_run)
 def _launch(run: Launch) -> None:
     """Transform both slopes, combine them, transform back."""
-    if run.settings["border"] == "periodic":
-        _launch_periodic(run)
-    else:
-        _launch_mirrored(run)
-
-
-def _launch_periodic(run: Launch) -> None:
     height, width = shape = run.sizes["H"], run.sizes["W"]
     v, u = run.keep(("frequencies", shape), lambda: _uploaded(run, _frequencies(shape)))
     # Both real fields as one complex field p + i q: one transform instead of two.
@@ -133,20 +94,6 @@ def _launch_periodic(run: Launch) -> None:
     fourier.inverse(run, spectrum)
     out = run.outputs["integrate_frankot_chellappa"]
     run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))
-
-
-def _launch_mirrored(run: Launch) -> None:
-    height, width = shape = run.sizes["H"], run.sizes["W"]
-    v, u = run.keep(("half", shape), lambda: _uploaded(run, _half_frequencies(shape)))
-    cosine = cosine_transform(run, shape)
-    p, q = run.scratch(shape), run.scratch(shape)
-    run.kernel("alternate", shape, run.inputs["slope"], p, q, height, width)
-    cosine.forward(run, p)
-    cosine.forward(run, q)
-    out = run.outputs["integrate_frankot_chellappa"]
-    pixel = float(run.inputs["pixel"])
-    run.kernel("combine_mirrored", shape, p, q, v, u, out, height, width, pixel)
-    cosine.inverse(run, out)
 
 
 def _uploaded(run: Launch, frequencies: tuple[F4, F4]) -> tuple[Any, Any]:

@@ -1,18 +1,16 @@
 """Correct single pixels that stand out where the slopes are uncertain."""
 
-from typing import Annotated
-
 import numpy as np
-from annotated_types import Ge
 
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Height, SlopeVariance
 
+LOOSE_VARIANCE = np.float32(0.2)
+"""Variance (mm/mm)^2 above which a pixel's own slopes carry little information."""
+
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6))
-def settle_loose(
-    height: Height, variance: SlopeVariance, *, loose: Annotated[float, Ge(0)] = 0.2
-) -> Height:
+def settle_loose(height: Height, variance: SlopeVariance) -> Height:
     """Move loose pixels towards their neighbours.
 
     A pixel that lies above, or below, the mean of its two neighbours along all four lines
@@ -22,13 +20,12 @@ def settle_loose(
     Parameters
     ----------
     height : H x W in mm; beyond the frame the border repeats
-    variance : 2 x H x W; only pixels whose variances both exceed `loose` move
-    loose : variance (mm/mm)^2 above which a pixel's own slopes carry little information
+    variance : 2 x H x W; only pixels whose variances both exceed `LOOSE_VARIANCE` move
     """
     padded = np.pad(height, 1, mode="edge")
     lines = [_departure(padded, dy, dx) for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1))]
     least = np.maximum(np.min(lines, axis=0), 0) + np.minimum(np.max(lines, axis=0), 0)
-    moves = np.minimum(variance[0], variance[1]) > np.float32(loose)
+    moves = np.minimum(variance[0], variance[1]) > LOOSE_VARIANCE
     return np.asarray(np.where(moves, height - least, height), np.float32)
 
 

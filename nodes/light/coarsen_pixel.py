@@ -27,6 +27,6 @@ def coarsen_pixel(
     if factor:
         return pixel * factor
     if like is None:
-        raise InputError("coarsen_pixel: factor 0 follows the image: name it with 'like'")
+        raise InputError("`factor`=0 follows the image: give that as `like`")
     _count, rows, columns = like.shape
     return pixel * cell_side(rows, columns, factor)

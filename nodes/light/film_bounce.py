@@ -210,6 +210,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
 def _check(albedo: float) -> None:
     if not 0 <= albedo <= MAX_ALBEDO:
         raise InputError(
-            f"film_bounce: albedo is {albedo:g}; give the share of the light that the film "
+            f"albedo is {albedo:g}; give the share of the light that the film "
             f"reflects, 0 to {MAX_ALBEDO:g}"
         )

@@ -19,8 +19,8 @@ from tactograph.nodes.optics.rest_shape import (
 class Surface(NamedTuple):
     """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
 
-    `share` is r of F5, `thrown` its part from film to film, `matt` the light of a matt film of
-    that shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
+    `share` is r of F5, `thrown` its part from film to film, `matt` the light of matt film of that
+    shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
     """
 
     height: Height
@@ -65,7 +65,7 @@ def untouched_film(
         zero = np.zeros((2, *size), np.float32)
         return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None, None)
     if film is None or pixel is None:
-        raise InputError("untouched_film: a film that is no plane needs 'film' and 'pixel' as well")
+        raise InputError("a film that is no plane (`rest`) needs `film` and `pixel` as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
     shape = rest_shape(rest, pixel / factor, film.camera)
     if factor > 1:

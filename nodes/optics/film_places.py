@@ -103,5 +103,5 @@ def _check_below(height: Height, camera: float) -> None:
     if camera * highest >= 1:
         raise InputError(
             f"the film rises to {highest:.3g} mm, but the camera's pupil is {1 / camera:.3g} mm "
-            "above it; check camera_mm"
+            "above it; check its height in the calibration"
         )

@@ -51,7 +51,7 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
     """
     if max(width / length, length / width) > MAX_OBLONG:
         raise InputError(
-            f"pixel_size_mm={width:g},{length:g}: no camera's pixels are so oblong; it is x,y in "
+            f"pixels of {width:g} x {length:g} mm: no camera's are so oblong; their size is x,y in "
             "mm (images that were enlarged along one side: resize them to square pixels)"
         )
     a = (length - width) / (length + width)

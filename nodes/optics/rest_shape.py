@@ -110,7 +110,7 @@ def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
 
 
 def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:
-    """Return r of F5 without bounces: F1 of untouched film at N places, K x N; normals are 3 x N."""
+    """Return r of F5 without bounces, K x N: F1 of untouched film with normals 3 x N."""
     return np.asarray(predict(film._replace(gain=1.0), n, x, y, z))
 
 

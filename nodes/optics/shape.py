@@ -57,7 +57,7 @@ class ShapeImage(NamedTuple):
         pixels = self.width_px * self.height_px
         if pixels > MAX_PIXELS:
             raise InputError(
-                f"width_px={self.width_px} and height_px={self.height_px} are "
+                f"`width_px`={self.width_px} and `height_px`={self.height_px} are "
                 f"{pixels / 1e6:.0f} million pixels, at most "
                 f"{MAX_PIXELS / 1e6:.0f} million can be simulated"
             )

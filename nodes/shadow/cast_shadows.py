@@ -8,11 +8,10 @@ quarters around the LED's foot: down, up, right and left, so that a line goes on
 column, at a time.
 """
 
-from typing import Annotated, Any
+from typing import Any
 
 import cv2
 import numpy as np
-from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
@@ -23,6 +22,8 @@ from tactograph.nodes.optics.difference import difference
 LINES_PER_ITEM = 15
 """Lines that a work-item of a CPU follows, 1 on a GPU; it also knows where the next one is."""
 QUARTER_COUNT = 4
+REACH_PX = 3
+"""Largest distance at which the image may show a shadow that the height casts."""
 MIN_AWAY_PX = np.float32(1e-6)
 LEAST_OF_NONE = np.float32(1e30)
 """More than any height makes."""
@@ -38,7 +39,6 @@ def cast_shadows(
     pixel: PixelSize,
     seen: Labels | None = None,
     *,
-    reach_px: Annotated[int, Interval(ge=0, le=32)] = 3,
     attached: bool = False,
 ) -> Labels:
     """Return where the surface rises above the rays from the pixels to the LEDs.
@@ -55,8 +55,9 @@ def cast_shadows(
     height : H x W in mm; beyond the frame nothing casts a shadow
     lights : K x 3 in mm
     pixel : mm per px
-    seen : H x W, the shadows in the image; without it the height alone decides
-    reach_px : largest distance in px, along each axis, at which the image may show the shadow
+    seen
+        H x W, the shadows in the image, up to `REACH_PX` away along each axis; without it the
+        height alone decides
     attached : whether surface that faces away from an LED, by central differences, is in shadow too
 
     Returns
@@ -64,7 +65,7 @@ def cast_shadows(
     H x W, bit k-1 set where LED k does not light the pixel.
     """
     labels = np.zeros(height.shape, np.uint8)
-    window = np.ones((2 * reach_px + 1, 2 * reach_px + 1), np.uint8)
+    window = np.ones((2 * REACH_PX + 1, 2 * REACH_PX + 1), np.uint8)
     y, x = (np.arange(n, dtype=np.float32) - np.float32(0.5) * (n - 1) for n in height.shape)
     for k, (led_x, led_y, led_z) in enumerate(lights):
         across, down = x - led_x / np.float32(pixel), y - led_y / np.float32(pixel)
@@ -135,11 +136,11 @@ def _launch(run: Launch) -> None:
         "cast", (work,), inputs["height"], inputs["lights"], dark, *sizes, blocks,
         float(inputs["pixel"]), local=run.alone,
     )  # fmt: skip
-    near, reach = inputs.get("seen"), int(run.settings["reach_px"])
+    near = inputs.get("seen")
     if near is not None:
         for axis in (1, 0):
             seen, near = near, run.scratch((height, width), np.uint8)
-            run.kernel("spread_labels", by_rows, seen, near, height, width, reach, axis)
+            run.kernel("spread_labels", by_rows, seen, near, height, width, REACH_PX, axis)
     run.kernel(
         "join", by_rows, dark, near, inputs["height"], inputs["lights"],
         run.outputs["cast_shadows"], *sizes,

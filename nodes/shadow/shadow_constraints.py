@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Ge, Interval
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
@@ -29,6 +29,8 @@ from tactograph.nodes.optics.near_light import expected_light, light_vectors
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
+STEP_PX = np.float32(0.5)
+"""Step along a ray."""
 HALF_LIGHT = np.float32(0.5)
 MIN_EXPECTED_LIGHT = np.float32(0.02)
 MAX_SLOPE = np.float32(3)
@@ -69,7 +71,6 @@ def shadow_constraints(
     lights: LightPositions,
     pixel: PixelSize,
     *,
-    step_px: Annotated[float, Interval(ge=0.1, le=1)] = 0.5,
     longest_px: Annotated[float, Ge(0)] = 10_000.0,
 ) -> ShadowRises:
     """Measure the height of the edge that casts a shadow above the shadow's end.
@@ -90,7 +91,6 @@ def shadow_constraints(
     height : H x W in mm, roughly; the elevation of a near LED depends on it a little
     lights : K x 3 in mm
     pixel : mm per px
-    step_px : step along the ray
     longest_px : longest shadow that is measured; with 0 no shadow is
 
     Returns
@@ -106,7 +106,7 @@ def shadow_constraints(
             vectors = light_vectors(lights[k : k + 1], height, pixel)
             expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
             share = np.clip(light[k] / expected, 0, 1)
-            ends = _march(rays, dark, share, np.float32(step_px), longest_px)
+            ends = _march(rays, dark, share, longest_px)
             measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
             measurements.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
     if not measurements:
@@ -163,9 +163,7 @@ def _measure(
     return top, (row * width + column).astype(np.int32), np.asarray(rise, np.float32)
 
 
-def _march(
-    rays: Rays, dark: NDArray[np.bool_], share: F4, step: np.float32, longest: float
-) -> tuple[F4, F4]:
+def _march(rays: Rays, dark: NDArray[np.bool_], share: F4, longest: float) -> tuple[F4, F4]:
     """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 
     The shadow ends where the share of its light that the film gets falls below a half.  The edge
@@ -174,21 +172,21 @@ def _march(
     rows, columns = dark.shape
     darkness = dark.astype(np.float32)
     end, edge = np.full(rays.row.size, HALF_LIGHT), np.full(rays.row.size, NO_EDGE_PX)
-    going, before, t = np.arange(rays.row.size), bilinear(share, rays.column, rays.row), step
+    going, before, t = np.arange(rays.row.size), bilinear(share, rays.column, rays.row), STEP_PX
     while going.size and t <= longest:
         x, y = rays.only(going).at(t)
         inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
         going, x, y, before = going[inside], x[inside], y[inside], before[inside]
-        if t - step < MAX_END_PX:
+        if t - STEP_PX < MAX_END_PX:
             now = bilinear(share, x, y)
             falls = (now < HALF_LIGHT) & (before >= HALF_LIGHT)
-            back = step * (HALF_LIGHT - now) / np.maximum(before - now, np.float32(1e-6))
+            back = STEP_PX * (HALF_LIGHT - now) / np.maximum(before - now, np.float32(1e-6))
             end[going[falls]] = np.clip(t - back, 0, MAX_END_PX)[falls]
             before = now
         lit = (t > MIN_EDGE_PX) & (bilinear(darkness, x, y) < HALF_LIGHT)
         edge[going[lit]] = t
         going, before = going[~lit], before[~lit]
-        t += step
+        t += STEP_PX
     return end, edge
 
 
@@ -212,7 +210,7 @@ def _launch(run: Launch) -> None:
         "measure", (spans,),
         *(inputs[name] for name in ("shadow", "used", "slope", "height", "lights")), part,
         top, foot, rise, counts, *sizes, span,
-        pixel, run.settings["step_px"], run.settings["longest_px"],
+        pixel, STEP_PX, run.settings["longest_px"],
     )  # fmt: skip
     ends = np.cumsum(run.download(counts), dtype=np.int32)
     run.found("C", int(ends[-1]))

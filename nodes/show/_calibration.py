@@ -23,7 +23,7 @@ from tactograph.nodes.files.calibration_file import (
     read_arrays,
 )
 from tactograph.nodes.optics.lens import seen_places
-from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
 
 FILE_KINDS = (CALIBRATION_KIND, PRESS_CALIBRATION, CAMERA_KIND)
 MAX_NUMBERS = 8
@@ -50,8 +50,6 @@ def show_calibration(file: Path) -> Shown:
     arrays = read_arrays(file, kind)
     about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    if kind is not CAMERA_KIND and "doubts" not in head:
-        verdict = "not kept, the file is older; calibrate again"
     made = head.get("made")
     warnings = sentences(made.get("warnings") if isinstance(made, dict) else None)
     others = [line for line in warnings if line.strip() not in about.doubts]
@@ -111,7 +109,7 @@ def _draw_sensor(arrays: dict[str, Any], title: str, target: Path) -> None:
 
 def _draw_leds(axes: Any, arrays: dict[str, Any]) -> None:
     """Draw where the LEDs are, with the other places that the fit allows, and the film."""
-    lights, others = arrays["lights"], arrays.get("others", arrays["lights"][None])
+    lights, others = arrays["lights"], arrays["others"]
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])
     above, side = axes
     _dots(above, lights[:, 0], lights[:, 1], others[..., 0], others[..., 1])

@@ -1,6 +1,7 @@
 """The content of a result's folder."""
 
 import json
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -8,18 +9,21 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes.drawing.result_pictures import draw_height
+from tactograph.nodes.drawing.result_pictures import draw_height, draw_map
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import check_heights
+from tactograph.nodes.files.image_files import check_heights, read_numbers
+from tactograph.nodes.files.layer_files import layer_files
 from tactograph.nodes.files.result_file import checksum
-from tactograph.nodes.show._shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
+from tactograph.nodes.stream.layer_kinds import layer_kinds
+from tactograph.nodes.stream.touch import ColourMap
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 
 HEIGHT_FILE = "height.npy"
 
 
 def show_result(file: Path) -> Shown:
-    """Return origin, figures and warnings of a ``result.json``, and its height to draw.
+    """Return origin, figures and warnings of a ``result.json``; height and maps to draw.
 
     Raises
     ------
@@ -35,15 +39,38 @@ def show_result(file: Path) -> Shown:
     metrics = result.get("metrics")
     numbers = metrics if isinstance(metrics, dict) else {}
     warnings = sentences(result.get("warnings"))
+    named = result.get("files")
+    layers = layer_files(named) if isinstance(named, list) else {}
     lines = [
         f"{file}: result",
         *origin(result),
         *(section("warnings", first(warnings)) or ["warnings: none"]),
         *section("figures", figures({n: v for n, v in numbers.items() if _is_number(v)})),
+        *section("layers", [f"  {name}: {', '.join(files)}" for name, files in layers.items()]),
         *section("not as they were written", first(_not_as_written(file, result.get("checksums")))),
     ]
     height = file.parent / HEIGHT_FILE
-    return Shown(lines, {"height.png": partial(_draw, height)} if height.is_file() else {})
+    if not height.is_file():
+        return Shown(lines, {})
+    return Shown(lines, {"height.png": partial(_draw, height), **_maps(height, layers)})
+
+
+def _maps(height: Path, layers: Mapping[str, list[str]]) -> dict[str, Callable[[Path], None]]:
+    """How to draw the layers of a result that are maps, by file."""
+    drawn: dict[str, Callable[[Path], None]] = {}
+    for name, files in layers.items():
+        if (array := f"{name}.npy") in files:
+            how = layer_kinds()[name].drawn
+            if isinstance(how, ColourMap):
+                drawn[f"{name}.png"] = partial(_draw_map, height, height.parent / array, how)
+    return drawn
+
+
+def _draw_map(height: Path, array: Path, how: ColourMap, target: Path) -> None:
+    plane = read_numbers(array)
+    if plane.ndim != 2 or not plane.size:
+        raise InputError(f"{array}: a map H x W is needed, not {plane.shape}")
+    draw_map(plane, how, read_pixel_size(height=height), target)
 
 
 def _not_as_written(result: Path, checksums: Any) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from tactograph.graph import InputError
 from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show._shown import Shown, first, given_params, input_files, section
+from tactograph.nodes.show.shown import Shown, first, given_params, input_files, section
 
 
 def show_store(file: Path) -> Shown:

@@ -1,6 +1,6 @@
 """Print and draw all that is in a file.
 
-Long because calibrations, recordings, stores and results are each told by a module of their own.
+Long because calibrations, stores and results are each told by a module of their own.
 """
 
 from pathlib import Path
@@ -10,11 +10,11 @@ import click
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import one_line
+from tactograph.graph.rings import bring, brought
 from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.show._calibration import show_calibration
-from tactograph.nodes.show._recording import show_recording
 from tactograph.nodes.show._result import show_result
-from tactograph.nodes.show._shown import Shown
+from tactograph.nodes.show.shown import Shown
 
 STORE_FILE = "zarr.json"
 
@@ -26,8 +26,8 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     Parameters
     ----------
     file
-        A calibration or a lens (``.npz``), a recording (``.mcap``), a batch's store (``.zarr``),
-        or a result: its folder or its ``result.json``.
+        A calibration or a lens (``.npz``), a batch's store (``.zarr``), a result (its folder or
+        its ``result.json``), or a file that a ring can show, such as a recording (``.mcap``).
     folder : where the pictures go; None: none are drawn
 
     Raises
@@ -54,8 +54,6 @@ def _look(file: Path) -> Shown:
         raise InputError(f"{file}: there is no such file") from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
-    if file.suffix == ".mcap" and file.is_file():
-        return show_recording(file)
     if (file / STORE_FILE).is_file():
         # Needs the packages of a batch, which not every installation has.
         from tactograph.nodes.show._store import show_store
@@ -63,7 +61,11 @@ def _look(file: Path) -> Shown:
         return show_store(file)
     if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
         return show_result(file if file.is_file() else file / RESULT_FILE)
+    if file.is_file() and (further := bring("show", file.suffix[1:])) is not None:
+        shown: Shown = further.show(file)
+        return shown
+    others = "".join(f", a .{name}" for name in brought("show"))
     raise InputError(
-        f"{file}: nothing that can be shown; give a calibration or a lens (.npz), a recording "
-        "(.mcap), a batch's store (.zarr), or the folder of a result"
+        f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, a "
+        "batch's store (.zarr), or the folder of a result"
     )

@@ -28,7 +28,7 @@ that a mean over interpolated values keeps along each axis."""
 FRACTION_BITS = 23
 
 Taken = Annotated[F4, Port("1", "1")]
-"""How many images a stream has had."""
+"""Number of images of the stream so far."""
 
 
 class Exposure(NamedTuple):

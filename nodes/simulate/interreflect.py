@@ -11,8 +11,8 @@ from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import matt_film
 
 MIN_REST_LIGHT = np.float32(1e-6)
-MAX_LIGHT_LEFT = 1e-5
-"""Change of the light by a bounce, over that of the film at rest, after which none follows."""
+CONVERGENCE_THRESHOLD = 1e-5
+"""Convergence threshold: change of the light by a bounce, over that of the film at rest."""
 
 
 @node(neutral="light")
@@ -67,7 +67,7 @@ def interreflect(
     for _ in range(bounces):
         before = more
         more = bounce(direct + more, height, film, pixel, cells=cells, from_above=True)
-        if np.abs(more - before).max() < MAX_LIGHT_LEFT:
+        if np.abs(more - before).max() < CONVERGENCE_THRESHOLD:
             break
-    # What two sizes of cells tell of the foot of a wall may lie below zero.
+    # Extrapolation from two sizes of cells may be negative at the foot of a wall.
     return np.asarray(np.maximum(light + rest * more, np.float32(0)))

@@ -15,8 +15,8 @@ from tactograph.nodes.simulate._gaussian import launch_smoothed, smoothed
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-ERROR_LEFT_SHARE = 1e-6
-"""Share of an initial error that remains after the sweeps."""
+MAX_REMAINING_ERROR = 1e-6
+"""Largest share of an initial error that remains after the sweeps."""
 MAX_REACH_PX = 1000.0
 """Beyond this the sweeps take minutes, and no film in the picture returns to rest."""
 MIN_REACH_PX = 0.01
@@ -106,7 +106,7 @@ def _sweeps(reach_px: float) -> _Sweeps:
     share = 1 / (4 + 1 / reach_px**2)
     relax = 2 / (1 + math.sqrt(1 - (4 * share) ** 2))
     # An error shrinks by relax - 1 each sweep; the first few find where the contact ends.
-    number = 10 + math.ceil(math.log(ERROR_LEFT_SHARE) / math.log(relax - 1))
+    number = 10 + math.ceil(math.log(MAX_REMAINING_ERROR) / math.log(relax - 1))
     return _Sweeps(number, np.float32(share), np.float32(relax))
 
 

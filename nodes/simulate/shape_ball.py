@@ -33,7 +33,7 @@ def shape_ball(
     rise = radius_mm if rise_mm is None else rise_mm
     if rise > 2 * radius_mm:
         raise InputError(
-            f"shape_ball: rise_mm = {rise:g} is more than the ball's diameter "
+            f"`rise_mm`={rise:g} is more than the ball's diameter "
             f"{2 * radius_mm:g}; give at most that"
         )
     x, y = image.places()

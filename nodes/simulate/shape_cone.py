@@ -32,8 +32,8 @@ def shape_cone(
     """
     if top_radius_mm >= radius_mm:
         raise InputError(
-            f"shape_cone: top_radius_mm = {top_radius_mm:g} is not below "
-            f"radius_mm = {radius_mm:g}; make the top narrower"
+            f"`top_radius_mm`={top_radius_mm:g} is not below "
+            f"`radius_mm`={radius_mm:g}; make the top narrower"
         )
     x, y = image.places()
     share = (radius_mm - np.sqrt(x**2 + y**2)) / (radius_mm - top_radius_mm)

@@ -69,11 +69,11 @@ def shape_grating(
 
 def _check_walls(run_mm: float, period_mm: float, duty: float, profile: Profile) -> None:
     if profile != "square":
-        raise InputError(f"shape_grating: a {profile} has no walls; leave wall_deg=90")
+        raise InputError(f"a {profile} has no walls; leave `wall_deg`=90")
     if run_mm >= min(duty, 1 - duty) * period_mm:
         raise InputError(
-            f"shape_grating: walls take {run_mm:.3g} mm each, which leaves no level between them; "
-            "make wall_deg or period_mm larger, or duty nearer to 0.5"
+            f"walls take {run_mm:.3g} mm each, which leaves no level between them; "
+            "make `wall_deg` or `period_mm` larger, or `duty` nearer to 0.5"
         )
 
 

@@ -38,14 +38,14 @@ def shape_image(
     """
     values = read_numbers(file) if file.suffix.lower() == ".npy" else read_image(file)
     if values.ndim != 2:
-        raise InputError(f"shape_image: {file} is not grey (its shape is {values.shape}); convert")
+        raise InputError(f"{file} is not grey (its shape is {values.shape}); convert")
     if values.dtype.kind not in "iuf":
-        raise InputError(f"shape_image: {file} holds {values.dtype}, not numbers; convert it")
+        raise InputError(f"{file} holds {values.dtype}, not numbers; convert it")
     if values.dtype.kind in "iu":
         if rise_mm is None:
-            raise InputError(f"shape_image: {file} holds integers; say with rise_mm what white is")
+            raise InputError(f"{file} holds integers; say with `rise_mm` what white is")
         return shape(values / np.iinfo(values.dtype).max * rise_mm, pixel_size_mm)
     height: F8 = values.astype(float) * (1.0 if rise_mm is None else rise_mm)
     if not np.isfinite(height).all():
-        raise InputError(f"shape_image: {file} holds values that are not finite; fill them first")
+        raise InputError(f"{file} holds values that are not finite; fill them first")
     return shape(height, pixel_size_mm)

@@ -56,13 +56,13 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     outlines = _outlines(text, size_mm)
     points = np.concatenate(outlines) if outlines else np.empty((0, 2))
     if len(points) == 0:
-        raise InputError(f"shape_text: text = {text!r} has nothing to draw; give some letters")
+        raise InputError(f"`text`={text!r} has nothing to draw; give some letters")
     low, high = points.min(0) - 2 * cell_mm, points.max(0) + 2 * cell_mm
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
     if columns * rows > MAX_PIXELS:
         raise InputError(
-            f"shape_text: size_mm={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
+            f"`size_mm`={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
             "make the letters smaller or the pixels larger"
         )
     picture = np.zeros((rows, columns), np.uint8)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, node
@@ -15,6 +14,10 @@ from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, Slope
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
+JUMP_SLOPE = np.float32(3)
+"""Standard deviation of the slope across an edge, per light above `GRAZING_LIGHT`."""
+GRAZING_LIGHT = np.float32(0.3)
+"""Light up to which a smooth film may be turning away from an LED."""
 MIN_PLAN_PX = np.float32(1e-6)
 
 
@@ -28,11 +31,8 @@ def cliff_variance(
     shadow: Labels,
     lights: LightPositions,
     pixel: PixelSize,
-    *,
-    jump: Annotated[float, Ge(0)] = 3.0,
-    grazing: Annotated[float, Ge(0)] = 0.3,
 ) -> SlopeVariance:
-    """Add (jump max(m - grazing, 0))^2 where the pixel right behind one lit with m is dark.
+    """Add (3 max(m - 0.3, 0))^2 where the pixel right behind one lit with m is dark.
 
     A round body is lit at a grazing angle where its shadow begins: m is close to 0, apart from
     diffused light and noisy labels.  A sharp edge is well lit there, and no slope shows the
@@ -46,16 +46,14 @@ def cliff_variance(
     shadow : H x W, the shadowed LEDs
     lights : K x 3 in mm from the middle of the image
     pixel : mm per px
-    jump : standard deviation of the slope across an edge, per light above `grazing`
-    grazing : light up to which a smooth film may be turning away from an LED
     """
     cliff = np.zeros(shadow.shape, np.float32)
     for k, plane in enumerate(light):
         dark = np.asarray(shadow >> k & 1, np.uint8)
         row, column = _before_dark(dark, lights[k] / np.float32(pixel))
         cliff[row, column] = np.maximum(cliff[row, column], plane[row, column])
-    sharp = np.maximum(_largest_neighbour(cliff) - np.float32(grazing), np.float32(0))
-    step = np.float32(jump) * sharp
+    sharp = np.maximum(_largest_neighbour(cliff) - GRAZING_LIGHT, np.float32(0))
+    step = JUMP_SLOPE * sharp
     return np.asarray(variance + step * step, np.float32)
 
 
@@ -91,7 +89,7 @@ def _launch(run: Launch) -> None:
         inputs["light"], inputs["shadow"], inputs["lights"], cliffs,
         lights, rows, columns, inputs["pixel"],
     )  # fmt: skip
-    out, rules = run.outputs["cliff_variance"], (run.settings["jump"], run.settings["grazing"])
+    out, rules = run.outputs["cliff_variance"], (JUMP_SLOPE, GRAZING_LIGHT)
     run.kernel("add_steps", grid, inputs["variance"], cliffs, out, rows, columns, *rules)
 
 

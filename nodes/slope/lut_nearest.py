@@ -1,9 +1,8 @@
 """Look up the slope of the nearest light in the tables."""
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
@@ -29,13 +28,7 @@ CHUNK_COUNT = 64
     ),
     sizes={"K": SizeLimit(3, 8, "the tables are for 3 to 8 LEDs")},
 )
-def lut_nearest(
-    light: Light,
-    shadow: Labels,
-    index: LutIndex,
-    *,
-    neighbours: Annotated[int, Interval(ge=1, le=16)] = 1,
-) -> Slope:
+def lut_nearest(light: Light, shadow: Labels, index: LutIndex) -> Slope:
     """Return the slope of the entry of nearest light; the search is exact (3.1 and 3.3).
 
     A pixel that all LEDs reach is looked up in the table of all lights.  A shadowed pixel is
@@ -48,7 +41,6 @@ def lut_nearest(
         K x H x W.  NaN counts as dark.
     shadow : H x W, bit k-1 set where LED k is shadowed
     index : the index of the tables
-    neighbours : number of nearest entries whose mean slope is returned
 
     Returns
     -------
@@ -69,9 +61,8 @@ def lut_nearest(
         if number:
             points[:, number - 1] = 0
         tree = cKDTree(entries, compact_nodes=False, balanced_tree=False)
-        nearest = np.arange(1, min(neighbours, len(entries)) + 1)
-        _, numbers = tree.query(points, nearest, workers=cores())
-        slope[:, here] = slopes[numbers].mean(axis=1).T
+        _, numbers = tree.query(points, workers=cores())
+        slope[:, here] = slopes[numbers].T
     return slope
 
 
@@ -103,9 +94,8 @@ def _launch(run: Launch) -> None:
     """Search a pixel per work-item, or sort the frame by light and search packets of lanes."""
     height, width = run.sizes["H"], run.sizes["W"]
     arrays = [run.inputs[name] for name in lut_nearest.inputs]
-    neighbours = run.settings["neighbours"]
-    constants = {"LIGHTS": run.sizes["K"], "NEIGHBOURS": neighbours}
-    if run.lanes == 1 or neighbours > 1:
+    constants = {"LIGHTS": run.sizes["K"]}
+    if run.lanes == 1:
         out = run.outputs["lut_nearest"]
         arguments = (*arrays, out, height, width)
         run.kernel("lut_nearest", (height, width), *arguments, constants=constants)

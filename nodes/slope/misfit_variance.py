@@ -8,6 +8,8 @@ from annotated_types import Gt
 from tactograph.graph import Close, Port, node
 from tactograph.nodes import F4, Slope, SlopeVariance
 
+USUAL_MISFIT = np.float32(12)
+"""Misfit that noise explains."""
 FLAT_SLOPE_SQUARE = np.float32(0.002)
 
 
@@ -18,7 +20,6 @@ def misfit_variance(
     twin: Slope,
     misfit: Annotated[F4, Port("H W", "1", high=100)],
     *,
-    usual: Annotated[float, Gt(0)] = 12.0,
     open_pairs: bool = False,
     steepest: Annotated[float, Gt(0)] = 4.0,
 ) -> SlopeVariance:
@@ -33,13 +34,12 @@ def misfit_variance(
     variance : 2 x H x W, from the noise alone
     slope, twin : 2 x H x W, the chosen slope and the other one that its light allows
     misfit : H x W, chi-square of the slope
-    usual : misfit that noise explains
     open_pairs
         Whether the choice between slope and twin is still a guess.  A slope of nearly zero,
         that of the film at rest, is not: it would be a coincidence.
     steepest : a steeper twin counts as this steep
     """
-    wide = variance * np.maximum(misfit / np.float32(usual), np.float32(1))
+    wide = variance * np.maximum(misfit / USUAL_MISFIT, np.float32(1))
     if open_pairs:
         limit = np.float32(steepest)
         apart = np.clip(twin, -limit, limit) - slope

@@ -21,6 +21,9 @@ from tactograph.nodes.optics.reflectance_map import (
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
 
+STILL_RAD = 1e-3
+"""Longest step after which a pixel stops, or half of `limit` if that is less."""
+
 
 @node(
     sizes={"K": SizeLimit(2, 8, "two unknowns need two lights, and labels have 8 bits")},
@@ -40,7 +43,6 @@ def solve_reflectance_map(
     steps: Annotated[int, Interval(ge=1, le=30)] = 8,
     prior: Annotated[float, Gt(0)] = 4e-4,
     limit: Annotated[float, Gt(0)] = 0.3,
-    still: Annotated[float, Gt(0)] = 1e-3,
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
@@ -57,14 +59,13 @@ def solve_reflectance_map(
     steps : Gauss-Newton steps at most
     prior : weight that favours small slopes; matters where light does not determine the slope
     limit : longest step, as the angle in radians by which it turns the normal
-    still : a pixel stops after a step no longer than this, or than half of `limit` if that is less
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
     p: F4 = np.zeros(light.shape[1:], np.float32)
     q = p
     moving = np.ones(p.shape, bool)
-    least = np.float32(min(still, limit / 2))
+    least = np.float32(min(STILL_RAD, limit / 2))
     for _ in range(steps):
         square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
         p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
@@ -102,7 +103,7 @@ def _launch(run: Launch) -> None:
     planes = (run.inputs[name] for name in ("light", "flat", "height"))
     out = run.outputs["solve_reflectance_map"]
     steps, prior, limit = (run.settings[name] for name in ("steps", "prior", "limit"))
-    settings = steps, prior, limit, min(run.settings["still"], limit / 2)
+    settings = steps, prior, limit, min(STILL_RAD, limit / 2)
     grid = run.in_row_lanes(rows, columns)
     run.kernel("solve", grid, *planes, lines, out, count, rows, columns, *settings)
 

@@ -11,7 +11,7 @@ MIN_VIEW_SHARE = np.float32(0.1)
 
 
 def is_orthographic(camera: Vergence) -> bool:
-    """Return whether the camera is so far away that the seen height is that of the film."""
+    """Return whether the camera is so far away that the height in its view is the film's."""
     return camera == 0
 
 
@@ -19,7 +19,7 @@ def is_orthographic(camera: Vergence) -> bool:
 def view_slope(
     slope: Slope, height: Height, camera: Vergence, pixel: PixelSize, *, inverse: bool = False
 ) -> Slope:
-    """Return the slopes of the seen height, or those of the film (`inverse`).
+    """Return the slopes of the height in the camera's view, or those of the film (`inverse`).
 
     A pinhole at D above the film at rest maps P = (x, y, z) to the pixel (u, v) = (x, y) / f
     with f = 1 - z / D.  With the seen height Z = z / f that is a projective map, which keeps

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, Dark
 from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.led_in_frame import RestFilm, light_of, top_of
+from tactograph.nodes.stream.rest_film import RestFilm, light_of, top_of
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2

@@ -1,69 +1,30 @@
-"""A touch: all that a graph knows of it, for the nodes that write or show it."""
+"""A touch: what every graph knows of it, and layers, which each graph adds as it has them.
 
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+A layer is a value with a name.  ``layers/NAME.py`` of the core or of a ring declares its kind, a
+`LayerKind` called ``KIND``.  Nodes that write or show a touch loop over its layers
+(`layer_kinds.layers_of`) and know the ways in which a kind is drawn, no layer.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port
-from tactograph.nodes import (
-    F4,
-    U1,
-    Confidence,
-    Contacts,
-    Height,
-    HeightError,
-    Labels,
-    Lens,
-    Light,
-    Metrics,
-    PixelSize,
-    Vergence,
-)
-from tactograph.nodes.marker.find_markers import Markers
+from tactograph.nodes import F4, F8, U1, Height, Lens, Light, Metrics, PixelSize, Vergence
 from tactograph.nodes.stream.frames import LiveState
 
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""
-_TAKEN_AS = {
-    **dict.fromkeys(("image", "name", "time", "state"), "frames"),
-    **dict.fromkeys(("lens", "camera"), "view"),
-    **dict.fromkeys(("markers", "shift", "seen"), "tracks"),
-}
 
 
-Shifts = Annotated[F4, Port("M 2", "px")]
-"""The shift of each marker, x and y."""
+class View(NamedTuple):
+    """The camera's lens and the place of its pupil."""
 
-
-Seen = Annotated[U1, Port("M", "flag", high=1)]
-"""0: a marker is not seen; its shift is predicted from its neighbours."""
-
-
-class MarkerTracks(NamedTuple):
-    """The markers of the untouched film, and where each has gone."""
-
-    markers: Markers
-    shift: Shifts
-    seen: Seen
-
-
-Pose = Annotated[F4, Port("6", "mm, deg")]
-"""Shift x, y, z and turn vector x, y, z of the object, about the image's middle on the film at
-rest.  A turn about z is positive from x to y."""
-
-
-PoseCovariance = Annotated[F4, Port("6 6", "mm, deg")]
-"""Covariance of the pose's six numbers; turns about the film's axes."""
-
-
-class ObjectPose(NamedTuple):
-    """The motion of the touched object since the touch began."""
-
-    pose: Pose
-    covariance: PoseCovariance
+    lens: Lens | None = None
+    camera: Vergence | None = None
 
 
 @dataclass(frozen=True)
@@ -76,38 +37,137 @@ class Touch:
     name: str = ""
     time: float | None = None
     state: LiveState | None = None
-    shadow: Labels | None = None
-    highlight: Labels | None = None
-    confidence: Confidence | None = None
+    view: View = field(default_factory=View)
     metrics: Metrics | None = None
-    contact: Contacts | None = None
-    error: HeightError | None = None
-    lens: Lens | None = None
-    camera: Vergence | None = None
-    tracks: MarkerTracks | None = None
-    pose: ObjectPose | None = None
+    layers: Mapping[str, Any] = field(default_factory=dict)
 
     def latency_s(self, now: float) -> float | None:
         """Return the time since the exposure; None if unknown, or a recording's."""
         age_s = RECORDED_AGE_S if self.time is None else now - self.time
         return age_s if 0 <= age_s < RECORDED_AGE_S else None
 
-    def object_frame(self, moved: ObjectPose) -> NDArray[np.float64]:
-        """Return the object's frame, 4 x 4 in mm from the middle of the first pixel.
 
-        It lay in the image's middle when the touch began.
-        """
-        rows, columns = self.height.shape
+@dataclass(frozen=True)
+class ColourMap:
+    """A map H x W in a colour scale; `scale` turns the layer's unit into that of the scale."""
+
+    title: str
+    unit: str = ""
+    colours: Literal["viridis", "magma", "gray"] = "viridis"
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class LedLabels:
+    """Bits per LED, over the image: a colour for each LED, a dark one for several."""
+
+    title: str
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Numbers of regions from 1, over the image: a colour and the number for each."""
+
+    noun: str
+
+
+class ArrowsInImage(NamedTuple):
+    """M arrows: begin and way, M x 2 in px, and whether each is seen (1) or predicted (0)."""
+
+    begin: F4
+    way: F4
+    seen: U1
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Arrows over the camera's image."""
+
+    of: Callable[[Any], ArrowsInImage]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An object's frame, which lay in the image's middle, untilted, when the touch began.
+
+    Parameters
+    ----------
+    place : x, y, z in mm from the middle of the first pixel on the film at rest
+    turn : turn vector in degrees
+    covariance : 6 x 6, of place and turn
+    """
+
+    place: F8
+    turn: F4
+    covariance: F4
+
+    @property
+    def frame(self) -> NDArray[np.float64]:
+        """4 x 4, in mm from the middle of the first pixel."""
         frame = np.eye(4)
-        frame[:3, :3], _ = cv2.Rodrigues(np.radians(moved.pose[3:], dtype=np.float64))
-        frame[:3, 3] = moved.pose[:3] + self.pixel * np.array([columns - 1, rows - 1, 0]) / 2
+        frame[:3, :3], _ = cv2.Rodrigues(np.radians(self.turn, dtype=np.float64))
+        frame[:3, 3] = self.place
         return frame
 
 
-def now_in_touch(*names: str) -> dict[str, str]:
-    """Return advice on inputs that are parts of a touch, by name."""
-    return {
-        name: f"'op: join_touch' takes it as '{_TAKEN_AS.get(name, name)}', and this node takes "
-        "the result as 'touch'"
-        for name in names
-    }
+@dataclass(frozen=True)
+class Axes:
+    """The axes of an object called `entity`, in a view of the surface."""
+
+    entity: str
+    of: Callable[[Touch, Any], Placed]
+
+
+Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Placed | None]
+"""Return what a stream carries of a layer, lengths in metres and angles in radians: an image
+H x W, the fields of N points (x, y, z among them), a frame, which has units of its own; or None."""
+
+
+class StateVector(NamedTuple):
+    """Numbers that policies read as a state, and the name of each."""
+
+    values: Any
+    names: list[str]
+
+
+@dataclass(frozen=True)
+class LayerKind:
+    """What the layers of a name are, and how they are written and drawn.
+
+    A result folder holds an array of floats as ``NAME.npy`` and one of 8 bits as ``NAME.png``
+    (flags as 0 and 255), and no record.
+
+    Parameters
+    ----------
+    quantity
+        The annotation of the layer's port: element type, sizes and unit; or a record of ports.
+    drawn : the way in which people see it; None: it is not drawn
+    topics : in a stream of messages, by topic
+    state : the state that a row of a LeRobot dataset holds
+    follows_film
+        Whether a result on a metric grid resamples it, as it does the height; else it stays what
+        each pixel sees.
+    is_deviation : whether it is the height's standard deviation, drawn as a band around sections
+    warning : returns a doubt of a result that holds it; "": none
+    """
+
+    quantity: Any
+    drawn: ColourMap | LedLabels | Regions | Arrows | Axes | None = None
+    topics: Mapping[str, Topic] = field(default_factory=dict)
+    state: Callable[[Any], StateVector] | None = None
+    follows_film: bool = False
+    is_deviation: bool = False
+    warning: Callable[[Touch, Any], str] | None = None
+
+
+class Layer(NamedTuple):
+    """A layer of a touch, with its kind."""
+
+    name: str
+    kind: LayerKind
+    value: Any
+
+
+def as_it_is(touch: Touch, value: NDArray[Any]) -> NDArray[Any]:
+    """Return a map as an image of a stream: a `Topic`."""
+    return value

@@ -111,7 +111,7 @@ def judge_touch(
     trust = 1 / (1 + joint**TRUST_POWER)
     least_refused = REFUSED_FIGURE if len(checks) < 3 else 1
     if all(check.figure > least_refused for check in checks.values()) and not force:
-        raise InputError(f"{_causes(checks)}: no height follows; force=true goes on all the same")
+        raise InputError(f"{_causes(checks)}: no height follows; `force`=true goes on all the same")
     if trust < least:
         warn(f"{_causes(checks)}; the height may be wrong")
     figures = {"trust": trust} | {f"check_{n}": check.figure for n, check in checks.items()}

@@ -8,8 +8,7 @@ from annotated_types import MinLen
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
-from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_mesh
-from tactograph.nodes.files.metrology_files import METROLOGY_WRITERS
+from tactograph.nodes.files.height_files import Format, write_height
 from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 
 
@@ -64,12 +63,7 @@ def export_height(
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            if extension in MESH_WRITERS:
-                write_mesh(file, height, pixel, lens, camera or 0.0)
-            elif extension in METROLOGY_WRITERS:
-                METROLOGY_WRITERS[extension](file, height, pixel, error)
-            else:
-                HEIGHT_WRITERS[extension](file, height, pixel)
+            write_height(file, height, pixel, lens, camera or 0.0, error)
         if metrics is not None:
             about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics}
             write_result_file(target, about)

@@ -41,7 +41,7 @@ def checked_heights(height: F4, file: Path, crop: Crop | None, unknown: bool) ->
     x0, y0, x1, y1 = crop
     if not (0 <= x0 < x1 <= height.shape[1] and 0 <= y0 < y1 <= height.shape[0]):
         raise InputError(
-            f"crop={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
+            f"`crop`={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
         )
     return np.ascontiguousarray(height[y0:y1, x0:x1])
 

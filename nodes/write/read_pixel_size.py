@@ -44,13 +44,11 @@ def read_pixel_size(
         stated, where = _size_in(height.parent), result
     if mm is None:
         if stated is None:
-            raise InputError(
-                f"{height}: states no pixel size, nor does {result}; give pixel_size_mm=..."
-            )
+            raise InputError(f"{height}: states no pixel size, nor does {result}; give `mm`=MM")
         return stated
     if stated is not None and not math.isclose(mm, stated, rel_tol=MAX_SIZE_DIFFERENCE):
         warn(
-            f"{where}: says {stated:.6g} mm per px, but pixel_size_mm={mm:.6g} is given and used; "
+            f"{where}: says {stated:.6g} mm per px, but `mm`={mm:.6g} is given and used; "
             "leave it out to use the file's"
         )
     return mm
@@ -68,6 +66,6 @@ def _size_in(folder: Path) -> float | None:
         ):
             raise InputError(
                 f"{folder / RESULT_FILE}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
-                "reconstruct with --set save.grid=metric"
+                "let 'write_result' write the grid 'metric'"
             )
     return float(size) if MIN_PIXEL_MM <= size <= MAX_PIXEL_MM else None

@@ -7,8 +7,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/architecture.md").read_text()
-ROOMS = ("graph", "nodes", "kernels", "pipelines", "tests", "benchmarks", "tactograph")
-FILES = set(ROOMS) | {
+ROOMS = ("graph", "nodes", "kernels", "pipelines", "tests", "benchmarks", "tactograph", "rings")
+FILES = {*ROOMS, "setup.py"} | {
     path.relative_to(ROOT).as_posix()
     for room in ROOMS
     for path in (ROOT / room).rglob("*")

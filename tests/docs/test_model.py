@@ -14,7 +14,9 @@ ROWS = [
     (found[1].split(", "), re.findall(r"`(\S+/\S+)`", found[0])) for found in ROW.finditer(PAGE)
 ]
 CITED = re.compile(r"\b[Ee]quations? ([A-Z]\d)\b(?:(?:,| and| to) ([A-Z]\d)\b)*")
-SOURCES = [path for part in ("nodes", "kernels") for path in sorted((ROOT / part).rglob("*.*"))]
+SOURCES = [
+    path for part in ("nodes", "kernels", "rings") for path in sorted((ROOT / part).rglob("*.*"))
+]
 
 LIMITS = {
     "T1": (

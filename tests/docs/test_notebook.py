@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
 
 nbformat = pytest.importorskip("nbformat", reason="'make test-all' installs it")
 pytestmark = pytest.mark.slow

@@ -26,9 +26,9 @@ from markdown_it import MarkdownIt
 from tactograph.graph.command import COMMANDS, run_command
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.files.read_graph import read_graph, shipped_names
-from tests.conftest import ROOT, MadeOnce, python
+from tests.fixtures import ROOT, MadeOnce, python
 
-PAGES = sorted(page for page in (ROOT / "docs").glob("*.md"))
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("rings/*/docs/*.md")])
 RUN = ("sh", "python", "yaml")
 TITLE = re.compile(r'title="([^"]+)"')
 SHELL = re.compile(r"[|&;<>$*`~#]")
@@ -94,8 +94,12 @@ def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
     (built,) = (wheel.parents[2] / "dist").glob("*.whl")
     names = {name for name in zipfile.ZipFile(built).namelist() if ".dist-info/" not in name}
     assert {name.partition("/")[0] for name in names} == {"tactograph"}
-    for folder in ("firmware", "graph", "kernels", "nodes", "pipelines"):
-        files = [f for f in (ROOT / folder).rglob("*.*") if f.suffix not in (".pyc", ".toml")]
+    for folder in ("graph", "kernels", "nodes", "pipelines", "rings"):
+        files = [
+            f
+            for f in (ROOT / folder).rglob("*.*")
+            if f.suffix not in (".pyc", ".toml") and not {"tests", "docs"} & {*f.parts}
+        ]
         missing = {f"tactograph/{file.relative_to(ROOT)}" for file in files} - names
         assert not missing
 
@@ -107,23 +111,11 @@ def test_the_repository_hides_nothing_of_an_installed_wheel(wheel: Path) -> None
     subprocess.run(ask, cwd=ROOT, env=environment, check=True)
 
 
-@pytest.fixture
-def editable(tmp_path: Path) -> Path:
-    """The Python of an environment that the Makefile has shown the package's types."""
-    venv.create(tmp_path / "venv", with_pip=False)
-    subprocess.run(["make", "-s", "types", f"VENV={tmp_path / 'venv'}"], cwd=ROOT, check=True)
-    return tmp_path / "venv" / "bin" / "python"
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("install", ["wheel", "editable"])
-def test_a_users_script_is_type_checked(
-    install: str, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
-    python: Path = request.getfixturevalue(install)
+def test_a_users_script_is_type_checked(wheel: Path, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text("from tactograph import load\nload('reconstruct', strict='yes')\n")
-    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(python), str(script)]
+    mypy = [sys.executable, "-m", "mypy", "--python-executable", str(wheel), str(script)]
     done = subprocess.run(mypy, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert 'Argument "strict" to "load" has incompatible type' in done.stdout
     assert "Found 1 error" in done.stdout

@@ -10,7 +10,7 @@ import tactograph.graph
 from tactograph.graph import Pipeline, load
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
 
 PAGE = (ROOT / "docs" / "python_reference.md").read_text(encoding="utf-8")
 NAMED = {word for code in re.findall(r"`([^`]+)`", PAGE) for word in re.findall(r"[\w.]+", code)}

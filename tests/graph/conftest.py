@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +13,7 @@ from tactograph.graph.declare import find_node as find
 from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.rings import Ring
 from tests.graph.toys import CALLS, TOYS
 
 SLOPES = """
@@ -116,11 +116,10 @@ def backend(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Make the toy nodes known, as if a package had brought them; return their diary."""
-    points = {
-        name: [EntryPoint(name, f"tests.graph.toys:{name}", find.ENTRY_POINT_GROUP)]
-        for name in TOYS
-    }
-    monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
+    ring = Ring("toys", "tests.graph", "toys", ())
+    places = {name: [find.NodePlace("tests.graph.toys", "", ring)] for name in TOYS}
+    known = find._all_places
+    monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})
     CALLS.clear()
     return CALLS
 

@@ -18,11 +18,12 @@ from ruamel.yaml import YAML
 from tactograph.graph import command
 from tactograph.graph.backends.devices import how_to_get_one
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.commands.graphs import FIRST_GRAPHS
 from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, lit_by, one_line
 
 WRITING = """
@@ -492,13 +493,49 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
 def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -> None:
     lines = tactograph("graphs").out.splitlines()
     headings = [line.removesuffix(":") for line in lines if not line.startswith(" ")]
-    folders = ["calibrate", "export", "live", "reconstruct", "record", "simulate"]
-    assert headings[: len(folders)] == folders
+    folders = ["calibrate", "export", "reconstruct", "simulate"]
+    assert headings[0] == "to start with"
+    assert [line.split()[0] for line in lines[1:5]] == [*FIRST_GRAPHS]
+    assert headings[1 : len(folders) + 1] == folders
     assert headings[-1] == "overlays, for --with"
     listed = {line.split()[0]: line.split(None, 1)[1] for line in lines if line.startswith(" ")}
     assert listed.keys() == {*shipped_names(), *shipped_overlays()}
     assert listed["paper"] == read_graph("paper").title
     assert listed["reconstruct_no_shadow"] == read_graph("reconstruct_no_shadow").title
+    found = [line.split()[0] for line in tactograph("graphs", "BALL").out.splitlines()]
+    assert found[:2] == ["calibrate:", "calibrate"]
+    assert "reconstruct" not in found
+    assert "no graph has 'zebra'" in one_line(tactograph("graphs", "zebra"))
+
+
+def test_a_node_s_parameter_taken_for_a_param_is_named_as_set_takes_it(tactograph: Command) -> None:
+    for words in (("--threshold", "3"), ("threshold=3",)):
+        assert "--set shadow.threshold=VALUE" in one_line(tactograph("run", "paper", *words))
+
+
+def test_help_lists_the_parameters_of_nodes_if_all_are_asked_for(tactograph: Command) -> None:
+    brief, whole = (tactograph("run", "paper", *more, "--help").out for more in ((), ("--all",)))
+    assert "capture=PATH" in brief
+    assert "shadow.threshold=" in whole
+    assert "shadow.threshold=" not in brief
+
+
+def test_check_lists_all_errors_of_a_pass(tactograph: Command, write: Write) -> None:
+    text = SLOPES.replace("mm: 0.1", "mm: -1").replace("{file: $file}", "{file: $file, fiel: 3}")
+    done = tactograph("check", write(text))
+    assert (done.code, len(done.err.splitlines())) == (2, 2)
+    assert "pixel.with.mm" in done.err
+    assert "did you mean 'file'?" in done.err
+    assert "1 more: 'tactograph check' lists them" in one_line(
+        tactograph("run", write(text), "file=x")
+    )
+
+
+def test_warnings_of_an_item_that_fails_come_before_its_error(about: Command) -> None:
+    fails = "  seen: {op: noticed, in: {image: light}}\n  save: {op: failing, in: {image: seen}}"
+    text = STREAM.replace("  save:   {op: noted, in: {image: light}}", fails)
+    done = about("run", text.replace("light: light,", "save: save,"), "--quiet")
+    assert [line.partition(":")[0] for line in done.err.splitlines()] == ["warning", "tactograph"]
 
 
 def test_devices_lists_every_device_with_its_verdict(tactograph: Command) -> None:
@@ -650,7 +687,7 @@ def test_ctrl_c_ends_a_stream_also_while_python_frees_an_object(
         def __del__(self) -> None:
             signal.raise_signal(number)
 
-    def summary(*_: object) -> str:
+    def summary(*_: object, **__: object) -> str:
         Freed()
         return "one item"
 
@@ -668,7 +705,7 @@ WAVERS = "  seen:   {op: wavers, in: {image: frames.image}}"
 def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
     about: Command, monkeypatch: pytest.MonkeyPatch, forgotten_s: float, lines: int
 ) -> None:
-    monkeypatch.setattr("tactograph.graph.commands.run.FORGOTTEN_S", forgotten_s)
+    monkeypatch.setattr("tactograph.graph.commands.run.WARNING_INTERVAL_S", forgotten_s)
     text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
     text = text.replace("  save:   {op: noted, in: {image: light}}", WAVERS)
     done = about("run", text.replace("light: light,", "seen: seen,"), "--quiet")

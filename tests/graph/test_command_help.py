@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.files.read_graph import shipped_names
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import STREAM, Command
 
 COMMAND = """

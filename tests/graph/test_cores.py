@@ -5,7 +5,7 @@ import os
 import pytest
 
 from tactograph.graph.cores import cores, environment, share_of
-from tests.conftest import python
+from tests.fixtures import python
 
 TOLD = "from tactograph.graph.cores import cores; print(cores())"
 

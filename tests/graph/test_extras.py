@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.recording.tests.recordings import make_cycle, record_touch
 from tactograph.graph import InputError, Session
-from tactograph.nodes.contact.surface_texture import surface_texture
 from tactograph.nodes.files.height_files import write_mesh
 from tactograph.nodes.show.show_file import show_file
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tactograph.nodes.write.export_height import export_height
-from tests.conftest import ROOT, python
+from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
+from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
-from tests.nodes.recording.recordings import make_cycle, record_touch
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
 BATCH = ["batch", "paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr"]
@@ -42,7 +42,7 @@ def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Non
         ("fsspec", "batch", BATCH),
         ("jinja2", "report", COMPARE),
         ("jinja2", "report", ["demo"]),
-        ("jinja2", "report", ["new-node", "brighten", "--package", "mine"]),
+        ("jinja2", "report", ["new-ring", "mine"]),
         ("nicegui", "tune", ["tune", "paper"]),
     ],
 )

@@ -10,7 +10,7 @@ from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 
 SOURCE = """
 #define SHARED __global const uchar *restrict labels, \\
@@ -94,7 +94,7 @@ def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: 
         fill.converted([1])
 
 
-@pytest.mark.parametrize("name", [n for n in builtin_names() if find_node(n).has_kernel])
+@pytest.mark.parametrize("name", [n for n in shipped_nodes() if find_node(n).has_kernel])
 def test_every_kernel_that_ships_has_a_signature_with_known_types(name: str) -> None:
     node = find_node(name)
     signatures = kernel_signatures(kernel_source(node))

@@ -1,4 +1,4 @@
-"""The present stage is shown on a terminal, and nowhere else."""
+"""The present stage is shown on a terminal, and in a pipe now and then."""
 
 import io
 import sys
@@ -35,7 +35,7 @@ class Terminal(io.StringIO):
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(progress_line, "MIN_SHOWN_S", 0.0)
-    monkeypatch.setattr(progress_line, "REDRAW_EVERY_S", 0.001)
+    monkeypatch.setattr(progress_line, "REDRAW_INTERVAL_S", 0.001)
     monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
 
 
@@ -94,8 +94,16 @@ def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
     assert ("reading and compiling" in terminal.getvalue()) != quiet
 
 
-def test_a_pipe_gets_none_of_it(about: Command) -> None:
+def test_a_pipe_gets_a_line_now_and_then(
+    about: Command, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert about("run", STREAM, "--backend", "numpy").err == ""
+    monkeypatch.setattr(progress_line, "PRINT_INTERVAL_S", 0.01)
+    told = ""
+    with ProgressLine() as line:
+        line.stage_of = lambda: "model (fit_film)"
+        while told.count("model (fit_film): 0 s\n") < 2:
+            told += capsys.readouterr().err
 
 
 def test_quiet_keeps_what_nodes_print_to_themselves(about: Command) -> None:

@@ -9,17 +9,17 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import builtin_names, find_node
-from tests.conftest import python
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
+from tests.fixtures import python
 
 SCRIPT = """
 import pyopencl as cl
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import shipped_nodes, find_node
 
 context = cl.Context([choose_device("Portable")[0].handle])
-sources = [kernel_source(n) for n in map(find_node, builtin_names()) if n.has_kernel]
+sources = [kernel_source(n) for n in map(find_node, shipped_nodes()) if n.has_kernel]
 sources += ["__kernel void unclear(__global int *a) { if (a[0] = 1) a[1] = 2; }"]
 for source in sources:
     constants = ["-DLANES=16", "-DGROUP=1", "-DLEDS=4", "-DTALL=4", "-DCOATED=1", "-DITEM_ROWS=4"]
@@ -35,7 +35,7 @@ def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
     assert done.stderr == "1 warning generated.\n"
 
 
-NODES = [node for node in map(find_node, builtin_names()) if node.has_kernel]
+NODES = [node for node in map(find_node, shipped_nodes()) if node.has_kernel]
 STANDS_ALONE = re.compile(r"^static ONCE [^{;]*\{.*?^\}", re.MULTILINE | re.DOTALL)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 
 NUMBER = re.compile(r"^#define (\w+) (-?[\d.]+(?:e-?\d+)?)f?$", re.MULTILINE)
-KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
+KERNEL_NODES = [name for name in shipped_nodes() if find_node(name).has_kernel]
 
 
 def modules_of(node: Node) -> Iterator[ModuleType]:

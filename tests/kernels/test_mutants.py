@@ -17,11 +17,12 @@ from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_source
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare
-from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases, pairwise
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
-from tests.conftest import ROOT
+from tests.fixtures import ROOT
+from tests.kernels.pairwise import pairwise
 
 SUFFIX = ".mutants.toml"
 FILES = {
@@ -100,5 +101,5 @@ def differences(node: Node) -> Iterator[str | None]:
 
 
 def test_every_kernel_of_the_flow_has_mutants() -> None:
-    kernels = {name for name in builtin_names() if find_node(name).has_kernel}
+    kernels = {name for name in shipped_nodes() if find_node(name).has_kernel}
     assert kernels - set(MUTANTS) <= {"render", "press"}, "tested against analytic scenes instead"

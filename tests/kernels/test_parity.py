@@ -16,14 +16,15 @@ from tactograph.graph.backends.kernel_source import (
 )
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.parity import compare, compare_on
-from tactograph.graph.backends.parity_cases import CASE_SHAPES, Case, cases, pairwise
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.backends.parity_cases import CASE_SHAPES, Case, cases
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_networks
 from tests.graph.toys import halves, leaned
+from tests.kernels.pairwise import pairwise
 
-KERNEL_NODES = [name for name in builtin_names() if find_node(name).has_kernel]
+KERNEL_NODES = [name for name in shipped_nodes() if find_node(name).has_kernel]
 VKFFT = ("integrate_frankot_chellappa",)
 """Nodes whose kernels need what 'make test' does not install; all their cases are slow."""
 COSTLY = ("render",)

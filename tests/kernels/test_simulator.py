@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 
 SCRIPT = """
 import gc
@@ -66,7 +66,7 @@ for line in sys.stdin:
 """
 # Optimised, a kernel holds vector shuffles that the simulator fails on, and fewer reads.
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
-NODES = [find_node(name) for name in builtin_names() if find_node(name).has_kernel]
+NODES = [find_node(name) for name in shipped_nodes() if find_node(name).has_kernel]
 VKFFT = ("integrate_dct", "integrate_frankot_chellappa")
 """With one lane; its own kernels are not ours to prove, and take minutes in a simulator."""
 OURS = [node.name for node in NODES if node.name not in VKFFT]

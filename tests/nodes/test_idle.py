@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph.backends.parity_cases import cases, make_inputs
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 
-IDLE = [name for name in builtin_names() if find_node(name).is_idle is not None]
+IDLE = [name for name in shipped_nodes() if find_node(name).is_idle is not None]
 
 
 IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}

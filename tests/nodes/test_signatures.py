@@ -4,7 +4,7 @@ import inspect
 
 import pytest
 
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 
 MAX_INPUTS, MAX_PARAMS = 12, 10
 
@@ -18,7 +18,7 @@ def arguments(name: str) -> tuple[int, int]:
     return given.count(False), given.count(True)
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", shipped_nodes())
 def test_a_node_takes_few_arguments(name: str) -> None:
     inputs, params = arguments(name)
     assert inputs <= MAX_INPUTS

@@ -14,7 +14,7 @@ from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.conftest import Calibration, Raytraced, images_of, without_pictures
+from tests.fixtures import Calibration, Raytraced, images_of, without_pictures
 
 Image = NDArray[Any]
 

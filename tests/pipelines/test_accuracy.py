@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.conftest import (
+from tests.fixtures import (
     RIG_PIXEL_MM,
     MadeOnce,
     Raytraced,

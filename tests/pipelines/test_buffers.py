@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 
@@ -21,7 +21,9 @@ def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("graph", ["paper", "reconstruct"])
 def test_the_first_item_allocates_for_all(graph: str, calibration: Path) -> None:
-    pipeline = load(graph, calibration=str(calibration), backend="opencl", force=True)
+    pipeline = load(
+        graph, calibration=str(calibration), backend="opencl", accept_contradictions=True
+    )
     rng = np.random.default_rng(3)
     counts = []
     for _ in range(30):

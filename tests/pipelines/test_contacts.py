@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.conftest import simulated_sensor
+from tests.fixtures import simulated_sensor
 from tests.pipelines.conftest import run
 
 PIXEL = 0.2

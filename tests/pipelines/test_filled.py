@@ -9,9 +9,9 @@ from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
-from tests.conftest import Calibration
+from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
+from tests.fixtures import Calibration
 
 DEPTH_MM = 0.45
 
@@ -40,7 +40,7 @@ def measured(
     graph: str, sensor: Path, brighter: float, **given: object
 ) -> tuple[dict[str, float], Result]:
     image, pixel = seen(sensor, brighter)
-    found = load(graph, calibration=sensor, force=True, **given)(frames=image)
+    found = load(graph, calibration=sensor, accept_contradictions=True, **given)(frames=image)
     known = (1e3 * DEPTH_MM, 0.2)
     return measure_step(found["height"], pixel, found.get("error"), known_um=known), found
 

@@ -13,11 +13,11 @@ from scipy.ndimage import label
 
 from tactograph.graph import load
 from tactograph.nodes import F4
-from tactograph.nodes.metrology.measure_step import measure_step
-from tactograph.nodes.motion.stitch import stitch
-from tactograph.nodes.motion.track_pose import track_pose
 from tactograph.nodes.simulate.shape_grating import shape_grating
-from tests.conftest import SHARED, MadeOnce, Raytraced
+from tactograph.rings.mechanics.nodes.motion.stitch import stitch
+from tactograph.rings.mechanics.nodes.motion.track_pose import track_pose
+from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
+from tests.fixtures import SHARED, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
 RIGS = {

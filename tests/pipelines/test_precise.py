@@ -11,7 +11,7 @@ import pytest
 
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
-from tests.conftest import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
+from tests.fixtures import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import Image, Reconstruct, changed, changed_rig, run
 
 Figures = Callable[[str, str, str], dict[str, float]]

@@ -12,7 +12,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.nodes.optics.reflectance_map import predicted, shades, terms
-from tests.conftest import MadeOnce
+from tests.fixtures import MadeOnce
 from tests.nodes.gels import PIXEL_MM, Gel, ball, save
 from tests.pipelines.conftest import run
 

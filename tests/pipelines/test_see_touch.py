@@ -11,7 +11,7 @@ import pytest
 from tactograph.graph import Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
-from tests.conftest import RIG_PIXEL_MM, Calibration, Raytraced
+from tests.fixtures import RIG_PIXEL_MM, Calibration, Raytraced
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])

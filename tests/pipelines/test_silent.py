@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT, python
+from tests.fixtures import ROOT, python
 
 TOLD = (
     "swapped_neighbours", "order_rotated", "mirrored", "led_twice", "interlaced", "another_sensor",

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from rings.live.tests.oneshot import calibrated, pressed
 from tactograph.graph import InputError, load
 from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tests.conftest import Calibration, MadeOnce, Raytraced, images_of, real_data
-from tests.nodes.live.oneshot import calibrated, pressed
+from tests.fixtures import Calibration, MadeOnce, Raytraced, images_of, real_data
 from tests.pipelines.conftest import run
 
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -222,7 +222,7 @@ def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
 
 
 def test_a_stream_that_is_forced_warns_and_goes_on(stream: Path, calibration: Calibration) -> None:
-    given = {"capture": stream, "calibration": calibration("far28"), "force": True}
+    given = {"capture": stream, "calibration": calibration("far28"), "accept_contradictions": True}
     results = list(open_pipeline("reconstruct", given, sinks=False).items())
     doubted = [any(line.endswith(DOUBT) for line in result.warnings) for result in results]
     assert doubted == [False, True, True, False]
@@ -248,7 +248,7 @@ LIVE = [name for name in shipped_names() if name.startswith(("live", "replay", "
 def test_a_live_stream_is_forced_from_the_start(name: str) -> None:
     graph = read_graph(name)
     if any(entry.op == "judge_touch" for entry in graph.nodes.values()):
-        assert graph.params["force"].default is True
+        assert graph.params["accept_contradictions"].default is True
 
 
 COLOURS: dict[str, Wrong] = {

@@ -7,7 +7,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.result import Result
-from tests.conftest import RIG_PIXEL_MM, Raytraced, images_of
+from tests.fixtures import RIG_PIXEL_MM, Raytraced, images_of
 from tests.pipelines.conftest import Reconstruct, run
 
 RIG = "near33"
@@ -29,10 +29,10 @@ def test_a_diameter_typed_as_radius_writes_no_file(raytraced: Raytraced, tmp_pat
 @pytest.mark.slow
 def test_a_forced_calibration_is_doubtful_also_at_use(raytraced: Raytraced, tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
-    made = calibrate(raytraced / RIG, file, force=True, led_distance_mm=55.0)
+    made = calibrate(raytraced / RIG, file, accept_contradictions=True, led_distance_mm=55.0)
     assert made.outputs["verdict"].startswith("doubtful: a ball of 7 mm radius")
     assert made.outputs["advice"].startswith("settle first what is doubtful")
-    assert any("a ball_radius_mm of 7 would agree" in warning for warning in made.warnings)
+    assert any("ball_radius_mm=7 would agree" in warning for warning in made.warnings)
     used = run("reconstruct", capture=raytraced / RIG / "sphere_film", calibration=file)
     assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]
 

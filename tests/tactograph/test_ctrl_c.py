@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tactograph import ctrl_c
-from tests.conftest import python
+from tests.fixtures import python
 
 
 @pytest.fixture

@@ -114,8 +114,8 @@ def find_ball(
     radius = radius_mm / pixel
     if contact_px is not None and contact_px > radius:
         raise InputError(
-            f"find_ball: contact_px={contact_px:g} is larger than the ball, whose radius_mm="
-            f"{radius_mm:g} is {radius:.1f} px; correct contact_px, radius_mm or the pixel size"
+            f"a contact of {contact_px:g} px is larger than the ball: its radius of {radius_mm:g} "
+            f"mm is {radius:.1f} px; correct contact, radius or pixel size"
         )
     _check_size(light, radius, radius_mm, contact_px)
     if center_px is not None and contact_px is not None:
@@ -135,10 +135,10 @@ def find_ball(
             circle, goodness = shallow, better
     if goodness < MIN_GOODNESS:
         raise InputError(
-            f"no ball of radius {radius_mm:g} mm found in the calibration capture: the best "
-            f"circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
-            f"{MIN_GOODNESS:g} is needed; give its place "
-            "(ball_center_px=x,y and ball_contact_px=r), or press again"
+            f"no ball of radius {radius_mm:g} mm found: the best circle, at "
+            f"{circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
+            f"{MIN_GOODNESS:g} is needed; give its place (`center_px`=X,Y and `contact_px`=R), or "
+            "press again"
         )
     return _ball(circle, goodness)
 
@@ -183,21 +183,21 @@ def _check_size(light: F4, radius: float, radius_mm: float, contact: float | Non
     """Refuse a ball or a contact below a pixel, and one that must be far larger than the image."""
     if radius < MIN_CONTACT_PX:
         raise InputError(
-            f"radius_mm={radius_mm:g}: a ball of {radius:.2g} px radius shows nothing; check "
-            "ball_radius_mm and the pixel size"
+            f"a ball of {radius_mm:g} mm radius is {radius:.2g} px here and shows nothing; check "
+            "its radius and the pixel size"
         )
     if contact is not None and contact < MIN_CONTACT_PX:
         raise InputError(
-            f"ball_contact_px={contact:g}: a contact of less than {MIN_CONTACT_PX:g} px shows no "
-            "ball; give its radius in px, or leave it out and it is searched for"
+            f"a contact of {contact:g} px shows no ball; give its radius in px, from "
+            f"{MIN_CONTACT_PX:g}, or leave it out and it is searched for"
         )
     smallest = contact if contact is not None else radius * min(CONTACT_SHARES)
     diagonal = float(np.hypot(*light.shape[1:]))
     if smallest > MAX_CONTACT_DIAGONALS * diagonal:
         raise InputError(
-            f"radius_mm={radius_mm:g}: the ball's contact of {smallest:.3g} px does not fit the "
-            f"image of {light.shape[2]} x {light.shape[1]} px; check ball_radius_mm, "
-            "ball_contact_px and the pixel size"
+            f"the contact of a ball of {radius_mm:g} mm radius, {smallest:.3g} px, does not fit "
+            f"the image of {light.shape[2]} x {light.shape[1]} px; check its radius, its contact "
+            "and the pixel size"
         )
 
 
@@ -209,8 +209,8 @@ def _check_place(light: F4, circle: Circle) -> None:
     ]
     if np.hypot(*beyond) > circle.radius:
         raise InputError(
-            f"ball_center_px={circle.x:g},{circle.y:g}: a contact of {circle.radius:g} px there "
-            f"lies beside the image of {columns} x {rows} px; correct ball_center_px"
+            f"a contact of {circle.radius:g} px at {circle.x:g},{circle.y:g} lies beside the image "
+            f"of {columns} x {rows} px; correct the ball's place"
         )
 
 

@@ -18,6 +18,10 @@ from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
+MARKING_ADVICE = (
+    "if there is one, say where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
+)
+
 
 class FoundBalls(NamedTuple):
     """Circle, goodness, radius and press of every ball, and the presses' names."""
@@ -94,18 +98,14 @@ def find_balls(
                 press, pixel, shape, radius_mm=float(size), center_px=center, contact_px=contact
             )
         except InputError as error:
+            reason = str(error).partition("; ")[0]
             if len(names) == 1:
-                raise
-            warn(
-                f"press {name} is left out: {str(error).partition(':')[0]}; if there is one, say "
-                "where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
-            )
+                raise InputError(f"{reason}; {MARKING_ADVICE}; else press again") from None
+            warn(f"press {name} is left out: {reason}; {MARKING_ADVICE}")
             ball = None
         balls.append(ball)
     if not any(balls):
-        raise InputError(
-            f"none of {len(names)} presses shows its ball; check ball_radius_mm and pixel_size_mm"
-        )
+        raise InputError(f"none of {len(names)} presses shows its ball; check `radius` and `pixel`")
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
         np.array([b.goodness if b else 0 for b in balls], np.float32),
@@ -129,7 +129,7 @@ def _grids(
     grids = []
     if pitch_mm is not None and 2 * radius.max() > pitch_mm:
         raise InputError(
-            f"ball_pitch_mm={pitch_mm:g}: balls of {2 * radius.max():g} mm diameter do not fit"
+            f"`pitch_mm`={pitch_mm:g}: balls of {2 * radius.max():g} mm diameter do not fit"
         )
     for number, (press, size) in enumerate(zip(cut(light, flat.shape[1]), radius, strict=True)):
         radius_px, why = float(size) / pixel, "it shows no grid of four balls or more"
@@ -140,15 +140,15 @@ def _grids(
         elif pitch_mm is not None:
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:
-            grid, why = None, "unlike others it has no marks, and ball_pitch_mm is not given"
+            grid, why = None, "unlike others it has no marks; they need none with `pitch_mm`=MM"
         if grid is None:
             warn(f"press {names[number]} is left out: {why}")
         else:
             grids.append((number, float(size), grid))
     if not grids:
         raise InputError(
-            f"none of {len(names)} presses shows a grid of balls; check ball_radius_mm, "
-            "ball_pitch_mm and pixel_size_mm"
+            f"none of {len(names)} presses shows a grid of balls; check `radius`, `pitch_mm` and "
+            "`pixel`"
         )
     numbers, sizes, found = zip(*grids, strict=True)
     circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*found, strict=True))

@@ -111,8 +111,8 @@ def find_bend(
 
     Near LEDs light the ball and the film at rest under it from known directions.  So the light of a
     ball, relative to the film at rest, tells how that slopes under each contact, where the ball
-    leaves the film tells how high it is, and the flat frame ties the places together.  Several bends
-    are tried; then LEDs, balls and bend are fitted at once.
+    leaves the film tells how high it is, and the flat frame ties the places together.  Several
+    bends are tried; then LEDs, balls and bend are fitted at once.
 
     Parameters
     ----------

@@ -16,9 +16,9 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 MAX_OBLONG_SHARE = 0.03
 """Ratio of a pixel's sides, less 1, above which pixels are not square..."""
 MIN_EXPLAINED = 0.3
-"""... where it explains this share of the balls' residual: film of its own kind leaves more."""
+"""... where it explains at least this share of the balls' residual."""
 MAX_BALLS = 5
-"""Most balls that are looked at; the best say as much as all."""
+"""Most balls that are used: the best suffice."""
 
 
 @node
@@ -65,6 +65,6 @@ def judge_oblong(
         return []
     sides = "wider than long" if oblong > 0 else "longer than wide"
     return [
-        f"pixels are not square: the balls show them {share:.0%} {sides}; give pixel_size_mm=x,y, "
+        f"pixels are not square: the balls show them {share:.0%} {sides}; give `pixel`=X,Y, "
         "or measure both with a grid (calibrate_camera)"
     ]

@@ -15,11 +15,11 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MAX_BALLS = 8
-"""Balls that are looked at, spread over all."""
+"""Most balls that are used, spread over all."""
 SECTOR_COUNT = 24
 """Sectors of a ball's surroundings; in each an edge is a piece of a circle."""
 INNER_RADII, OUTER_RADII = 0.8, 1.35
-"""Where a rim is looked for, in radii of the circle that was found."""
+"""Range in which a rim is searched for, in radii of the circle found."""
 REACH_PX = 6
 """Film on either side of an edge to which its light is fitted."""
 STEP_PX = 3
@@ -27,18 +27,18 @@ STEP_PX = 3
 MIN_STEP = 0.15
 """Weakest edge that counts, relative to the light of the film at rest."""
 MAX_EDGES, MIN_EDGES = 200, 8
-"""How many edges are fitted at most, the strongest; with fewer no blur is told."""
+"""Most edges that are fitted, the strongest; fewest for an estimate of blur."""
 SHARP_SHARE = 0.25
 """Share of the edges that are sharp: others bend, or are shadows that cross a sector."""
 WIDTHS_PX = np.geomspace(0.2, 3, 25)
 SHIFTS_PX = np.arange(-3, 3.01, 0.25)
 """Widths and places of an edge that are tried."""
 COARSE_STEP = 4
-"""Of so many widths one is tried first."""
+"""Stride of the widths in the first, coarse search."""
 PIXEL_VARIANCE = 1 / 12
 """Variance in px^2 of the places within a pixel."""
 MIN_BLUR_PX = 0.15
-"""Less is not told from the width of a pixel."""
+"""Smallest blur distinguishable from the width of a pixel."""
 
 
 class Edge(NamedTuple):

@@ -72,7 +72,7 @@ def find_grid(
     raise InputError(
         f"the image shows no square lattice of {MIN_POINTS} {marks} or more in three rows and "
         "columns; show more of the grid, sharp, evenly lit and without glare, or name another "
-        "pattern="
+        "`pattern`"
     )
 
 

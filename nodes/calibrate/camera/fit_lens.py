@@ -26,7 +26,7 @@ fitted, so that images stay unchanged."""
 MAX_RESIDUAL_PITCHES = 0.05
 """Largest residual of a square grid, relative to its pitch."""
 MAX_BEND_PERCENT = 15.0
-"""Distortion at the corner above which what is left comes from the lens rather than the grid."""
+"""Distortion at the corner above which residuals come from the lens rather than the grid."""
 MIN_REACH_SHARE = 0.75
 """Reach of the marks, relative to the half diagonal, below which distortion is extrapolated."""
 
@@ -90,9 +90,9 @@ def fit_lens(
         if abs(bend) > MAX_BEND_PERCENT:
             raise InputError(
                 f"{problem} through a lens that bends lines by {bend:.0f} % at the corner, more "
-                "than k1 and k2 describe; crop= the middle of all images, or take a longer lens"
+                "than k1 and k2 describe; crop all images to the middle, or take a longer lens"
             )
-        raise InputError(f"{problem}; lay it flat on the film, or name another pattern=")
+        raise InputError(f"{problem}; lay it flat on the film, or name another `marks.pattern`")
     _check_fold(lens)
     reach = float(np.linalg.norm(seen[kept], axis=1).max())
     if reach < MIN_REACH_SHARE:

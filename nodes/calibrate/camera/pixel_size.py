@@ -52,16 +52,14 @@ def pixel_size(
     if camera is None:
         mm = mm or stated
         if mm is None:
-            raise InputError(
-                "the pixel size is not known; give pixel_size_mm=..., or lens=camera.npz"
-            )
+            raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
     of_camera = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
     if mm is None:
         return of_camera
     if abs(mm / of_camera - 1) > MAX_SIZE_DIFFERENCE:
         warn(
-            f"{camera}: says {of_camera:.6g} mm per px, which is taken in place of pixel_size_mm="
+            f"{camera}: says {of_camera:.6g} mm per px, which is taken in place of `mm`="
             f"{mm:.6g}: undistorted images have the camera's"
         )
     return of_camera

@@ -73,7 +73,7 @@ def find_presses(
         none = np.zeros(len(image), np.float32)
         return FoundPresses(np.zeros((len(image), 3), np.float32), none, every, names)
     if radius_mm is None:
-        raise InputError("the ball's radius is not known; give ball_radius_mm=...")
+        raise InputError("the ball's radius is not known; give `radius_mm`=MM")
     if known is None:
         known = np.full((len(image), 3), np.nan, np.float32)
     if pitch_mm is not None:
@@ -108,8 +108,8 @@ def find_presses(
         where = f": none in {', '.join(missed)}" if missed else ""
         raise InputError(
             f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
-            f"{fewest} are needed{where}; check ball_radius_mm and pixel_size_mm, press more "
-            "often, give ball_pitch_mm if a press shows a grid of balls, or write "
+            f"{fewest} are needed{where}; check `radius_mm` and `pixel`, press more often, "
+            "give `pitch_mm`=MM if a press shows a grid of balls, or write "
             "ball_center_px: [x, y] and ball_contact_px into a press's capture.yaml"
         )
     for name in missed:

@@ -275,7 +275,7 @@ def _residuals(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim
 def _outliers(
     bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float
 ) -> np.ndarray:
-    """Flag the kept presses that the map explains far worse than the rest."""
+    """Flag the remaining presses that the map explains far worse than the rest."""
     squares = np.square(_residuals(bench, reflectance, circles, kept, rim))
     residual = np.zeros(len(circles))
     for i in np.flatnonzero(kept).tolist():

@@ -76,38 +76,38 @@ class Calibration(NamedTuple):
     ]
     correlation: Annotated[
         NoiseCorrelation,
-        Stored(1, 100, older=1.0),
+        Stored(1, 100, plain=1.0),
         "a mean over pixels has so many times the variance that independent noise leaves",
     ]
     lens: Annotated[
         Lens,
-        Stored(-10, 10, older=0.0),
+        Stored(-10, 10, plain=0.0),
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     misfit: Annotated[
         Misfit,
-        Stored(0, 1e6, older=NO_MISFIT),
+        Stored(0, 1e6, plain=NO_MISFIT),
         "what the film's model leaves on presses held out: radians of a normal, over how many "
         "mm alike, light, the share of bounced light that may be wrong, radians of all tilts",
     ]
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
-    area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
+    area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
     blur: Annotated[
         Blur,
-        Stored(0, 100, older=0.0),
+        Stored(0, 100, plain=0.0),
         "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
     ] = 0.0
     label_turn: Annotated[
         LabelTurn,
-        Stored(0, 3.2, older=0.0),
+        Stored(0, 3.2, plain=0.0),
         "radians by which leaving LEDs out must turn a normal; 0 where labels cost nothing",
     ] = 0.0
     rest: (
         Annotated[
             Height,
-            Stored(-1e3, 1e3, older=0.0),
+            Stored(-1e3, 1e3, plain=0.0),
             "mm, height that each pixel sees of the film at rest; 0: a plane",
         ]
         | None

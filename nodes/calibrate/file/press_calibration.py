@@ -31,10 +31,10 @@ class PressCalibration(NamedTuple):
     misfit: Misfit
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
-    area: Annotated[Mask, Stored(0, 1, older=1), "1 where the frame shows film"]
+    area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
     lens: Annotated[
         Lens,
-        Stored(-10, 10, older=0.0),
+        Stored(-10, 10, plain=0.0),
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from tactograph.graph import EVERYTHING, InputError, Wanted, node, warn
+from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays, record_of
 from tactograph.nodes.files.image_files import Lights
@@ -20,9 +20,6 @@ def read_calibration(
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
     A warning repeats what made the calibration doubtful.
-
-    An old file that lacks the uncertainty of the LED positions is read as if they were exact,
-    with a warning where that matters.
 
     Parameters
     ----------
@@ -45,19 +42,14 @@ def read_calibration(
     arrays = read_arrays(file, CALIBRATION_KIND)
     about = read_about(file)
     check_use(file, about, lights)
-    if "others" not in arrays and "others" in wanted:
-        warn(
-            f"{file}: does not say how exactly its LEDs are placed, which the stated errors "
-            "leave out; calibrate again"
-        )
     said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
     record = record_of(Calibration, {**arrays, **said})
     if record.rest is None or not record.rest.any():
         record = record._replace(rest=None)
     elif "rest" not in wanted:
         raise InputError(
-            f"{file}: its film is no plane at rest, which this graph takes it for; use reconstruct, "
-            "precise, paper or see_touch"
+            f"{file}: its film is no plane at rest, for which this graph takes it; use "
+            "reconstruct, precise, paper or see_touch"
         )
     if filled:
         film = record.film

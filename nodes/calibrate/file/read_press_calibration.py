@@ -11,7 +11,6 @@ from tactograph.nodes.capture.read_presses import read_film
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.image_files import Crop, Lights
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import LENS_TERMS
 
 
 @node
@@ -46,7 +45,7 @@ def read_press_calibration(
     about = read_about(file)
     check_use(file, about, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
-    lens = arrays.get("lens", np.zeros(len(LENS_TERMS), np.float32))
+    lens = arrays["lens"]
     film = arrays["flat"]
     if flat is not None:
         film = undistort(_fresh(flat, order, crop, film), lens)
@@ -54,8 +53,7 @@ def read_press_calibration(
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    area = arrays.get("area", np.ones(film.shape[1:], np.uint8))
-    said = quality, about.doubts, area, lens, about.serial
+    said = quality, about.doubts, arrays["area"], lens, about.serial
     return PressCalibration(film, dark, size, reflectance, misfit, *said)
 
 

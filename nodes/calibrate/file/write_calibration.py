@@ -12,7 +12,7 @@ from tactograph.nodes.files.calibration_file import write_record
 from tactograph.nodes.files.sensor_identity import identity_from
 
 
-@node(former={"pixel": "it is called 'pixel_size'"})
+@node
 def write_calibration(
     *values: Unpack[Calibration],
     file: NewCalibration,

@@ -34,11 +34,11 @@ MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
-"""Parts that may pay only together: a coat changes how a film lights itself."""
+"""Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
-"""What direct light alone tells, beside the LEDs."""
+"""Unknowns that direct light alone determines, besides the LEDs."""
 SINGLE_BALL_UNEVENNESS = 0.03
-"""Least unevenness after one ball, which does not tell how the gain of touched film varies."""
+"""Least unevenness after one ball: with one, variation of the touched film's gain is unknown."""
 PLAIN_FIGURE = "film_heldout_deg/matt"
 MAX_ERROR_RATIO = 1.5
 """Held-out error over that of a simpler model, beyond which a model loses whose samples were

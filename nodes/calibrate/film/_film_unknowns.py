@@ -59,7 +59,7 @@ PART_UNKNOWNS = {
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
-what direct light tells beside the LEDs."""
+those that direct light determines besides the LEDs."""
 
 
 def opened(start: Fitted, names: list[str]) -> Fitted:
@@ -112,7 +112,7 @@ def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
 def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     """The fit with an unknown changed, and the change; those of all LEDs at once.
 
-    An LED's own unknowns change its own light alone, so one prediction tells of all of them.
+    An LED's own unknowns change its own light alone, so one prediction serves all of them.
     """
     if name not in LED_UNKNOWNS:
         about = SHARED_UNKNOWNS[name]

@@ -8,7 +8,7 @@ from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predict
 RING_COUNT, SECTOR_COUNT = 8, 12
 """Rings of equal area, and sectors, in which samples of all balls are averaged."""
 MIN_SAMPLES_EACH = 5
-"""Fewer samples of a part tell no spread."""
+"""Fewest samples of a part from which a spread is estimated."""
 MEDIAN_OF_SQUARES = 0.455
 """Median of the square of a normal variable."""
 

@@ -92,7 +92,7 @@ class _Problem(NamedTuple):
         return np.asarray(light - taken * seen * (seen * light).sum(axis=-2, keepdims=True))
 
     def left(self, now: Fitted) -> _Left:
-        """Return what a fit leaves."""
+        """Return the residuals of a fit."""
         flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_left(self.rest, now)
         return _Left(predicted(self.balls, now) - self.balls.light, flat)
 

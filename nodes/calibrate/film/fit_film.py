@@ -63,10 +63,9 @@ MIN_CONTACT_CELLS = 4
 On coarser cells its albedo would absorb residuals of other parts of the model."""
 
 MIN_WRAP = 0.05
-"""Fall of the light behind the terminator that noise may feign: with less, it ends there."""
+"""Smallest wrap of light around the terminator that is distinguishable from noise."""
 MIN_EMISSION = 0.1
-"""Exponent of an LED's emission that the fall-off on the flat frame may feign: with less, it is a
-point."""
+"""Smallest exponent of an LED's emission distinguishable from fall-off on the flat frame."""
 
 
 class FilmEvidence(NamedTuple):

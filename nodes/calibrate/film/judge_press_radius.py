@@ -24,13 +24,14 @@ from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.film import matt_film
 
 MAX_PRESSES = 12
-"""Most presses that are looked at."""
+"""Most presses that are used."""
 COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
 """Radii that are tried, relative to the given one: a guided calibration does so at every press."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 MAX_PATTERN = 0.1
 """Departure of the light's means up to which lights are points: then a gamma shows."""
+RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
 STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
 """Place of all lights until the samples tell."""
 
@@ -48,8 +49,8 @@ def judge_press_radius(
 ) -> Judged:
     """Fit a plain film under point lights with other radii, as `judge_radius` does.
 
-    A reflectance map takes any radius for right, because its coefficients have no scale; lights
-    and a gel have.
+    A reflectance map accepts any radius, because its coefficients have no scale; lights and a
+    gel have one.
 
     Parameters
     ----------
@@ -75,15 +76,15 @@ def judge_press_radius(
     )
     strength = np.ones(len(flat), np.float32)
     tried = try_radii(balls, flat, pixel, _directions(balls), strength, COARSE_FACTORS, 0)
-    doubt, given = doubt_of_radius(tried, radius_mm), as_given(tried)
+    doubt, given = doubt_of_radius(tried, radius_mm, np.inf, RADIUS_INPUTS), as_given(tried)
     doubts = [doubt.sentence] if doubt.sentence else []
     if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
         gammas = try_gammas(balls, flat, pixel, _directions(balls), strength)
-        doubts += doubt_of_pattern(tried, gammas, radius_mm)
+        doubts += doubt_of_pattern(tried, gammas, radius_mm, RADIUS_INPUTS)
     # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
     is_grid = of is not None and np.bincount(of[used]).max() > 1
     if not doubts and not is_grid:
-        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm)
+        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm, RADIUS_INPUTS)
     return Judged({"diffuse_percent": 100 * given.diffuse}, doubts)
 
 

@@ -33,7 +33,7 @@ from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
-"""Radii that are tried first, relative to the given one; then some between the best two."""
+"""First trial radii, relative to the given one; finer ones follow between the best two."""
 FINER_SHARES, FINER_ROUNDS = (0.35, 0.7), 2
 """Places between the best radius and its neighbours that are tried then, and how often."""
 MAX_SAMPLES = 600
@@ -43,11 +43,13 @@ PLAIN_PARTS = frozenset({"plain"})
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED from which each fit starts."""
 BELIEVED_BELOW, REFUSED_BELOW = 0.6, 0.3
-"""Departure, relative to that with the given radius, below which another radius is believed, and
+"""Departure, relative to that with the given radius, below which another radius is preferred, and
 below which the given one is refused."""
 PLAIN_RATIO = 1.02
 """Departure of a plain film, relative to that of the film chosen, up to which it is as good."""
-HOW_TO_FORCE = "; force=true writes the calibration nevertheless, marked as doubtful"
+FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
+CAMERA_ADVICE = "; if the camera is near the film, give its height (`film.camera`=MM)"
 SMALLER_FACTOR, EQUAL_DEPARTURE = 0.75, 1.1
 """Factor below which a radius counts as another one where the light cannot tell them apart, and the
 ratio of what they leave on the balls up to which it cannot."""
@@ -66,9 +68,9 @@ MIN_PATTERN, MAX_PATTERN_RATIO = 0.005, 0.7
 """Departure of the light's means up to which film is plain, and the ratio of two such departures
 below which the smaller one is believed."""
 RADIUS_TOLERANCE = 0.02
-"""Relative difference of two radii that counts as none."""
+"""Relative difference up to which two radii count as equal."""
 GIVEN_UP_RATIO = np.sqrt(2)
-"""Departure over that on the balls, above which most of it is left of the flat frame."""
+"""Departure over that on the balls, above which most of the residual is in the flat frame."""
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 
@@ -96,13 +98,7 @@ class Doubt(NamedTuple):
     is_clear: bool
 
 
-_FORMER_INPUTS = (
-    *("light", "flat", "circle", "radius", "of"),
-    *("kept", "lights", "strength", "noise", "pixel"),
-)
-
-
-@node(former=dict.fromkeys(_FORMER_INPUTS, "give the node 'fit_film' as 'evidence'"))
+@node
 def judge_radius(
     evidence: FilmEvidence,
     film: Film,
@@ -149,13 +145,15 @@ def judge_radius(
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
     trials = try_radii(balls, flat, pixel, lights, strength, left=enough, shape=shape)
-    given, doubt = as_given(trials), doubt_of_radius(trials, first, left)
+    given, doubt = as_given(trials), doubt_of_radius(trials, first, left, RADIUS_INPUTS)
+    if doubt.sentence and not film.camera:
+        doubt = doubt._replace(sentence=doubt.sentence + CAMERA_ADVICE)
     doubts = [doubt.sentence] if doubt.sentence else []
     if doubt.is_clear and not force:
-        raise InputError(doubt.sentence + HOW_TO_FORCE)
+        raise InputError(doubt.sentence + FORCE_ADVICE)
     if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
         gammas = try_gammas(balls, flat, pixel, lights, strength, shape)
-        doubts += doubt_of_pattern(trials, gammas, first)
+        doubts += doubt_of_pattern(trials, gammas, first, RADIUS_INPUTS)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
         doubts += _of_distance(mean, led_distance_mm, first, trials)
@@ -163,7 +161,8 @@ def judge_radius(
         # Where a plain film leaves noise alone, further parts only hide what it would diffuse.
         is_plain = _is_noise(given, left)
         diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
-        doubts += doubt_of_diffuse(diffuse, balls.light, first, ", or give led_distance_mm=")
+        advice = RADIUS_INPUTS, ", or give `led_distance_mm`=MM"
+        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice)
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
@@ -183,8 +182,8 @@ def try_radii(
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one.
 
-    Where noise is most of what the given radius leaves, and the film chosen has `left`, no other
-    can be believed: only those that may explain the light as well are tried.
+    Where the residual of the given radius is mostly noise, and that of the film chosen is `left`,
+    no other can be preferred: only those that may explain the light as well are tried.
     """
     rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
@@ -211,7 +210,7 @@ def try_gammas(
     strength: F4,
     shape: RestShape | None = None,
 ) -> dict[float, float]:
-    """Return what a plain film leaves of light raised to a power, by power (`light_pattern`)."""
+    """Return a plain film's residuals for light raised to powers, by power (`light_pattern`)."""
     rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     left = {}
     for power in GAMMA_EXPONENTS:
@@ -223,34 +222,41 @@ def try_gammas(
 
 
 def _is_noise(given: Tried, left: float) -> bool:
-    """Whether no radius can leave so much less than the given one that it would be believed."""
+    """Whether noise hides any difference between the given radius and a better one."""
     noise = np.sqrt(max(given.departure**2 - given.pattern**2, 0))
     return given.pattern < MIN_PATTERN and BELIEVED_BELOW * max(given.departure, left) < noise
 
 
-def doubt_of_pattern(tried: list[Tried], gammas: dict[float, float], radius: float) -> list[str]:
-    """Return a doubt if another radius, or linear light, leaves no pattern where this one does."""
+def doubt_of_pattern(
+    tried: list[Tried], gammas: dict[float, float], radius: float, which: str = ""
+) -> list[str]:
+    """Return a doubt if another radius, or linear light, leaves no pattern where this one does.
+
+    `which` names, in brackets, where radius and pixel size are given.
+    """
     given = as_given(tried).pattern
     best, power = min(tried, key=lambda each: each.pattern), min(gammas, key=gammas.__getitem__)
     least = min(best.pattern, gammas[power])
     if given < MIN_PATTERN or least > MAX_PATTERN_RATIO * given:
         return []
-    shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, and "
+    shown = f"the balls' light departs by {given:.2%} from that of a plain film, noise apart, but "
     if gammas[power] < MAX_PATTERN_RATIO * best.pattern:
         return [
-            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g}: switch "
-            "the camera's gamma and contrast off, and give images with linear values"
+            "the camera's values are not linear: switch its gamma and contrast off ("
+            f"{shown}by {least:.2%} where values are raised to the power of {power:.3g})"
         ]
     if abs(best.factor - 1) < RADIUS_TOLERANCE:
         return []
     return [
-        f"{shown}by {least:.2%} with a ball of {radius * best.factor:.3g} mm radius, or "
-        f"{gammas[power]:.2%} where values are raised to the power of {power:.3g}: check "
-        "ball_radius_mm and pixel_size_mm, and that the camera's gamma is off"
+        f"the ball's radius or the pixel size{which} is wrong, or the camera's gamma is on: {shown}"
+        f"by {best.pattern:.2%} with a ball of {radius * best.factor:.3g} mm radius, and by "
+        f"{gammas[power]:.2%} where values are raised to the power of {power:.3g}"
     ]
 
 
-def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "") -> list[str]:
+def doubt_of_diffuse(
+    diffuse: float, light: F8, radius: float, which: str = "", advice: str = ""
+) -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
     Up to the third power of the slope, a ball that is too small looks like a gel that diffuses
@@ -264,14 +270,15 @@ def doubt_of_diffuse(diffuse: float, light: F8, radius: float, advice: str = "")
         return []
     without = radius / np.sqrt(1 - diffuse)
     return [
-        f"the ball's radius and the pixel size are not confirmed: a gel that diffuses "
-        f"{diffuse:.0%} of the light under a ball of {radius:.3g} mm looks like one that diffuses "
-        f"none under {without:.3g} mm, and no shadow on the ball tells. Measure both, or press "
-        f"deeper{advice}"
+        f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
+        f"{diffuse:.0%} of the light, {without:.3g} mm if it diffuses none. Measure the ball and "
+        f"the pixel size{which}, or press deeper, until the ball throws a shadow on itself{advice}"
     ]
 
 
-def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> Doubt:
+def doubt_of_radius(
+    tried: list[Tried], radius: float, left: float = np.inf, which: str = ""
+) -> Doubt:
     """Return the evidence of the light against a radius; none if it is right.
 
     Parameters
@@ -279,23 +286,25 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     tried : as `try_radii` returns it
     radius : the radius given, in mm
     left : what the film chosen for that radius leaves of the light
+    which : in brackets, where radius and pixel size are given
     """
     best, given = _best(tried), as_given(tried)
-    # Of two films that explain the light alike, the plain one is believed.
+    # On ties, prefer the simpler film.
     is_other = abs(best.factor - 1) > RADIUS_TOLERANCE and best.departure < PLAIN_RATIO * left
     if is_other and best.departure < BELIEVED_BELOW * given.departure:
         return Doubt(
             f"a ball of {radius * best.factor:.3g} mm radius explains the light better than one of "
-            f"{radius:.3g} mm ({best.departure:.1%} left of it instead of {given.departure:.1%}): "
-            f"is ball_radius_mm {'its diameter' if best.factor < 1 else 'too small'}, or "
-            f"pixel_size_mm too {'small' if best.factor < 1 else 'large'}? Measure both",
+            f"{radius:.3g} mm ({best.departure:.1%} unexplained instead of {given.departure:.1%}): "
+            f"is the radius given {_how_wrong(best.factor)}, or the "
+            f"pixel size too {'small' if best.factor < 1 else 'large'}? Measure both{which}",
             best.departure < min(REFUSED_BELOW * given.departure, BELIEVED_BELOW * left),
         )
     if best.departure < BELIEVED_BELOW * left < np.inf:
         return Doubt(
-            f"the film found leaves {left:.1%} of the light of balls and untouched film, and a "
-            f"plain one {best.departure:.1%}: check the ball's radius, the pixel size and the "
-            "order of the images",
+            f"no model of the film explains balls and untouched film together: the best leaves "
+            f"{left:.1%} of the light unexplained, where a plain film with a ball of "
+            f"{radius * best.factor:.3g} mm radius leaves {best.departure:.1%}. Check the order of "
+            f"the images, the ball's radius and the pixel size{which}",
             False,
         )
     smaller = [
@@ -308,12 +317,19 @@ def doubt_of_radius(tried: list[Tried], radius: float, left: float = np.inf) -> 
     if given.diffuse < MIN_DIFFUSE and smaller:
         usual = max(smaller, key=lambda each: each.factor)
         return Doubt(
-            f"with a ball of {radius:.3g} mm radius the gel would diffuse no light; with one of "
-            f"{radius * usual.factor:.2g} mm, {usual.diffuse:.0%}, as gels do: is ball_radius_mm "
-            "its diameter, or pixel_size_mm wrong? Measure both",
+            f"the radius given may be the ball's diameter, or the pixel size wrong: with "
+            f"{radius:.3g} mm the gel would diffuse no light, with {radius * usual.factor:.2g} mm "
+            f"{usual.diffuse:.0%}, as gels do. Measure both{which}",
             False,
         )
     return Doubt("", False)
+
+
+def _how_wrong(factor: float) -> str:
+    """What a radius may be, if another one is right by a factor."""
+    if factor < SMALLER_FACTOR:
+        return "its diameter"
+    return "too large" if factor < 1 else "too small"
 
 
 def _left(fitted: Metrics) -> float:
@@ -387,10 +403,10 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, tried: list[Tr
         f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
     )
     if agreeing and abs((best := _best(agreeing)).factor - 1) > RADIUS_TOLERANCE:
-        return [contradiction + f"a ball_radius_mm of {radius * best.factor:.3g} would agree"]
+        return [contradiction + f"`evidence.radius`={radius * best.factor:.3g} would agree"]
     share = given_mm / found_mm
     return [
         contradiction
-        + f"ball_radius_mm and pixel_size_mm would agree if both were {share:.3g} times as "
-        "large; or led_distance_mm is wrong"
+        + f"the ball's radius and the pixel size would agree if both were {share:.3g} times as "
+        f"large{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
     ]

@@ -37,7 +37,7 @@ CHECK_SAMPLES = 400
 MAX_INDEPENDENT_REST = 5
 """Most independent values per LED that the flat frame's fall-off counts as."""
 SHALLOW_SHARE = 0.5
-"""Share of the slopes pressed for the calibration below which a check press tells too little."""
+"""Smallest slopes of a check press, as a share of those pressed for the calibration."""
 MAX_STEPS = 25
 PRIOR_COPIES = 25
 """Residuals into which each prior is split.  They stay below the scale of the robust loss, which is

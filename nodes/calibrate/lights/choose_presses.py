@@ -201,4 +201,4 @@ def _out_of_line(agreement: _Agreement) -> Iterator[tuple[int, str]]:
         else:
             left, others = agreement.residual[i], _middle(agreement.residual)
             explained = f"LEDs that explain the others' light to {others:.1%} leave {left:.1%}"
-            yield i, f"{explained} of its; is its ball_radius_mm right?"
+            yield i, f"{explained} of its; is its radius right?"

@@ -125,8 +125,8 @@ def find_ambient(
     percent = 100 * ambient
     doubt = (
         f"{percent:.1f} % of full scale seems to be light that no LED gives, and is taken off: "
-        "take an image with all LEDs off (dark=FILE); if it is black, check ball_radius_mm, "
-        "pixel_size_mm and that the camera is linear (gamma 1)"
+        "take an image with all LEDs off (`taken`=FILE); if it is black, check the ball's radius, "
+        "`pixel` and that the camera is linear (gamma 1)"
     )
     rest_light, dark = _led_light(flat, ambient), np.full_like(dark, ambient)
     return WithoutAmbient(rest_light, dark, {"ambient_percent": percent}, [doubt])

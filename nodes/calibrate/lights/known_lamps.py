@@ -13,9 +13,9 @@ from tactograph.nodes.calibrate.lights.light_samples import rest_of
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
 MAX_MISFIT = 0.02
-"""Departure of the film's light from that of the lamps, beyond which their order is looked at."""
+"""Departure of the film's light from that of the lamps, above which other orders are tried."""
 MAX_MISFIT_RATIO = 0.5
-"""Misfit of another order, over that of the given one, from which on the latter is wrong."""
+"""Misfit of another order, over that of the given one, below which the given one is wrong."""
 
 
 class KnownLamps(NamedTuple):

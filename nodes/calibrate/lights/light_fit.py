@@ -21,7 +21,7 @@ LIGHT_DEVIATION = 0.006
 """Expected standard deviation of the light; beyond twice that, a pixel is an outlier."""
 HUBER_DEVIATIONS = 2.0
 INFINITY_MM = 1e6
-"""Distance in mm that stands for infinity."""
+"""Distance in mm that counts as infinite."""
 HEIGHT_DEVIATION_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
 SHIFT_DEVIATIONS = np.array([SHIFT_DEVIATION_PX, SHIFT_DEVIATION_PX, HEIGHT_DEVIATION_MM])

@@ -57,7 +57,7 @@ class HeldOut(NamedTuple):
     quality: Metrics
 
 
-@node(former=dict.fromkeys(("circle", "radius", "of"), "give the node that found them as 'balls'"))
+@node
 def hold_out_presses(
     image: SheetLight,
     light: SheetLight,

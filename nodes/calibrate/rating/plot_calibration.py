@@ -43,16 +43,7 @@ class Binned(NamedTuple):
     factor: int
 
 
-_FORMER_INPUTS = {
-    **dict.fromkeys(("flat", "pixel", "camera_pixel"), "give 'bin_presses' as 'frames'"),
-    "lut_slope": "it follows from 'slope', 'mask' and 'lit'",
-    "spread": "give 'fit_null_vector' as 'null'",
-    **dict.fromkeys(("names", "circle", "of"), "give 'find_balls' as 'balls'"),
-    **dict.fromkeys(("degrees", "microns"), "give 'hold_out_presses' as 'held_out'"),
-}
-
-
-@node(former=_FORMER_INPUTS)
+@node
 def plot_calibration(
     light: SheetLight,
     frames: Binned,

@@ -19,7 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
-from tactograph.nodes.calibrate.film.judge_radius import HOW_TO_FORCE
+from tactograph.nodes.calibrate.film.judge_radius import FORCE_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import Judged, of_heldout_error, verdict_of
 from tactograph.nodes.light.light_noise import light_noise
@@ -58,16 +58,7 @@ class LedFit(NamedTuple):
     refraction: Annotated[float, Port(unit="1")] | None = None
 
 
-_MODEL_ADVICE, _RADIUS_ADVICE = (
-    "give the fit of the LEDs as 'model'",
-    "give 'judge_radius' as 'radius'",
-)
-
-
-@node(
-    former=dict.fromkeys(("lights", "mismatch", "albedo", "refraction"), _MODEL_ADVICE)
-    | dict.fromkeys(("fitted", "of_radius"), _RADIUS_ADVICE)
-)
+@node
 def rate_calibration(
     residual: Annotated[F4, Port("K", "1")],
     spread: Spread,
@@ -143,7 +134,7 @@ def rate_calibration(
         doubts.append(
             f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
             "of the slope: check the ball's radius and the pixel size"
-            + (", or give flat=DIR" if is_missing else "")
+            + (", or give `flat`=DIR" if is_missing else "")
         )
     if steepest < MIN_STEEPEST_SLOPE:
         warn(
@@ -166,7 +157,7 @@ def rate_calibration(
         is_open = refraction is not None and refraction > MAX_REFRACTION
         contradiction = _of_scale(lights, pixel * mask.shape[1], 0.0 if is_open else albedo)
         if contradiction and not force:
-            raise InputError(contradiction[0] + HOW_TO_FORCE)
+            raise InputError(contradiction[0] + FORCE_ADVICE)
         doubts += contradiction
     for doubt in doubts:
         warn(doubt)

@@ -27,11 +27,11 @@ NO_FILM_LIGHT = 0.1
 _TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
-    "give one, flat=DIR",
+    "give one, `folder`=DIR",
 )
 _VENDORS_FLAT = (
-    "level film by the light model of start=",
-    "is it this sensor's, with the same exposure? Else give the untouched film, flat=DIR",
+    "level film by the light model `start`",
+    "is it this sensor's, with the same exposure? Else give the untouched film, `folder`=DIR",
 )
 """The other frame of the comparison, and the advice."""
 
@@ -100,7 +100,7 @@ def rate_exposure(
             doubts.append(
                 f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
-                "keep other light out, or take an image with all LEDs off (dark=FILE)"
+                "keep other light out, or take an image with all LEDs off as well"
             )
     return Judged({"rest_departure_percent": 100 * worst}, doubts)
 

@@ -85,7 +85,7 @@ def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) 
         if error > WRONG_ERROR_DEG:
             warn(
                 f"{off}, so the new calibration is wrong: check the order of the press's images, "
-                "ball_radius_mm, and that film and ball are clean, and recalibrate"
+                "the ball's radius, and that film and ball are clean, and recalibrate"
             )
     if abs(refitted.get("thicker_mm", 0.0)) > MAX_THICKER_MM:
         reasons.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
@@ -103,8 +103,8 @@ def _sentence(reasons: list[str], refitted: Metrics, full: float | None) -> str:
         return "a full calibration is due: " + "; ".join(reasons)
     if "check_deg/held_out" not in refitted:
         return (
-            "the flat frame is new, the film is taken to be as before; press a ball and give "
-            "capture= to find out"
+            "the flat frame is new, the film is taken to be as before; give presses of a ball as "
+            "well to find out"
         )
     then = "" if full is None else f" (the full calibration: {full:.2f})"
     error = refitted["check_deg/held_out"]

@@ -17,15 +17,15 @@ from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_drift import terms
 
 MIN_LIGHT = 0.002
-"""Light that counts as any: half a step of 8 bits."""
+"""Smallest light that is not dark: half a step of 8 bits."""
 MAX_FIT_WIDTH_PX = 160
 """Most pixels along the image's width to which the smooth part is fitted."""
 REWEIGHTING_ROUNDS, CAUCHY_DEVIATIONS = 12, 2.0
 """Rounds of reweighting, and its scale in standard deviations: dents and dirt count little."""
 AMBIENT_RIDGE = 1e-4
 """Ridge that holds ambient light and shift near 0, because uniform light does not show them."""
-MIN_KEPT = 0.5
-"""Share of its light that a pixel must keep under a lower black level, to tell of the film."""
+MIN_REMAINING_LIGHT = 0.5
+"""Share of its light that a pixel must have under a lower black level, to count."""
 MAX_SHIFT_WIDTHS = 0.1
 """Largest plausible shift of the image, as a share of its width."""
 MIN_RESPONSE = 0.3
@@ -101,7 +101,7 @@ def film_change(
     known = _known(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
-    known &= (smooth > MIN_KEPT * strength[:, None, None]).all(axis=0)
+    known &= (smooth > MIN_REMAINING_LIGHT * strength[:, None, None]).all(axis=0)
     left = np.where(known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
     left = np.stack([cv2.GaussianBlur(plane, (0, 0), SMOOTHING_PX) for plane in left])
     albedo, slope = _local_part(left, tilt)
@@ -119,15 +119,15 @@ def film_change(
 
 
 def _check_order(then: F4, now: F4, pixel: float) -> None:
-    """Refuse images of other LEDs: any change that they show is none of the film."""
+    """Refuse images of other LEDs: their differences are no changes of the film."""
     order = other_order(then, now, pixel)
     if order is None:
         return
     moved = [f"image {k} has the light of LED {led}" for k, led in enumerate(order, 1) if k != led]
     raise InputError(
         f"the untouched film's images are in another order than the calibration's: "
-        f"{', '.join(moved)}; check the cables and file names (of a colour image lights=), and "
-        "that the camera is not turned"
+        f"{', '.join(moved)}; check the cables, the file names (of a colour image the order of "
+        "its channels), and that the camera is not turned"
     )
 
 

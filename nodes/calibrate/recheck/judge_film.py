@@ -68,7 +68,7 @@ def judge_film(
     moved = float(np.hypot(*shift))
     verdicts = (
         _of_leds(strength),
-        _of_film(deepest, where, scratch),
+        _of_film(deepest, where, scratch, pixel * dent.shape[1]),
         _of_lens(dirt),
         _of_ambient(ambient),
         _of_camera(shift, moved),
@@ -147,7 +147,10 @@ def _of_leds(strength: F4) -> str:
     return f"right: {low:.1f} to {high:.1f} % of their light"
 
 
-def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
+def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark, width_mm: float) -> str:
+    """The verdict on the film; a dent deeper than half the view is none that a film can have."""
+    if abs(deepest) > width_mm / 2:
+        return "not the film of the calibration: is this another sensor, or another lens?"
     if abs(deepest) > TOUCHED_MM:
         return (
             f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
@@ -183,12 +186,12 @@ def _of_ambient(ambient: float) -> str:
         return (
             f"the black level has changed: every image is {-100 * ambient:.1f} % of full scale "
             "darker, lit or not; check the camera's offset, or take an image with all LEDs off "
-            "(dark=) and recalibrate"
+            "and recalibrate with it"
         )
     if ambient > MAX_AMBIENT:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
-            "take an image with all LEDs off (dark=) and recalibrate"
+            "take an image with all LEDs off and recalibrate with it"
         )
     return "right: none"
 

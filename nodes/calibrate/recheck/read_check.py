@@ -10,7 +10,7 @@ from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_b
 from tactograph.nodes.capture.read_capture import Layout
 
 NO_BALL_MM = 1e3
-"""Radius in mm that stands for no ball; so large that it limits nothing."""
+"""Radius in mm where no ball was given: so large that it limits nothing."""
 
 
 @node

@@ -10,7 +10,7 @@ from tactograph.nodes import F4
 
 MASK_TAPS = np.array([1, -2, 1], np.float32)
 """Taps along x and along y: blind to planes and twists; white noise of 1 gives 6."""
-KEPT_SHARE, KEPT_MEAN = 0.8, 0.5586
+USED_SHARE, USED_MEAN = 0.8, 0.5586
 """Share of the responses that are not edges, and their mean magnitude for a normal distribution."""
 
 
@@ -23,5 +23,5 @@ def responses(plane: F4, apart: int = 1) -> F4:
 
 def variances(left: F4) -> NDArray[Any]:
     """The variance of a pixel from the smaller responses along the last axis (... x N)."""
-    calm = np.sort(left)[..., : max(1, int(KEPT_SHARE * left.shape[-1]))]
-    return np.asarray(np.square(calm.mean(axis=-1, dtype=np.float64) / (KEPT_MEAN * 6)))
+    calm = np.sort(left)[..., : max(1, int(USED_SHARE * left.shape[-1]))]
+    return np.asarray(np.square(calm.mean(axis=-1, dtype=np.float64) / (USED_MEAN * 6)))

@@ -11,7 +11,7 @@ from tactograph.graph import node, warn
 from tactograph.nodes import F4, U1, Light, Mask
 
 FILM_PERCENTILE = 95
-"""Percentile of the light that stands for film."""
+"""Percentile of the light that is taken for that of film."""
 RIM_LIGHT_SHARE = 0.5
 """Light over that of film close by, which marks the blurred rim of a dark part."""
 MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
@@ -45,7 +45,7 @@ def find_film(
     Parameters
     ----------
     flat : K x H x W, dark level subtracted
-    dark : light that counts as none, as a share of the film's
+    dark : largest light of a dark pixel, as a share of the film's
     told : warn of parts without film
     """
     area = _area(flat, dark)
@@ -54,7 +54,7 @@ def find_film(
     if told:
         warn(
             f"the film fills {area.mean():.0%} of the frame: pixels without light are left out "
-            "(crop=x0,y0,x1,y1 would keep the images small)"
+            "(a crop to the film would keep the images small)"
         )
     continued = flat.copy()
     for plane in continued:

@@ -17,8 +17,8 @@ from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 RAY_STEPS = 40
-"""Steps that follow a camera's ray to the film; each leaves its slope over the ray's of the error."""
-Place = Annotated[tuple[float, ...], Len(2, 4)]
+"""Steps that follow a camera's ray to the film: the steeper both are, the more it takes."""
+Pose = Annotated[tuple[float, ...], Len(2, 4)]
 """x, y in mm, then z in mm, then a turn in degrees from x to y."""
 Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
 
@@ -39,7 +39,7 @@ def read_rest(
     file: Path | None = None,
     radius_mm: float | None = None,
     cylinder_mm: Radius | None = None,
-    at_mm: Place | None = None,
+    at_mm: Pose | None = None,
     camera_mm: Annotated[float, Gt(0)] | None = None,
 ) -> Resting:
     """Return the film at rest, as its maker's drawing has it.  Without any it is a plane.

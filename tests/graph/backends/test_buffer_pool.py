@@ -1,8 +1,7 @@
 """Buffers are lent, taken back, and lent in the same order again."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.graph.backends.buffer_pool import BufferPool
 

@@ -9,7 +9,7 @@ import pytest
 
 from tactograph.graph.backends import devices as opencl_devices
 from tactograph.graph.backends.intel_runtime import listed
-from tests.conftest import python
+from tests.fixtures import python
 
 POCL = [*Path("/usr/lib").glob("*/libpocl.so.*"), *Path("/usr/lib64").glob("libpocl.so.*")]
 METADATA = "Metadata-Version: 2.1\nName: intel-opencl-rt\nVersion: 2026.2.0"

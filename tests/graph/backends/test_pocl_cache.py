@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import python
+from tests.fixtures import python
 
 DIES = """
 import os

@@ -118,15 +118,6 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert [seven(device, number) for number in numbers] == [*numbers]
 
 
-def test_a_device_knows_whether_kernels_are_to_be_compiled(folder: Path, device: OpenCL) -> None:
-    node = find_node("threshold")
-    device.compile([node])
-    assert not device.built
-    build(device.context, *device.compiled(node).recipe({}))
-    device.compile([node])
-    assert device.built
-
-
 HOLDS = """
 import sys, time
 from pathlib import Path

@@ -578,14 +578,14 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
     for _ in range(2):
         assert batch(out=out) == (0, "")
     assert opened(out).captures == list(map(str, batch.captures))
-    assert "nothing is there but what lies in --out" in refusal(batch(over=f"{out}*", out=out))
+    assert "it holds nothing but --out" in refusal(batch(over=f"{out}*", out=out))
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (["--maps", "lid"], "did you mean 'lit'"),
-        (["--param", "level"], "takes no file or folder by that name"),
+        (["--param", "level"], "has no parameter of that name for a file or folder"),
         (["capture=x"], "in a batch --over says that"),
         (["out=x"], "in a batch --out says that"),
         (["--over", ""], "--over is empty"),

@@ -146,10 +146,10 @@ def test_a_worker_with_other_code_is_refused(
     write: Write, tmp_path: Path, captures: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, chunks = open_chunks_of(write(LIT, "lit.yaml"), tmp_path)
-    other = replace(store.origin, code={**store.origin.code, "label_lit": "other"})
+    other = replace(store.origin, code={**store.origin.code, "tactograph.nodes": "other"})
     monkeypatch.setattr(cluster, "find_origin", lambda *_, **__: other)
     for _ in range(2):
-        with pytest.raises(InputError, match="has another code of label_lit than the batch"):
+        with pytest.raises(InputError, match=r"another code of tactograph\.nodes than the batch"):
             do_chunk_elsewhere(chunks[0])
     assert not store.statuses.any()
 

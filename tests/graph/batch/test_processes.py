@@ -18,7 +18,8 @@ def answer(question: str) -> str:
     if question == "deadly":
         os.kill(os.getpid(), signal.SIGKILL)
     if question == "ended":
-        with Blaming(SimpleNamespace(id="it", node=SimpleNamespace(name="innocent"))):
+        task = SimpleNamespace(id="it", node=SimpleNamespace(name="innocent"))
+        with Blaming(SimpleNamespace(), task):
             os.kill(os.getpid(), signal.SIGTERM)
     if question == "foolish":
         raise InputError("cannot be answered")

@@ -2,7 +2,6 @@
 
 import importlib
 import sys
-from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from tactograph.graph.cache.result_origin import Origin, find_origin
 from tactograph.graph.declare import find_node as find
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.rings import Ring
 from tests.graph.conftest import Command, Write
 
 GRAPH = """
@@ -38,19 +38,6 @@ FILES = {
 
         @node
         def halved(*, text: Path = Path("made.txt"), level: float = 1.0) -> Height:
-            match level:
-                case 0.0:
-                    import felt._matched
-            while False:
-                pass
-            else:
-                with open(text):
-                    try:
-                        import felt._tried
-                    except OSError:
-                        import felt._excepted
-                    finally:
-                        from felt import _final
             return np.full((2, 2), _helper.half(LEVEL), np.float32)
 
         halved.opencl(grid="H W")
@@ -58,11 +45,9 @@ FILES = {
     "felt/_helper.py": "from felt._deeper import TWO\n\ndef half(x): return x / TWO\n",
     "felt/_deeper.py": "TWO = 2\n",
     "felt/_levels.py": "LEVEL = 3\n",
-    **dict.fromkeys(
-        ("felt/_matched.py", "felt/_tried.py", "felt/_excepted.py", "felt/_final.py"), ""
-    ),
     "felt/table.txt": "1 2 3\n",
-    "felt/_unread.py": "ONE = 1\n",
+    "felt/inside/__init__.py": "",
+    "felt/inside/table.txt": "1 2 3\n",
     "felt/halved.cl": '#include "half.clh"\n__kernel void halved(__global float *out, const int H,'
     " const int W, const float level) { out[get_global_id(0)] = level; }\n",
     "felt/half.clh": "#define HALF 0.5f\n",
@@ -79,11 +64,14 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("\n".join(line.removeprefix(" " * 8) for line in text.split("\n")))
     monkeypatch.syspath_prepend(root)
-    points = {"halved": [EntryPoint("halved", "felt.halved:halved", find.ENTRY_POINT_GROUP)]}
-    monkeypatch.setattr(find, "plugin_entry_points", lambda: points)
+    ring = Ring("felt", "felt", "felt", ())
+    places = {"halved": [find.NodePlace("felt.halved", "", ring)]}
+    known = find._all_places
+    monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})
     monkeypatch.chdir(tmp_path)
     Path("made.txt").write_text("made")
-    result_origin._folder.cache_clear()
+    # What a process has imported does not change; here it is written anew.
+    monkeypatch.setattr(result_origin, "_source", result_origin._source.__wrapped__)
     for name in [name for name in sys.modules if name.partition(".")[0].startswith("felt")]:
         del sys.modules[name]
     importlib.invalidate_caches()
@@ -100,15 +88,17 @@ def test_every_file_that_a_node_is_made_of_counts(plug_in: Path, write: Write, n
     before = origin_of(graph)
     with (plug_in / name).open("a") as file:
         file.write("\n")
-    same = origin_of(graph).code["halved"] == before.code["halved"]
-    assert same == (name == "felt/_unread.py")
+    assert origin_of(graph).code["felt"] != before.code["felt"]
     assert origin_of(graph).code["engine"] == before.code["engine"]
 
 
-def test_no_module_is_run_that_is_only_looked_into(plug_in: Path, write: Write) -> None:
-    """A node imports where it computes what is slow to load."""
-    (plug_in / "felt" / "_matched.py").write_text("raise RuntimeError")
-    assert origin_of(write(GRAPH)).code["halved"]
+@pytest.mark.parametrize("folder", ["felt/tests", "felt/recordings"])
+def test_what_makes_no_result_does_not_count(plug_in: Path, write: Write, folder: str) -> None:
+    graph = write(GRAPH)
+    before = origin_of(graph)
+    (plug_in / folder).mkdir()
+    (plug_in / folder / "data.npy").write_bytes(b"0")
+    assert origin_of(graph) == before
 
 
 def test_a_device_counts_where_it_is_used(plug_in: Path, write: Write) -> None:
@@ -143,7 +133,7 @@ def test_a_comparison_runs_again_whatever_changed(
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("code", "other code of halved"),
+        ("code", "other code of felt"),
         ("version", "another version of scipy"),
         ("file", "another content of made.text"),
     ],

@@ -19,7 +19,7 @@ from tactograph.graph.compare.report import _pictures
 from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.show.views import View
-from tests.conftest import MadeOnce
+from tests.fixtures import MadeOnce
 from tests.graph.conftest import Command, Write, one_line
 
 ONE = """
@@ -239,7 +239,7 @@ def test_again_says_what_changed(
     ("words", "said"),
     [
         (("--again", "nowhere"), "--again wants a report's folder"),
-        (("simulate", "--again", "nowhere"), "only --out may be said with it"),
+        (("simulate", "--again", "nowhere"), "it goes with --out and --columns only"),
         (("paper",), "say --over DIR"),
         (("paper", "--over", "nowhere"), "there is no such folder"),
         (("table1", "--repeats", 3), "--repeats needs --seed node.param"),

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from tactograph.graph.compare.tables import (
     what_is_better,
     write_tables,
 )
+from tactograph.graph.errors import InputError
 from tactograph.graph.show.figures import estimate
 
 
@@ -133,10 +135,18 @@ def test_the_time_of_a_single_run_is_never_the_best() -> None:
     assert [is_best(line, "ms", often) for line in often] == [True, False]
 
 
-def shown_at(width: int, rows: list[Row]) -> list[str]:
+def shown_at(width: int, rows: list[Row], wanted: Sequence[str] = ()) -> list[str]:
     said: list[str] = []
-    print_table(rows, said.append, width)
+    print_table(rows, said.append, width, wanted)
     return "\n".join(said).splitlines()
+
+
+def test_of_the_figures_those_that_are_wanted_are_shown() -> None:
+    rows = [row(v, error=1.0, iou=0.5, **{"iou/led1": 0.25}) for v in ("one", "two")]
+    lines = shown_at(200, rows, ["iou/led1", "error"])
+    assert [line.split()[-2:] for line in lines[-2:]] == [["0.25", "1"]] * 2
+    with pytest.raises(InputError, match="no figure 'eror'; did you mean 'error'"):
+        shown_at(200, rows, ["eror"])
 
 
 @pytest.mark.parametrize("width", [200, 60, 40, 10])

@@ -9,9 +9,9 @@ import pytest
 
 from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.declare.find_node import builtin_names, find_node, node_names
+from tactograph.graph.declare.find_node import find_node, node_names, shipped_nodes
 from tactograph.graph.files.read_graph import read_graph
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import Command, Write
 
 NODE = '''
@@ -72,16 +72,16 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         module = package.replace("-", "_")
         folder = site / module
         folder.mkdir(parents=True)
-        (folder / "__init__.py").write_text("")
-        (folder / f"{name}.py").write_text(node.format(name=name))
+        for part in ("", "nodes", "kernels"):
+            (folder / part).mkdir(exist_ok=True)
+            (folder / part / "__init__.py").touch()
+        (folder / "nodes" / f"{name}.py").write_text(node.format(name=name))
         if kernel is not None:
-            (folder / f"{name}.cl").write_text(kernel.format(name=name))
+            (folder / "kernels" / f"{name}.cl").write_text(kernel.format(name=name))
         info = site / f"{module}-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(
-            f"[tactograph.nodes]\n{name} = {module}.{name}:{name}\n"
-        )
+        (info / "entry_points.txt").write_text(f"[tactograph.rings]\n{module} = {module}\n")
         monkeypatch.syspath_prepend(str(site))
         return folder
 
@@ -92,8 +92,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
 
 
 def test_every_node_file_is_a_node_of_that_name() -> None:
-    assert "flat_field" in builtin_names()
-    assert not [name for name in builtin_names() if name.startswith("_")]
+    assert "flat_field" in shipped_nodes()
+    assert not [name for name in shipped_nodes() if name.startswith("_")]
 
 
 @pytest.mark.parametrize("name", ["_fourier", "__init__", "os", "os.path", "", "read_capture.x"])
@@ -107,7 +107,7 @@ def test_a_node_of_another_package_is_found_by_its_name(install: Install) -> Non
     assert "acme_scale" in node_names()
     node = find_node("acme_scale")
     assert node.package == "acme-optics"
-    assert node.kernel_package == "acme_optics"
+    assert node.kernel_package == "acme_optics.kernels"
 
 
 def test_a_node_of_another_package_runs_on_both_back_ends(
@@ -131,7 +131,7 @@ def test_a_node_of_another_package_is_loaded_only_when_a_graph_names_it(
     load("reconstruct", calibration="cal.npz", backend="numpy")
     assert "acme_optics" not in sys.modules
     load(write(STREAM.format(name="acme_scale")), backend="numpy")
-    assert "acme_optics.acme_scale" in sys.modules
+    assert "acme_optics.nodes.acme_scale" in sys.modules
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_a_node_of_another_package_is_loaded_only_when_a_graph_names_it(
 def test_a_package_that_cannot_be_loaded_harms_only_the_graph_that_names_it(
     install: Install, write: Write, tactograph: Command, code: str, reason: str
 ) -> None:
-    install("acme-optics", "acme_scale", node=code)
+    install("acme-optics", "acme_scale", node=f"{code}\n\n\n@node\ndef {{name}}(): pass\n")
     assert tactograph("check", "paper").code == 0
     done = tactograph("check", write(STREAM.format(name="acme_scale")))
     assert done.code == 1
@@ -167,8 +167,12 @@ def test_a_shipped_node_goes_before_a_plug_in_of_its_name(install: Install) -> N
         assert find_node("flat_field").package == "tactograph"
 
 
-def test_an_entry_point_that_holds_no_node_is_refused(install: Install) -> None:
-    install("acme-optics", "acme_scale", node="def acme_scale(light): return light")
+def test_a_file_that_holds_a_node_of_another_name_is_refused(install: Install) -> None:
+    install(
+        "acme-optics",
+        "acme_scale",
+        node=NODE.replace("def {name}", "def other").replace("{name}.opencl", "other.opencl"),
+    )
     with pytest.raises(NodeError, match="defines no @node function of that name"):
         find_node("acme_scale")
 
@@ -177,7 +181,7 @@ def test_an_entry_point_that_holds_no_node_is_refused(install: Install) -> None:
     ("kernel", "message"),
     [
         (KERNEL.replace("float by", "int by"), "argument 6 is 'int by', but the declaration says"),
-        (None, "there is no acme_scale.cl in acme_optics"),
+        (None, "there is no acme_scale.cl in acme_optics.kernels"),
     ],
 )
 def test_a_kernel_that_does_not_match_or_is_missing_is_refused_before_the_run(

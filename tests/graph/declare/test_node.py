@@ -6,8 +6,8 @@ from typing import Annotated, Any, NamedTuple, Unpack
 import numpy as np
 import pytest
 
-from tactograph.graph import Close, Exact, NodeCall, Port, Provenance, SizeLimit, node
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph import Close, Exact, NamedPorts, NodeCall, Port, Provenance, SizeLimit, node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node_page import describe
 from tactograph.nodes import F4, Height, Light, PixelSize
 
@@ -135,6 +135,24 @@ def test_any_number_of_inputs_take_the_names_that_a_graph_gives_them() -> None:
     assert not each.source
 
 
+def test_named_inputs_are_optional_and_have_the_types_of_their_names() -> None:
+    types = {"light": Light, "outer": Outer}
+
+    @node
+    def each(gain: float, **more: Annotated[Any, NamedPorts(types.keys, types.__getitem__)]) -> int:
+        return len(more) + int(gain)
+
+    assert each.further_names == ["light", "outer"]
+    sized = each.with_inputs(["gain", "outer", "unknown"])
+    assert list(sized.inputs) == ["gain", "outer.low", "outer.high", "outer.gain"]
+    assert sized.input_records == {"outer": Outer}
+    assert sized.optional_inputs == {"outer"}
+    assert sized.input_names == ["outer", "gain"]
+    assert sized(*sized.in_order({"gain": 3.0})) == 4
+    assert sized is each.with_inputs(["gain", "outer"])
+    assert each.with_inputs(["gain"]) is each
+
+
 def test_an_argument_with_a_default_is_an_optional_input() -> None:
     @node
     def each(light: Light, truth: Height | None = None) -> Height: ...
@@ -241,7 +259,7 @@ def pair(light: Light) -> Two: ...
         (no_port_out, {}, "port 'no_port_out': an array needs"),
         (no_node, {}, "no_node: the default of 'call' has to be a node"),
         (twice, {}, "two parameters are called 'gain'"),
-        (turned, {"neutral": "light"}, "neutral 'light' is no input of the output's type"),
+        (turned, {"neutral": "light"}, "neutral 'light' is not an input of the output's type"),
         (pair, {"neutral": 0}, "only a node with one output"),
     ],
 )
@@ -252,7 +270,7 @@ def test_a_signature_that_is_no_declaration_is_refused(
         node(**neutral)(function)
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", shipped_nodes())
 def test_every_built_in_node_says_what_it_does(name: str) -> None:
     found = find_node(name)
     assert found.name == name

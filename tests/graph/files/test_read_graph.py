@@ -4,8 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names

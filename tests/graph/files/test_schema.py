@@ -9,7 +9,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from tactograph.graph.declare.find_node import builtin_names
+from tactograph.graph.declare.find_node import shipped_nodes
 from tactograph.graph.disk.strict_yaml import parse_yaml, read_yaml
 from tactograph.graph.files.read_graph import graph_file
 from tactograph.graph.files.schema import make_schema
@@ -102,5 +102,5 @@ def test_a_small_graph_passes_with_its_params_groups_and_nodes_of_others() -> No
 
 def test_every_built_in_node_is_in_the_schema() -> None:
     entry = make_schema()["$defs"]["NodeModel"]
-    assert entry["properties"]["op"]["anyOf"][0]["enum"] == builtin_names()
-    assert len(entry["allOf"]) == len(builtin_names())
+    assert entry["properties"]["op"]["anyOf"][0]["enum"] == shipped_nodes()
+    assert len(entry["allOf"]) == len(shipped_nodes())

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tactograph.graph.run.collect_seldom import MIDDLE_THRESHOLD, YOUNG_THRESHOLD, collect_seldom
-from tests.conftest import python
+from tests.fixtures import python
 
 
 @pytest.fixture

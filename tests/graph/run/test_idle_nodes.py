@@ -9,7 +9,7 @@ import pytest
 from tactograph.graph import load, node
 from tactograph.graph.backends.prepared_node import Prepared
 from tactograph.nodes import Light
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 from tests.graph.conftest import graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")

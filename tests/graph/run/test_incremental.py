@@ -9,7 +9,7 @@ from tactograph.graph import InputError, NodeError, load
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 from tests.graph.conftest import STREAM, Write, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")

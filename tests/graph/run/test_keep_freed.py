@@ -4,7 +4,7 @@ import platform
 
 import pytest
 
-from tests.conftest import python
+from tests.fixtures import python
 
 CHAIN = """
 import resource

@@ -94,7 +94,7 @@ def test_what_is_kept_on_disk_is_told_where_files_tell_its_inputs(
     load(graph, file=height_file)._items.prepare()
 
     def kept(*words: str) -> list[str]:
-        lines = tactograph("plan", graph, *words).out.splitlines()
+        lines = tactograph("explain", graph, *words).out.splitlines()
         return [line.split()[1] for line in lines if "kept on disk" in line]
 
     assert kept(f"file={height_file}") == ["pixel", "slope", "again"]

@@ -11,7 +11,7 @@ from pyopencl.array import Array, stack, to_device
 from tactograph.graph import Cache, InputError, load
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.run.pipeline import Pipeline
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 from tests.graph.conftest import SLOPES, WAITING, added, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")

@@ -8,7 +8,7 @@ import pytest
 
 from tactograph.graph import InputError, load
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import STREAM, WAITING, Write, graph_of
 
 pytestmark = pytest.mark.usefixtures("toys")

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, NamedTuple
@@ -15,8 +14,9 @@ from tactograph.graph import GraphError, InputError, NodeError, load, node, pari
 from tactograph.graph.declare.node import Node
 from tactograph.graph.files import graph_places
 from tactograph.graph.files.read_graph import read_graph, with_overlays
+from tactograph.graph.rings import Ring, rings
 from tactograph.nodes import Light
-from tests.conftest import python
+from tests.fixtures import python
 from tests.graph.conftest import STREAM, Write
 
 KERNEL = """
@@ -149,7 +149,7 @@ def test_plain_data_may_extend_what_ships() -> None:
     [
         ({"nodess": {}}, r"test_without_files\.py:\d+: nodess: unknown key 'nodess'; did you mean"),
         ({"outputs": {"light": "moer"}}, r"outputs\.light: there is no node 'moer'; did you mean"),
-        ({"title": object()}, r"test_without_files\.py:\d+: title: a object is no plain data"),
+        ({"title": object()}, r"test_without_files\.py:\d+: title: a object is not plain data"),
         ({"nodes": {1: {}}}, r"nodes: the key 1 is no text"),
         ({"prefer": ["metal"]}, r"prefer\[0\]: 'numpy' or 'opencl' is needed, not 'metal'"),
         ({"format": 2}, "this version reads format 1, not 2"),
@@ -191,18 +191,14 @@ def test_arrays_of_another_order_are_told_how_to_turn(shape: tuple[int, ...], me
 
 
 def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "felt_pipelines"
-    folder.mkdir()
-    (folder / "__init__.py").touch()
+    folder = tmp_path / "felt" / "pipelines" / "felt"
+    folder.mkdir(parents=True)
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
     (folder / "nap.yaml").write_text("format: 1\npatch: [{neutral: shadow}]\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    point = EntryPoint("felt", "felt_pipelines", graph_places.ENTRY_GROUP)
-    monkeypatch.setattr(
-        graph_places,
-        "entry_points",
-        lambda group, name: [point] if (group, name) == (graph_places.ENTRY_GROUP, "felt") else [],
+    felt = Ring(
+        "felt", "felt", "felt", (("pipelines", "felt.pipelines", tmp_path / "felt" / "pipelines"),)
     )
+    monkeypatch.setattr(graph_places, "rings", lambda: (*rings(), felt))
     assert read_graph("felt/soft").nodes["shadow"].neutral
     variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})
     assert variant.hash == read_graph("felt/soft").hash

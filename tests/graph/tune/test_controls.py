@@ -8,7 +8,7 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import node
 from tactograph.graph.declare.check_settings import check_settings
-from tactograph.graph.declare.find_node import builtin_names, find_node
+from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Entry
 from tactograph.graph.tune.controls import Control, control_of
@@ -70,7 +70,7 @@ def test_a_slider_goes_there_and_back(name: str) -> None:
 
 
 def test_every_place_of_every_slider_is_a_value_that_the_node_takes() -> None:
-    for name in builtin_names():
+    for name in shipped_nodes():
         declared = find_node(name)
         given = {p.name: p.default for p in declared.parameters.values() if not p.required}
         for parameter in declared.parameters.values():

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from tactograph.graph.files.read_graph import read_graph
-from tests.conftest import Calibration, Raytraced
+from tests.fixtures import Calibration, Raytraced
 from tests.graph.tune.browser import Browser
 
 # Beside other tests a browser is late: its pictures, and its answers to clicks.

@@ -77,7 +77,7 @@ def test_film_of_unknown_height_is_no_contact() -> None:
 def test_specks_are_no_contact_nor_is_level_film() -> None:
     height = np.zeros(SHAPE, np.float32)
     assert not find_contact(height).any()
-    with pytest.raises(InputError, match="leave=11 is above enter=10"):
+    with pytest.raises(InputError, match="`leave`=11 is above `enter`=10"):
         find_contact(height, leave=11.0)
     height[10:13, 10:16] = 0.5
     assert not find_contact(height).any()
@@ -90,7 +90,7 @@ def test_more_contacts_than_may_be_numbered_are_told() -> None:
         found = find_contact(height, most=2)
     assert (found[24, 31], found[24, 12], found[24, 50]) == (1, 2, 0)
     (note,) = notes
-    assert note.startswith("find_contact: 3 contacts, of which the 2 largest are numbered; 'most'")
+    assert note.startswith("3 contacts, of which the 2 largest are numbered; `most`")
 
 
 def test_a_pin_within_a_ring_is_a_contact_of_its_own() -> None:

@@ -5,9 +5,9 @@ import pytest
 
 from tactograph.nodes import Metrics
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, largest_contacts
-from tactograph.nodes.contact.surface_texture import surface_texture
-from tactograph.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.nodes.motion.follow_contacts import follow_contacts
+from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.rings.mechanics.nodes.motion.follow_contacts import follow_contacts
+from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
 
 SMALL = (7, 30, 31, 59)
 COUNT = MAX_MEASURED + len(SMALL)

@@ -9,17 +9,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from tactograph.graph import GraphError, InputError, Provenance, Wanted
+from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, NO_MISFIT
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.stored import Value, stored_values
 
 RNG = np.random.default_rng(0)
@@ -81,15 +79,6 @@ def change(file: Path, **arrays) -> None:
     np.savez(file, **{name: array for name, array in kept.items() if array is not None})
 
 
-def test_a_file_from_before_it_was_kept_shows_film_everywhere(file: Path) -> None:
-    assert np.array_equal(read_calibration(file=file).area, AREA)
-    change(file, area=None)
-    area = read_calibration(file=file).area
-    assert area.dtype == np.uint8
-    assert (area == 1).all()
-    assert area.shape == AREA.shape
-
-
 def test_what_was_written_is_read(file: Path) -> None:
     found = read_calibration(file=file)
     for written, read in zip(ARRAYS, found, strict=False):
@@ -100,24 +89,6 @@ def test_what_was_written_is_read(file: Path) -> None:
     assert found.correlation == 1.5
     assert np.allclose(LENS, found.lens)
     assert np.allclose(MISFIT, found.misfit)
-
-
-NEW = {*Film._fields, "lens", "misfit", "correlation", "blur", "label_turn"} - {"lights", "others"}
-"""What files from before films were described lack."""
-
-
-def test_the_film_of_an_older_file_is_matt_and_seen_from_afar(file: Path) -> None:
-    change(file, **dict.fromkeys(NEW))
-    found = read_calibration(file=file)
-    matt = matt_film(FILM.lights)
-    for name in Film._fields:
-        if name != "others":
-            assert np.array_equal(getattr(found.film, name), getattr(matt, name)), name
-    assert np.array_equal(found.film.others, FILM.others)
-    assert not found.lens.any()
-    assert found.correlation == 1
-    assert found.blur == 0
-    assert np.array_equal(found.misfit, NO_MISFIT)
 
 
 ABSURD = {
@@ -145,17 +116,6 @@ def test_every_array_of_a_calibration_has_a_range() -> None:
         for name, value in kind.values.items():
             limits = np.isfinite([value.stored.low, value.stored.high]).all()
             assert limits or value.dtype.kind != "f", name
-
-
-def test_a_file_from_before_places_were_doubted_takes_the_leds_to_be_exact(file: Path) -> None:
-    change(file, others=None)
-    with collect_warnings([]) as notes:
-        found = read_calibration(file=file)
-        read_calibration(file=file, wanted=Wanted(frozenset({"lights"})))
-    assert (found.film.others == found.film.lights).all()
-    assert found.film.others.shape == (8, 4, 3)
-    assert len(notes) == 1
-    assert notes[0].endswith("calibrate again")
 
 
 def test_units_version_date_and_settings_are_inside(tmp_path: Path) -> None:
@@ -189,7 +149,7 @@ def test_doubts_out_of_a_file_are_one_short_line_each(tmp_path: Path) -> None:
     assert max(map(len, read_calibration(file=file).doubts)) < 3000
 
 
-def test_nothing_is_said_of_a_right_or_an_older_calibration(file: Path) -> None:
+def test_nothing_is_said_of_a_right_calibration_or_of_one_without_figures(file: Path) -> None:
     assert not told_by(file)
     with np.load(file) as archive:
         said = json.loads(str(archive["about"]))
@@ -201,9 +161,11 @@ def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path:
     file = tmp_path / "cal.npz"
     write(file)
     (note,) = told_by(file, "rgb")
-    assert "does not say whether it was made with lights=rgb" in note, "an older one does not know"
+    assert "does not say whether it was made of colours in the order rgb" in note
     write(file, lights="bgr")
-    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+    with pytest.raises(
+        InputError, match="made of colours in the order bgr, not rgb; give `lights`=bgr"
+    ):
         read_calibration(file=file, lights="rgb")
     assert not told_by(file, "bgr")
 
@@ -228,6 +190,7 @@ SPOIL = {
     "'flat' holds NaN": lambda f: change(f, flat=np.full((4, 6, 8), np.nan, np.float32)),
     "'reflectance' has shape": lambda f: change(f, reflectance=random(3, 9)),
     "'lut_slope' is float64": lambda f: change(f, lut_slope=np.zeros((50, 2))),
+    "'lens' is missing": lambda f: change(f, lens=None),
     "'lights' is missing": lambda f: change(f, lights=None),
     "not above the film": lambda f: change(f, lights=-random(4, 3)),
     "'others' has shape": lambda f: change(f, others=random(7, 4, 3)),
@@ -300,17 +263,3 @@ def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
     file.write_bytes(whole[: min(cut, len(whole) - 1)])
     with pytest.raises(InputError):
         read_calibration(file=file)
-
-
-@pytest.mark.parametrize(
-    ("name", "node", "told"),
-    [
-        ("pixel", "save", "it is called 'pixel_size'"),
-        ("kept", "radius", "'fit_film' as 'evidence'"),
-    ],
-)
-def test_a_graph_of_an_earlier_input_is_told_the_new_one(name: str, node: str, told: str) -> None:
-    patch = [{"set": node, "in": {name: "even_pixel"}}]
-    changed = read_graph({"format": 1, "title": "t", "extends": "calibrate", "patch": patch})
-    with pytest.raises(GraphError, match=f"no input '{name}' any more: .*{told}"):
-        open_pipeline(changed, {"capture": "a", "out": "cal.npz"})

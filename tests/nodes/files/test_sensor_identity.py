@@ -8,24 +8,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.recording.tests.recordings import PROVENANCE, SIZE, light_of, make_cycle
 from tactograph.graph import InputError, Session
 from tactograph.graph.disk.file_identity import file_identity
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.mcap_log import log_files
-from tactograph.nodes.files.mcap_read import McapFile
 from tactograph.nodes.files.sensor_identity import UsedCalibration, identity_in
-from tactograph.nodes.live.camera.camera_params import CameraParams
-from tactograph.nodes.recording.record import record
-from tactograph.nodes.recording.replay import replay
 from tactograph.nodes.stream.frames import LiveState
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.recording.files.mcap_log import log_files
+from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.nodes.record import record
+from tactograph.rings.recording.nodes.replay import replay
 from tests.graph.conftest import Command, one_line, tactograph
-from tests.nodes.capture.test_read_capture import IMAGES
-from tests.nodes.capture.test_read_capture import write as write_images
+from tests.nodes.capture.test_read_capture import IMAGES, write as write_images
 from tests.nodes.files.test_calibration_file import ARRAYS, FILM, LENS, MADE, MISFIT, NOISE, random
-from tests.nodes.recording.recordings import PROVENANCE, SIZE, light_of, make_cycle
 
 __all__ = ["tactograph"]
 Calibrated = Callable[..., Path]
@@ -69,7 +68,7 @@ def test_a_recording_is_replayed_with_its_sensor(tmp_path: Path, calibrated: Cal
     (line,) = str(refusal.value).splitlines()
     assert "is of sensor 'left', but the calibration" in line
     assert "is of sensor 'right'" in line
-    assert "another_sensor=true" in line
+    assert "`another_sensor`=true" in line
     with collect_warnings([]) as told:
         again = replay(recording=recording, calibration=right, another_sensor=True, speed=0)
         assert len(list(again)) == 1
@@ -123,7 +122,7 @@ def test_a_camera_is_not_used_with_the_calibration_of_another(calibrated: Calibr
     mini = UsedCalibration(calibrated("mini", "A1"))
     CameraParams("serial:A1").check_calibration(mini)
     CameraParams("simulated").check_calibration(mini)
-    with pytest.raises(InputError, match=r"camera=serial:B2: is of serial B2, but .* serial A1"):
+    with pytest.raises(InputError, match=r"`camera`=serial:B2: is of serial B2, but .* serial A1"):
         CameraParams("serial:B2").check_calibration(mini)
 
 
@@ -153,7 +152,6 @@ outputs: {lit: lit}
 def test_a_store_of_another_sensor_is_refused_by_both_names(
     tmp_path: Path, calibrated: Calibrated, tactograph: Command
 ) -> None:
-    """A store from before it kept sensors goes on."""
     write_images(tmp_path / "touches" / "1", IMAGES)
     graph, used, store = (tmp_path / name for name in ("first.yaml", "used.npz", "all.zarr"))
     graph.write_text(GRAPH)
@@ -164,13 +162,6 @@ def test_a_store_of_another_sensor_is_refused_by_both_names(
     shown = tactograph("show", store).out
     assert "calibration: hash" in shown
     assert "sensor left, date 20" in shown
-    kept = (store / "zarr.json").read_text()
-    about = json.loads(kept)
-    del about["attributes"]["tactograph"]["job"]["files"]
-    (store / "zarr.json").write_text(json.dumps(about))
-    assert tactograph(*words).code == 0
-    assert "captures: 1, done 1" in tactograph("show", store).out
-    (store / "zarr.json").write_text(kept)
     calibrated("right").replace(used)
     said = one_line(tactograph(*words))
     assert "another content of calibration, for sensor 'left' and not 'right'" in said

@@ -3,8 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.nodes.height.height_levels import levels_of, tie_levels
 from tactograph.nodes.height.springs import Ties, join_ends, stable_order

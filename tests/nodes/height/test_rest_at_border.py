@@ -1,8 +1,7 @@
 """The film at rest is at height zero."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.nodes.height.rest_at_border import rest_at_border
 from tests.nodes.scenes import ball

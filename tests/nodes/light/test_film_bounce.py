@@ -151,7 +151,7 @@ def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
 @pytest.mark.parametrize("albedo", [-0.1, 1.0, np.nan])
 def test_what_no_film_reflects_is_refused(albedo: float) -> None:
     height = bump(20)
-    with pytest.raises(InputError, match="film_bounce: albedo is"):
+    with pytest.raises(InputError, match="albedo is"):
         film_bounce(ones(height), height, film(albedo), PIXEL)
 
 

@@ -11,7 +11,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
 from tactograph.nodes.optics.film_places import film_places, on_even_grid
 from tactograph.nodes.optics.lens import ideal_places
-from tactograph.nodes.stream.touch import Touch
+from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.write_result import write_result
 
@@ -104,7 +104,7 @@ def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
 def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: str) -> None:
     height = seen(BENT)
     image = np.ones((4, *SHAPE), np.float32)
-    touch = Touch(height, image, PIXEL, error=0.01 * height, lens=BENT, camera=CAMERA)
+    touch = Touch(height, image, PIXEL, view=View(BENT, CAMERA), layers={"error": 0.01 * height})
     write_result(touch, folder=tmp_path, grid=grid, provenance=MADE)
     found = np.load(tmp_path / "height.npy")
     even, (error,) = on_even_grid(height, [0.01 * height], BENT, CAMERA)

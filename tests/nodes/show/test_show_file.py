@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from rings.recording.tests.recordings import LEDS, make_recording
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
@@ -25,7 +26,6 @@ from tactograph.nodes.show._calibration import _dots
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
-from tests.nodes.recording.recordings import LEDS, make_recording
 
 MADE = Provenance(
     {"name": "toy", "hash": "f00"}, None, [], {}, {"tactograph": "0"}, ["too bright"], [],
@@ -51,7 +51,7 @@ def shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Shown:
 def result(tmp_path: Path) -> Path:
     level, image = np.zeros((8, 10), np.float32), np.ones((4, 8, 10), np.float32)
     lit = np.zeros((8, 10), np.uint8)
-    touch = Touch(level, image, 0.1, shadow=lit, metrics={"contacts": 0.0})
+    touch = Touch(level, image, 0.1, metrics={"contacts": 0.0}, layers={"shadow": lit})
     write_result(touch, folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE)
     return tmp_path / "out"
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.graph import InputError, load
 from tactograph.nodes.simulate.light_ring import light_ring

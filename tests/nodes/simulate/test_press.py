@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball

@@ -5,8 +5,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import InputError
 from tactograph.graph.backends.device_call import DeviceCall
@@ -19,7 +18,7 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_cat import shape_cat
 from tactograph.nodes.simulate.view import view
 from tactograph.nodes.slope.height_slopes import height_slopes
-from tests.conftest import Raytraced
+from tests.fixtures import Raytraced
 
 PIXEL = 0.1
 

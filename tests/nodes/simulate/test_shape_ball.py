@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.graph import InputError
 from tactograph.nodes.simulate.shape_ball import shape_ball

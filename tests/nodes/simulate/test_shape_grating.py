@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.metrology.measure_step import measure_step
 from tactograph.nodes.simulate.shape_grating import shape_grating
+from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 
 AREA = {"width_px": 401, "height_px": 401, "pixel_size_mm": 0.02, "side_mm": 6.0}
 

@@ -18,7 +18,7 @@ def added(light_at_the_edge: float) -> F4:
     shadow[:, EDGE:] = 1
     light = np.where(shadow, 0, light_at_the_edge).astype(np.float32)[None]
     none = np.zeros((2, 20, 20), np.float32)
-    return np.sqrt(cliff_variance(none, light, shadow, LED, 0.1, jump=3.0, grazing=0.3))
+    return np.sqrt(cliff_variance(none, light, shadow, LED, 0.1))
 
 
 def test_an_edge_in_full_light_may_be_a_step_within_a_pixel() -> None:

@@ -10,9 +10,9 @@ from tactograph.nodes.slope.lut_nearest import lut_nearest
 
 
 def of_all(
-    light: F4, shadow: U1, tables: tuple[F4, F4, U1], number: int, neighbours: int
+    light: F4, shadow: U1, tables: tuple[F4, F4, U1], number: int
 ) -> tuple[NDArray[np.bool_], F4]:
-    """The pixels that one table is for, and the mean slope of what is nearest in it."""
+    """The pixels that one table is for, and the slope of what is nearest in it."""
     entries, slopes, lit = tables
     count, led = len(light), number - 1
     tame = np.clip(np.nan_to_num(light.reshape(count, -1)), -1e15, 1e15)
@@ -28,19 +28,12 @@ def of_all(
     squares = np.zeros((len(order), pixels.shape[1]), np.float32)
     for k in range(count):
         squares += (entries[order, k, None] - pixels[k]) ** 2
-    nearest = order[np.argsort(squares, axis=0, kind="stable")[:neighbours]]
-    total = np.zeros((pixels.shape[1], 2), np.float32)
-    for each in nearest:
-        total += slopes[each]
-    return mine, (total / np.float32(len(nearest))).T
+    return mine, slopes[order[squares.argmin(axis=0)]].T
 
 
 @pytest.mark.one_case
-@pytest.mark.parametrize("neighbours", [1, 2, 16])
 @pytest.mark.parametrize(("lights", "count"), [(4, 5), (4, 700), (4, 6000), (5, 3000), (8, 700)])
-def test_what_is_found_is_what_a_search_of_all_entries_finds(
-    lights: int, count: int, neighbours: int
-) -> None:
+def test_what_is_found_is_what_a_search_of_all_entries_finds(lights: int, count: int) -> None:
     rng = np.random.default_rng(count)
     entries = rng.random((count, lights)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)
@@ -48,8 +41,8 @@ def test_what_is_found_is_what_a_search_of_all_entries_finds(
     light = rng.uniform(-0.5, 2, (lights, 50, 70)).astype(np.float32)
     light[0, 0, 0] = np.nan
     none = np.zeros((50, 70), np.uint8)
-    found = lut_nearest(light, none, index_lut(*tables), neighbours=neighbours)
-    _, wanted = of_all(light, none, tables, 0, neighbours)
+    found = lut_nearest(light, none, index_lut(*tables))
+    _, wanted = of_all(light, none, tables, 0)
     np.testing.assert_allclose(found.reshape(2, -1), wanted, atol=1e-6)
 
 
@@ -76,6 +69,6 @@ def test_a_shadowed_pixel_finds_what_is_nearest_without_its_led() -> None:
     shadow = rng.integers(0, 16, (50, 70)).astype(np.uint8)
     found = lut_nearest(light, shadow, index_lut(*tables)).reshape(2, -1)
     for number in range(5):
-        mine, wanted = of_all(light, shadow, tables, number, 1)
+        mine, wanted = of_all(light, shadow, tables, number)
         assert mine.any()
         assert np.array_equal(found[:, mine], wanted)

@@ -27,7 +27,7 @@ from tactograph.nodes.optics.reflectance_map import (
     terms,
 )
 from tactograph.nodes.slope.solve_reflectance_map import solve_reflectance_map
-from tests.conftest import real_data
+from tests.fixtures import real_data
 
 SHAPE = (72, 96)
 PIXEL, RADIUS_MM = 0.1, 2.5
@@ -232,7 +232,9 @@ def test_a_calibration_of_the_other_order_of_colours_is_refused(tmp_path: Path) 
     made = Provenance({}, None, [], {}, {}, [], [], {"lights": "bgr"})
     reflectance = true_map().astype(np.float32)
     write_press_calibration(FLAT, PIXEL, reflectance, {}, "", file=target, provenance=made)
-    with pytest.raises(InputError, match="made with lights=bgr, but lights=rgb is asked for"):
+    with pytest.raises(
+        InputError, match="made of colours in the order bgr, not rgb; give `lights`=bgr"
+    ):
         read_press_calibration(file=target, lights="rgb")
     read_press_calibration(file=target, lights="bgr")
 

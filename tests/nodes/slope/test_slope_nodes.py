@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tactograph.nodes.calibrate.tables.build_lut import build_lut
 from tactograph.nodes.calibrate.tables.fit_null_vector import fit_null_vector
@@ -58,14 +57,6 @@ def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
     fine = refine_taylor(GENTLE, coarse, none, FIT)
     assert np.abs(coarse - SHALLOW).max() < 0.02
     assert np.abs(fine - SHALLOW).max() < 2e-4
-
-
-def test_several_neighbours_are_averaged() -> None:
-    none = np.zeros(Z.shape, np.uint8)
-    rng = np.random.default_rng(2)
-    noisy = GENTLE + rng.normal(0, 0.01, GENTLE.shape).astype(np.float32)
-    one, eight = (lut_nearest(noisy, none, INDEX, neighbours=n) for n in (1, 8))
-    assert np.std(eight - SHALLOW) < np.std(one - SHALLOW)
 
 
 @pytest.mark.parametrize("far", [0.0, 3.0])

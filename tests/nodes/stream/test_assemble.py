@@ -5,7 +5,7 @@ import pytest
 
 from tactograph.nodes.stream.assemble import Assembler
 from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.led_in_frame import make_film
+from tactograph.nodes.stream.rest_film import make_film
 
 ROWS, COLUMNS, RATE = 60, 80, 30.0
 LEDS = (1, 2, 3, 4)

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as arrays
 from PIL import Image, PngImagePlugin
 
@@ -50,9 +49,7 @@ def exported(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("sur", 1e-7), ("png", 5e-5)]
-)
+@pytest.mark.parametrize(("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("png", 5e-5)])
 def test_what_is_written_is_read_back(exported: Path, suffix: str, step: float) -> None:
     read = read_height(file=exported / f"height.{suffix}")
     assert read.dtype == np.float32
@@ -86,16 +83,7 @@ def test_a_tmd_is_read_by_a_surface_metrology_package(exported: Path) -> None:
     assert surface.step_y == pytest.approx(PIXEL)
 
 
-def test_a_sur_is_read_by_a_surface_metrology_package_in_micrometres(exported: Path) -> None:
-    from surfalize import Surface
-
-    surface = Surface.load(str(exported / "height.sur"))
-    np.testing.assert_allclose(surface.data, 1000 * slope(), atol=1e-4)
-    assert surface.step_x == surface.step_y == pytest.approx(1000 * PIXEL)
-    assert (exported / "height.sur").read_bytes()[:512].count(b"\xb5m ") == 6
-
-
-@pytest.mark.parametrize("suffix", ["npy", "tiff", "png", "sur"])
+@pytest.mark.parametrize("suffix", ["npy", "tiff", "png"])
 def test_unknown_film_stays_unknown(tmp_path: Path, suffix: str) -> None:
     export_height(partly_known(), PIXEL, folder=tmp_path, formats=(suffix,))
     file = tmp_path / f"height.{suffix}"
@@ -165,12 +153,6 @@ def test_export_and_texture_take_a_height_unknown_in_parts(tmp_path: Path, graph
         assert sorted(file.suffix for file in (tmp_path / "out").iterdir()) == [".png", ".stl"]
 
 
-def test_a_sur_cannot_hold_a_height_map_that_is_level(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="all heights are the same"):
-        export_height(np.zeros((4, 5), np.float32), PIXEL, folder=tmp_path, formats=("sur",))
-    assert not list(tmp_path.iterdir())
-
-
 def test_gelsights_own_file_is_read_in_mm(groove: Path) -> None:
     expected = np.load(groove / "heightmap_mm.npy")
     np.testing.assert_allclose(read_height(file=groove / "heightmap.tmd"), expected, atol=1e-6)
@@ -214,7 +196,7 @@ def test_any_height_survives_a_tmd(tmp_path_factory: pytest.TempPathFactory, hei
 
 @pytest.mark.parametrize(
     ("suffix", "ends"),
-    [("tmd", (0, 10, 31, 40, 60, 79, 90, -1)), ("sur", (0, 11, 100, 511, 600, -1))],
+    [("tmd", (0, 10, 31, 40, 60, 79, 90, -1))],
 )
 def test_a_damaged_file_is_refused_wherever_it_ends(
     exported: Path, suffix: str, ends: tuple[int, ...]
@@ -224,14 +206,6 @@ def test_a_damaged_file_is_refused_wherever_it_ends(
         cut.write_bytes(whole[:end])
         with pytest.raises(InputError, match=rf"cut\.{suffix}"):
             read_height(file=cut)
-
-
-def test_a_sur_that_asks_for_more_heights_than_a_sensor_has_is_refused(exported: Path) -> None:
-    content = bytearray((exported / "height.sur").read_bytes())
-    content[108:116] = b"\xff\xff\xff\x7f" * 2
-    (exported / "huge.sur").write_bytes(content)
-    with pytest.raises(InputError, match="which no sensor has"):
-        read_height(file=exported / "huge.sur")
 
 
 NO_NUMBERS = ["9" * 330, "1e300", "Infinity", "NaN"]

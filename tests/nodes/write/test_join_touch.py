@@ -1,6 +1,5 @@
 """A touch is joined once per graph, of what the graph has."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -9,7 +8,8 @@ from tactograph.graph import GraphError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.nodes.write.join_touch import CapturedFrames, View, join_touch
+from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.write.join_touch import CapturedFrames, join_touch
 
 GRAPH = """
 format: 1
@@ -35,13 +35,11 @@ def bound(text: str, folder: Path) -> Draft:
 
 
 def test_every_part_is_where_its_name_says() -> None:
-    records = {
-        "frames": CapturedFrames("image", "name", "time", "state"),
-        "view": View("lens", "camera"),
-    }
-    parts = {name: name for name in join_touch.input_names} | records
-    joined = asdict(join_touch(**parts))
-    assert joined == {name: name for name in joined}
+    frames, view = CapturedFrames("image", "name", 1.0, "state"), View("lens", "camera")
+    layers = {"shadow": "shadow", "error": None, "pose": "pose"}
+    touch = join_touch("height", "pixel", frames, "metrics", view, **layers)
+    known = {"shadow": "shadow", "pose": "pose"}
+    assert touch == Touch("height", "image", "pixel", "name", 1.0, "state", view, "metrics", known)
 
 
 def test_a_capture_has_a_name_and_no_time_but_a_camera_has_one(tmp_path: Path) -> None:
@@ -58,13 +56,15 @@ def test_what_gives_nothing_of_a_record_is_not_read_as_one(tmp_path: Path) -> No
         bound(GRAPH.replace("view: cal", "view: frames"), tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("name", "now"), [("height", "height"), ("name", "frames"), ("camera", "view")]
-)
-def test_a_graph_that_gives_the_parts_to_a_writer_is_told_of_the_touch(
-    tmp_path: Path, name: str, now: str
-) -> None:
-    text = GRAPH.replace("{touch: touch}", f"{{touch: touch, {name}: height}}")
-    told = f"no input '{name}' any more: 'op: join_touch' takes it as '{now}', and this node takes"
+def test_layers_are_taken_by_name_with_the_types_of_their_kinds(tmp_path: Path) -> None:
+    graph = GRAPH.replace("view: cal}", "view: cal, error: height, shadow: frames.truth_shadow}")
+    task = bound(graph, tmp_path).tasks["touch"]
+    assert task.reads["error"] == Value("height", "read_height")
+    assert task.node.inputs["shadow"].unit == "LED bits"
+    assert task.node.inputs["shadow"].optional
+
+
+def test_a_layer_that_there_is_not_is_one_line_with_those_that_there_are(tmp_path: Path) -> None:
+    told = r"no input 'shadw'; did you mean 'shadow'\? \(it takes: .*shadow, .*pose"
     with pytest.raises(GraphError, match=told):
-        bound(text, tmp_path)
+        bound(GRAPH.replace("view: cal}", "view: cal, shadw: height}"), tmp_path)

@@ -31,7 +31,7 @@ def stored(folder: Path, suffix: str, result: object = None) -> Path:
     return file
 
 
-@pytest.mark.parametrize("suffix", ["tiff", "png", "tmd", "sur"])
+@pytest.mark.parametrize("suffix", ["tiff", "png", "tmd"])
 def test_a_format_that_states_the_pixel_size_needs_no_more(tmp_path: Path, suffix: str) -> None:
     file = stored(tmp_path, suffix, {"pixel_size_mm": 0.07})
     assert read_pixel_size(height=file) == pytest.approx(PIXEL)
@@ -55,7 +55,7 @@ def test_the_result_beside_a_npy_states_it(tmp_path: Path) -> None:
     ],
 )
 def test_where_nothing_states_it_one_line_says_what_to_give(tmp_path: Path, result: object) -> None:
-    with pytest.raises(InputError, match=r"height\.npy: states no .*; give pixel_size_mm=") as told:
+    with pytest.raises(InputError, match=r"height\.npy: states no .*; give `mm`=") as told:
         read_pixel_size(height=stored(tmp_path, "npy", result))
     assert "\n" not in str(told.value)
 
@@ -63,7 +63,7 @@ def test_where_nothing_states_it_one_line_says_what_to_give(tmp_path: Path, resu
 def test_a_result_that_is_cut_off_states_nothing(tmp_path: Path) -> None:
     file = stored(tmp_path, "npy")
     (tmp_path / "result.json").write_text('{"pixel_size_mm": 0.')
-    with pytest.raises(InputError, match="give pixel_size_mm="):
+    with pytest.raises(InputError, match="give `mm`="):
         read_pixel_size(height=file)
     assert read_pixel_size(height=file, mm=0.1) == 0.1
 

@@ -14,13 +14,12 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.show import pictures
-from tactograph.nodes.drawing import led_colours
-from tactograph.nodes.drawing.result_pictures import draw_contact, draw_shadow
-from tactograph.nodes.stream.touch import Touch
+from tactograph.nodes.drawing.result_pictures import draw_labels, draw_regions
+from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tactograph.nodes.write.write_result import write_result
+from tests.nodes.touches import touch_of
 
 SHAPE = (8, 10)
 MADE = Provenance({}, None, [], {}, {}, [], [])
@@ -30,7 +29,7 @@ def flat(**parts: Any) -> Touch:
     """A touch of a flat film, with such parts."""
     level, image = np.zeros(SHAPE, np.float32), np.ones((4, *SHAPE), np.float32)
     nothing = np.zeros(SHAPE, np.uint8)
-    return Touch(**{"height": level, "image": image, "pixel": 0.1, "shadow": nothing, **parts})
+    return touch_of(**{"height": level, "image": image, "pixel": 0.1, "shadow": nothing, **parts})
 
 
 def write(
@@ -62,7 +61,7 @@ def test_a_shadow_under_three_leds_is_a_warning(
 def test_precise_is_named_only_where_it_takes_the_calibration(
     tmp_path: Path, camera: float | None, cure: str
 ) -> None:
-    assert cure in write(tmp_path, 3, 0b10, camera=camera)[0]
+    assert cure in write(tmp_path, 3, 0b10, view=View(None, camera))[0]
 
 
 def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> None:
@@ -77,8 +76,8 @@ def test_confidence_contacts_and_what_is_unresolved_are_written_beside(tmp_path:
     """Contacts as their numbers, and what is unresolved white."""
     sure, numbers = np.full(SHAPE, 0.75, np.float32), np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], unresolved = 2, np.eye(*SHAPE, dtype=np.uint8)
-    touch = flat(confidence=sure, contact=numbers)
-    write_result(touch, unresolved=unresolved, folder=tmp_path, mesh=False, provenance=MADE)
+    touch = flat(confidence=sure, contact=numbers, unresolved=unresolved)
+    write_result(touch, folder=tmp_path, mesh=False, provenance=MADE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
     for name, plane in (("unresolved", 255 * unresolved), ("contact", numbers)):
@@ -153,7 +152,7 @@ def test_a_result_that_names_no_files_costs_none(tmp_path: Path, text: str) -> N
 def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> None:
     there = result(tmp_path, **full())
     with pytest.raises(InputError, match="camera"):
-        result(tmp_path, camera=2.0, mesh=True)
+        result(tmp_path, view=View(None, 2.0), mesh=True)
     assert {file.name for file in tmp_path.iterdir()} == there
 
 
@@ -192,13 +191,10 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 
 
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
-    assert pictures.SEVERAL_COLOUR == led_colours.SEVERAL_COLOUR
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
-        draw_shadow(
-            np.full(SHAPE, bits, np.uint8), np.ones((4, *SHAPE), np.float32),
-            tmp_path / f"{name}.png",
-        )  # fmt: skip
+        image, file = np.ones((4, *SHAPE), np.float32), tmp_path / f"{name}.png"
+        draw_labels(np.full(SHAPE, bits, np.uint8), image, "in shadow", file)
         picture = cv2.imread(str(tmp_path / f"{name}.png"))
         shades.append(float(picture[200:300, 200:300].mean()))
     assert shades[1] < 128 < shades[0]
@@ -210,11 +206,11 @@ def colours_of(picture: np.ndarray) -> set[int]:
     return set(colours[counts >= 2000].tolist())
 
 
-@pytest.mark.parametrize("draw", [draw_shadow, draw_contact])
+@pytest.mark.parametrize("draw", [draw_labels, draw_regions])
 def test_a_picture_does_not_show_the_touch_before(tmp_path: Path, draw: Any) -> None:
     image, one, other = np.ones((4, *SHAPE), np.float32), np.zeros(SHAPE, np.uint8), np.eye(8, 10)
     for name, numbers in (("first", one), ("between", other.astype(np.uint8)), ("again", one)):
-        draw(numbers, image, tmp_path / f"{name}.png")
+        draw(numbers, image, "title", tmp_path / f"{name}.png")
     first, between, again = (
         (tmp_path / f"{n}.png").read_bytes() for n in ("first", "between", "again")
     )

@@ -3,12 +3,11 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tests.conftest import Raytraced, real_data
+from tests.fixtures import Raytraced, real_data
 from tests.nodes.calibrate.film.test_judge_radius import image_of
 
 PIXEL = 0.1
@@ -101,7 +100,7 @@ def test_the_other_half_is_searched_when_one_half_is_given():
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_empty_film_is_refused_and_the_way_out_is_named(level):
     noise = np.random.default_rng(2).normal(0, 0.004, (4, *SIZE))
-    with pytest.raises(InputError, match=r"no ball .*ball_center_px=x,y") as error:
+    with pytest.raises(InputError, match=r"no ball .*`center_px`=X,Y") as error:
         find_ball(np.float32(level + noise), PIXEL, radius_mm=4.0)
     assert "\n" not in str(error.value)
 
@@ -109,12 +108,12 @@ def test_empty_film_is_refused_and_the_way_out_is_named(level):
 @pytest.mark.parametrize(
     ("center", "contact", "radius", "why"),
     [
-        ((1e9, -1e9), 10.0, 4.0, "ball_center_px=1e.09,-1e.09: .* beside the image of"),
+        ((1e9, -1e9), 10.0, 4.0, "at 1e.09,-1e.09 lies beside the image of"),
         ((-12.0, 5.0), 10.0, 4.0, "beside the image"),
-        ((70.0, 55.0), 1e-9, 4.0, "ball_contact_px=1e-09: a contact of less than 1 px"),
-        (None, 0.5, 4.0, "less than 1 px"),
-        (None, None, 1e-5, r"radius_mm=1e-05: .* check ball_radius_mm"),
-        (None, 41.0, 4.0, r"contact_px=41 is larger than the ball.*40\.0 px"),
+        ((70.0, 55.0), 1e-9, 4.0, "a contact of 1e-09 px shows no ball"),
+        (None, 0.5, 4.0, "a contact of 0.5 px shows no ball"),
+        (None, None, 1e-5, r"1e-05 mm radius .* check its radius"),
+        (None, 41.0, 4.0, r"a contact of 41 px is larger than the ball.*40\.0 px"),
     ],
 )
 def test_a_circle_that_shows_no_ball_is_refused(center, contact, radius, why):

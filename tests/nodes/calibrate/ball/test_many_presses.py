@@ -83,7 +83,7 @@ def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
         "e_empty": "no ball of radius 5 mm",
         "f_moved": "the ball moved by",
         "g_bright": "is saturated; expose shorter",
-        "h_other": "is its ball_radius_mm right",
+        "h_other": "is its radius right",
     }.items():
         assert any(f"press {name} is left out" in n and reason in n for n in told), name
 
@@ -142,7 +142,7 @@ def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "why"),
     [
-        ({}, r"one: the ball's radius is not known; give ball_radius_mm"),
+        ({}, r"one: the ball's radius is not known; give `radius_mm`"),
         ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but ball_radius_mm names 3 radii"),
         ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "ball_center_px and ball_contact_px are for"),
     ],
@@ -159,7 +159,7 @@ def test_presses_of_different_sizes_or_of_the_untouched_film_are_refused(tmp_pat
     write(tmp_path / "two", np.ones((3, 4, 6), np.float32))
     with pytest.raises(InputError, match="two: is 3 lights of 6 x 4 pixels, but one is"):
         read_balls(folder=tmp_path, radius_mm=7.0)
-    with pytest.raises(InputError, match=r"flat=.*: is the folder of the presses; give the"):
+    with pytest.raises(InputError, match=r"`flat`=.*: is the folder of the presses; give the"):
         read_balls(folder=tmp_path, flat=tmp_path / "one" / "..", radius_mm=7.0)
 
 

@@ -34,10 +34,10 @@ def test_arrays_of_others_stay(node: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.npz"
     check(node, file)
     np.savez(file, mine=np.ones(3))
-    with pytest.raises(InputError, match=r"a name that is free, or of an earlier .*, is needed"):
+    with pytest.raises(InputError, match=r"the name of a new file, or of an earlier .*, is needed"):
         check(node, file)
     file.write_text("not even an archive")
-    with pytest.raises(InputError, match=r"a name that is free, or of an earlier .*, is needed"):
+    with pytest.raises(InputError, match=r"the name of a new file, or of an earlier .*, is needed"):
         check(node, file)
 
 
@@ -47,7 +47,9 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
     file = tmp_path / "cal.npz"
     camera(file)
     check("write_camera", file)
-    with pytest.raises(InputError, match="a name that is free, or of an earlier calibration, is"):
+    with pytest.raises(
+        InputError, match="the name of a new file, or of an earlier calibration, is"
+    ):
         check("write_calibration", file)
     monkeypatch.chdir(tmp_path)
     graph = read_graph("calibrate_presses")

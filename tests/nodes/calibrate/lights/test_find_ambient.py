@@ -24,7 +24,7 @@ def test_ambient_light_is_found_doubted_and_taken_off(ambient: float) -> None:
     found, ball = found_with(ambient)
     assert np.abs(found.dark - ambient).max() < 0.006
     assert found.quality["ambient_percent"] == pytest.approx(100 * ambient, abs=0.6)
-    assert "dark=FILE" in found.doubts[0]
+    assert "`taken`=FILE" in found.doubts[0]
     placed = calibrate(ball - found.dark, found.flat, known())
     assert off(placed.lights, RING) < 0.02
     flat = seen(RING)[1] + np.float32(ambient)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes.calibrate.rating.judge_flat import judge_flat
-from tests.conftest import RIG_PIXEL_MM, Raytraced
+from tests.fixtures import RIG_PIXEL_MM, Raytraced
 from tests.nodes.calibrate.film.test_judge_radius import image_of
 
 LIGHTS = np.array([[25, 25, 40], [-25, 25, 40], [-25, -25, 40], [25, -25, 40]], np.float32)

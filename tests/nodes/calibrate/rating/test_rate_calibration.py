@@ -96,7 +96,7 @@ def test_leds_at_infinity_are_blamed_on_the_radius_and_refused(size: float, foun
 
 
 def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
-    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*force=true"):
+    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*`force`=true"):
         told(GOOD, pixel=3.0, albedo=0.95)
 
 
@@ -117,5 +117,5 @@ def test_a_coat_may_reflect_as_no_smooth_function_does() -> None:
 
 def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
     taken = FLAT + np.linspace(0, 0.1, 6, dtype=np.float32)
-    assert "flat=DIR" in told(POOR, noise=0.001)[0]
-    assert "flat=DIR" not in told(POOR, noise=0.001, flat=taken)[0]
+    assert "`flat`=DIR" in told(POOR, noise=0.001)[0]
+    assert "`flat`=DIR" not in told(POOR, noise=0.001, flat=taken)[0]

@@ -45,7 +45,7 @@ def test_another_exposure_is_told(level: float, word: str) -> None:
 def test_where_no_flat_frame_was_given_none_is_blamed() -> None:
     _, said = rated(press(1.25), taken=np.ones_like(FLAT))
     assert "brighter than a plain film under the LEDs that were found" in said
-    assert said.endswith("as no flat frame was given: give one, flat=DIR")
+    assert said.endswith("as no flat frame was given: give one, `folder`=DIR")
     model = rate_exposure(press(1.25), FLAT, TAKEN, CIRCLE, OF, [""], start=Path("model.yaml"))
     assert "brighter than level film by the light model" in model.doubts[0]
 

@@ -62,6 +62,13 @@ def test_the_same_film_is_right() -> None:
     assert wrong(GEL.seen()) == set()
 
 
+def test_a_dent_that_no_film_can_have_is_another_sensor() -> None:
+    change = changed(GEL.seen())
+    deep = np.where(np.hypot(X, Y) < 1, np.float32(-54.4), change.dent)
+    film = judge_film(change.strength, change.ambient, change.shift, change.albedo, deep, PIXEL_MM)
+    assert film.film.startswith("not the film of the calibration: is this another sensor")
+
+
 def test_a_weak_led_is_named() -> None:
     light = GEL.seen() * np.array([1, 0.8, 1, 1], np.float32)[:, None, None]
     assert wrong(light) == {"leds"}

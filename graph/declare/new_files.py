@@ -1,0 +1,122 @@
+"""Write the files of a new node, or of a new ring, from templates."""
+
+import keyword
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import jinja2
+
+from tactograph import __version__
+from tactograph.graph.declare.find_node import node_names
+from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.errors import InputError
+from tactograph.graph.rings import rings
+
+NODE_NAME = re.compile(r"[a-z][a-z0-9_]*")
+NODE_FILES = {
+    "nodes/{room}{name}.py": "node.py.j2",
+    "kernels/{room}{name}.cl": "node.cl.j2",
+    "kernels/{room}{name}.mutants.toml": "node.mutants.toml.j2",
+}
+"""Templates of a node by the files they become, in the core or a ring."""
+RING_FILES = {
+    "pyproject.toml": "pyproject.toml.j2",
+    "{package}/__init__.py": "package.py.j2",
+    "{package}/nodes/__init__.py": "empty.py.j2",
+    "{package}/kernels/__init__.py": "empty.py.j2",
+    "{package}/nodes/{name}.py": "node.py.j2",
+    "{package}/kernels/{name}.cl": "node.cl.j2",
+    "{package}/kernels/{name}.mutants.toml": "node.mutants.toml.j2",
+    "{package}/pipelines/{ring}/{name}_paper.yaml": "graph.yaml.j2",
+    "{package}/layers/__init__.py": "empty.py.j2",
+    "{package}/layers/{name}.py": "layer.py.j2",
+    "{package}/verbs/__init__.py": "empty.py.j2",
+    "{package}/verbs/{name}.py": "verb.py.j2",
+    "tests/test_{name}.py": "test_node.py.j2",
+    "tests/test_ring.py": "test_ring.py.j2",
+}
+"""Templates of a package that is a ring."""
+
+
+def write_node(place: str, root: Path) -> list[Path]:
+    """Write ``nodes/ROOM/NAME.py``, its kernel, mutants and test; `place` is ``ROOM/NAME``.
+
+    The parity tests find the node by themselves.
+
+    Raises InputError if `root` holds no nodes, it has no such room, the name cannot be used, or a
+    file is there.
+    """
+    if not (root / "nodes").is_dir() or not (root / "kernels").is_dir():
+        raise InputError(
+            f"{root}: no clone of tactograph, and no ring, since it has no folders nodes and "
+            "kernels; 'tactograph new-ring' makes a ring"
+        )
+    room, _, name = place.rpartition("/")
+    packages = [p.parent.relative_to(root / "nodes") for p in root.glob("nodes/**/__init__.py")]
+    rooms = sorted({package.as_posix() for package in packages} - {"."})
+    if rooms and room not in rooms:
+        raise InputError(f"new-node {place}: say ROOM/{name}, with a room of {', '.join(rooms)}")
+    is_core = (root / "graph").is_dir()
+    test = f"tests/{'nodes/' if is_core else ''}{{room}}test_{{name}}.py"
+    package = "tactograph" if is_core else _package_of(root)
+    where = {"name": name, "room": f"{room}/" if room else ""}
+    return _write(
+        name,
+        _placed({**NODE_FILES, test: "test_node.py.j2"}, root, where),
+        module=".".join(filter(None, (package, "nodes", room.replace("/", ".")))),
+        ring="" if is_core else root.resolve().name,
+    )
+
+
+def write_ring(folder: Path, name: str) -> list[Path]:
+    """Write a package that is a ring, with node, kernel, graph, command and tests.
+
+    Raises InputError if a name cannot be used, or a file is there.
+    """
+    distribution = folder.resolve().name
+    package = distribution.replace("-", "_")
+    if not package.isidentifier() or keyword.iskeyword(package):
+        raise InputError(f"new-ring {folder}: '{distribution}' cannot be a package's name")
+    ring = package.removeprefix("tactograph_")
+    if any(each.name == ring for each in rings()):
+        raise InputError(f"new-ring {folder}: a ring '{ring}' is installed; name another folder")
+    major, minor = (int(part) for part in __version__.split(".")[:2])
+    versions = f">={major}.{minor},<{major}.{minor + 1}"
+    where = {"name": name, "package": package, "ring": ring}
+    files = _placed(RING_FILES, folder, where)
+    about = {"package": package, "ring": ring, "distribution": distribution, "versions": versions}
+    return _write(name, files, module=f"{package}.nodes", **about)
+
+
+def _package_of(folder: Path) -> str:
+    """The package of a ring's folder: as it is registered, else that of the folder's name."""
+    nodes = (folder / "nodes").resolve()
+    registered = (ring.package for ring in rings() if ring.folder("nodes") == nodes)
+    return next(registered, nodes.parent.name)
+
+
+def _placed(files: Mapping[str, str], root: Path, where: Mapping[str, str]) -> dict[Path, str]:
+    return {root / file.format(**where): template for file, template in files.items()}
+
+
+def _write(name: str, files: dict[Path, str], **about: str) -> list[Path]:
+    if keyword.iskeyword(name):
+        raise InputError(f"'{name}' is a Python keyword; give another name")
+    if not NODE_NAME.fullmatch(name):
+        raise InputError(f"'{name}': a node's name is of lower-case letters, digits and _")
+    if name in node_names():
+        raise InputError(f"there is a node '{name}' already; give another name")
+    for file in files:
+        if file.exists():
+            raise InputError(f"{file} is there already; nothing was written")
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("tactograph.graph.declare", "templates"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    for file, template in files.items():
+        with atomic_file(file) as target:
+            target.write_text(templates.get_template(template).render(name=name, **about))
+    return list(files)

@@ -1,0 +1,167 @@
+"""Rings: packages that bring nodes, kernels, graphs and commands; the core is the first of them.
+
+A package registers itself by one entry point of the group ``tactograph.rings``, whose name is
+the ring's and whose value the package.  What lies in its folder is found by place and file name:
+
+==============================  ============================================================
+``nodes/**/NAME.py``            node NAME, declared by ``@node``
+``kernels/**/NAME.cl``          its kernels, in the same room
+``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
+``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study
+``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
+``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
+``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``
+``captures/NAME.py``            folders of images that a ``NAME.yaml`` lists: ``read``
+``streams/EXT.py``              files ``.EXT`` of many touches: ``read_heights``
+``sensors/NAME.yaml``           preset NAME of a sensor
+==============================  ============================================================
+
+Nothing of a package is imported before a graph or a command names what it brings.
+"""
+
+import importlib
+import importlib.util
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+
+from packaging.requirements import InvalidRequirement, Requirement
+
+from tactograph.graph.errors import NodeError, message_of
+
+ENTRY_POINT_GROUP = "tactograph.rings"
+CORE_PACKAGE = "tactograph"
+
+
+@dataclass(frozen=True)
+class Ring:
+    """A package that brings nodes, graphs and commands."""
+
+    name: str
+    package: str
+    distribution: str
+    places: tuple[tuple[str, str, Path], ...]
+    """What it brings, the package and the folder of each."""
+
+    @property
+    def shipped(self) -> bool:
+        """Whether it comes with tactograph itself."""
+        return self.distribution == CORE_PACKAGE
+
+    def files(self, kind: str, pattern: str) -> list[Path]:
+        """The files of one kind, sorted by path; none if the ring brings none."""
+        _, folder = self._place(kind)
+        return sorted(folder.glob(pattern)) if folder is not None else []
+
+    def folder(self, kind: str) -> Path | None:
+        """The folder of one kind; None if the ring brings none."""
+        return self._place(kind)[1]
+
+    def _place(self, kind: str) -> tuple[str, Path | None]:
+        return next(((p, folder) for name, p, folder in self.places if name == kind), ("", None))
+
+    def module(self, kind: str, file: Path) -> str:
+        """The name of the module in a file of `files`."""
+        package, folder = self._place(kind)
+        place = file.relative_to(folder or file.parent).with_suffix("")
+        return ".".join((package, *place.parts))
+
+
+def rings() -> tuple[Ring, ...]:
+    """The core, then the rings of installed packages by name; those that fail are warned of."""
+    return _rings(tuple(sys.path))
+
+
+@cache
+def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
+    """The rings on `path`, cached: reading all packages' metadata takes long."""
+    points = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
+    return (_core(), *_readable(points))
+
+
+def brought(kind: str) -> dict[str, tuple[Ring, Path]]:
+    """The modules of one kind that rings bring, by file name; of two the first ring's counts."""
+    names: dict[str, tuple[Ring, Path]] = {}
+    for ring in rings():
+        for file in ring.files(kind, "[!_]*.py"):
+            names.setdefault(file.stem, (ring, file))
+    return names
+
+
+def bring(kind: str, name: str) -> ModuleType | None:
+    """Import what a ring brings under this name; None if none does.
+
+    Raises NodeError, which names the ring, if it cannot be imported.
+    """
+    if (found := brought(kind).get(name)) is None:
+        return None
+    ring, file = found
+    try:
+        return importlib.import_module(ring.module(kind, file))
+    except Exception as error:
+        raise NodeError(
+            f"{kind}/{file.name} of ring '{ring.name}' cannot be loaded: "
+            f"{message_of(error) or type(error).__name__}"
+        ) from error
+
+
+def _core() -> Ring:
+    packages = {kind: f"{CORE_PACKAGE}.{kind}" for kind in ("nodes", "kernels", "pipelines")}
+    packages["layers"] = f"{packages['nodes']}.layers"
+    folders = ((kind, package, _folder(package)) for kind, package in packages.items())
+    places = tuple((kind, package, folder) for kind, package, folder in folders if folder)
+    return Ring("core", CORE_PACKAGE, CORE_PACKAGE, places)
+
+
+def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
+    """The rings whose package is there and takes this version; a warning for each other."""
+    for point in points:
+        folder = _folder(point.value)
+        distribution = point.dist.name if point.dist else point.value.partition(".")[0]
+        if folder is None:
+            warnings.warn(
+                f"ring '{point.name}' of {distribution}: there is no package {point.value}; "
+                "install it again, or uninstall it",
+                stacklevel=2,
+            )
+        elif needs := _other_version(point):
+            warnings.warn(
+                f"ring '{point.name}' of {distribution} takes {needs}, not the installed version; "
+                "install one of them",
+                stacklevel=2,
+            )
+        else:
+            inside = sorted(each for each in folder.iterdir() if each.is_dir())
+            places = tuple((each.name, f"{point.value}.{each.name}", each) for each in inside)
+            yield Ring(point.name, point.value, distribution, places)
+
+
+def _folder(package: str) -> Path | None:
+    """The folder of a package, which is not imported; None if there is none."""
+    try:
+        spec = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        return None
+    places = (spec and spec.submodule_search_locations) or ()
+    return next((Path(place) for place in places if Path(place).is_dir()), None)
+
+
+def _other_version(point: EntryPoint) -> str:
+    """What a ring's distribution requires of tactograph, if the installed version is another."""
+    from tactograph import __version__
+
+    for text in (point.dist and point.dist.requires) or ():
+        try:
+            need = Requirement(text)
+        except InvalidRequirement:
+            continue
+        is_this = re.sub(r"[-_.]+", "-", need.name).lower() == CORE_PACKAGE
+        if is_this and not need.specifier.contains(__version__, prereleases=True):
+            return f"{CORE_PACKAGE} {need.specifier}"
+    return ""

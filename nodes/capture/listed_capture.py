@@ -1,0 +1,46 @@
+"""Captures of other software, whose own file lists their images: a ring reads them.
+
+A ring's ``captures/NAME.py`` reads folders that hold a ``NAME.yaml``.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from tactograph.graph.rings import bring, brought
+
+
+class MarkedBall(NamedTuple):
+    """A ball that was marked by hand: its place in the grid, its centre and radius in px."""
+
+    column: int
+    row: int
+    x: float
+    y: float
+    radius: float
+
+
+class ListedCapture(NamedTuple):
+    """What the file of a capture states."""
+
+    images: list[Path]
+    """In the order of the LEDs."""
+    pixel_size: float = 0.0
+    """mm per px; 0 where it is unknown."""
+    balls: tuple[MarkedBall, ...] = ()
+    ball_radius: float = 0.0
+    """mm; 0 where it is unknown."""
+
+
+def listed_capture(folder: Path) -> ListedCapture | None:
+    """Read the file that lists a capture's images; None if there is none.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, or lists images that are not beside it.
+    """
+    for name in brought("captures"):
+        if (folder / f"{name}.yaml").is_file() and (reader := bring("captures", name)):
+            listed: ListedCapture = reader.read(folder)
+            return listed
+    return None

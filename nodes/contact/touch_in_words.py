@@ -1,0 +1,24 @@
+"""Say what a touch is in one sentence."""
+
+from tactograph.graph import node
+from tactograph.nodes import Metrics
+
+
+@node
+def touch_in_words(figures: Metrics) -> str:
+    """Return what one asks first of a touch: its contacts, their depth, and whether to trust it.
+
+    Parameters
+    ----------
+    figures
+        Those of `measure_contact`, and ``trust`` of `judge_touch` where the graph judges touches.
+    """
+    count = int(figures["contacts"])
+    depth = max(
+        (v for name, v in figures.items() if name.startswith("contact_depth_mm/")), default=0
+    )
+    contacts = {0: "no contact", 1: f"1 contact, {depth:.2g} mm deep"}.get(
+        count, f"{count} contacts, the deepest of {depth:.2g} mm"
+    )
+    trust = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
+    return f"{contacts}; {trust}"

@@ -1,0 +1,27 @@
+"""The LEDs that do not reach each pixel."""
+
+from typing import Annotated
+
+from tactograph.nodes import Labels
+from tactograph.nodes.stream.touch import LayerKind, LedLabels, Touch, as_it_is
+
+
+def _warning(touch: Touch, shadow: Labels) -> str:
+    """Where one LED of three is in shadow, two lights allow two slopes."""
+    if len(touch.image) != 3 or not shadow.any():
+        return ""
+    # 'precise' takes calibrations of LEDs whose places are known; they know the pupil's, too.
+    known = touch.view.camera is not None
+    cure = "a fourth LED, or 'precise', helps" if known else "press less steeply"
+    return (
+        f"three lights, {(shadow != 0).mean():.1%} of the pixels in shadow: two lights allow two "
+        f"slopes, so heights there and beyond may be wrong; {cure}"
+    )
+
+
+KIND = LayerKind(
+    Annotated[Labels, "Bit k-1: LED k does not reach the pixel"],
+    LedLabels("in shadow"),
+    topics={"shadow": as_it_is},
+    warning=_warning,
+)

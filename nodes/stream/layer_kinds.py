@@ -1,0 +1,46 @@
+"""The kinds of layers: of the core, and of rings; a kind is imported when it is asked for."""
+
+from collections.abc import Iterator, Mapping
+
+from tactograph.graph import InputError
+from tactograph.graph.errors import did_you_mean
+from tactograph.graph.rings import bring, brought
+from tactograph.nodes import HeightError
+from tactograph.nodes.stream.touch import Layer, LayerKind, Touch
+
+
+class LayerKinds(Mapping[str, LayerKind]):
+    """Kinds of layers by name, each from the file ``layers/NAME.py`` of the core or a ring."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(brought("layers"))
+
+    def __len__(self) -> int:
+        return len(brought("layers"))
+
+    def __getitem__(self, name: str) -> LayerKind:
+        module = bring("layers", name)
+        if module is None:
+            names = [*self]
+            there = did_you_mean(name, names) or f"; there are {', '.join(names)}"
+            raise InputError(f"no layer of a touch is called '{name}'{there}")
+        kind = getattr(module, "KIND", None)
+        if not isinstance(kind, LayerKind):
+            raise InputError(f"layer '{name}': KIND of {module.__name__} is no LayerKind")
+        return kind
+
+
+def layer_kinds() -> LayerKinds:
+    """Return the kinds that there are, by name; none is imported before it is asked for."""
+    return LayerKinds()
+
+
+def layers_of(touch: Touch) -> list[Layer]:
+    """Return a touch's layers with their kinds, in the order in which its graph names them."""
+    kinds = layer_kinds()
+    return [Layer(name, kinds[name], value) for name, value in touch.layers.items()]
+
+
+def deviation_of(touch: Touch) -> HeightError | None:
+    """Return the standard deviation of a touch's height; None if it holds none."""
+    return next((each.value for each in layers_of(touch) if each.kind.is_deviation), None)

@@ -1,0 +1,1 @@
+"""Image filters that no shipped graph needs, for graphs of one's own."""

@@ -1,0 +1,1 @@
+"""Blurs, thresholds, morphology, resizing and OpenCV functions."""

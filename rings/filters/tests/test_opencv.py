@@ -1,0 +1,75 @@
+"""OpenCV's functions by name: what a graph may call, and what it is told else."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tactograph import load
+from tactograph.graph.errors import GraphError
+from tactograph.rings.filters.nodes._opencv_functions import FUNCTION_ARGUMENTS
+from tactograph.rings.filters.nodes.opencv import opencv
+
+EXAMPLES: dict[str, dict[str, Any]] = {
+    "blur": {"ksize": [3, 5]},
+    "boxFilter": {"ksize": [3, 3], "normalize": False},
+    "sqrBoxFilter": {"ksize": [3, 3]},
+    "GaussianBlur": {"ksize": [5, 5], "sigmaX": 1.0},
+    "stackBlur": {"ksize": [3, 3]},
+    "medianBlur": {"ksize": 3},
+    "bilateralFilter": {"d": 5, "sigmaColor": 0.1, "sigmaSpace": 2},
+    "filter2D": {"kernel": [[0, -1, 0], [-1, 5, -1], [0, -1, 0]]},
+    "sepFilter2D": {"kernelX": [1, 2, 1], "kernelY": [1], "borderType": "BORDER_REFLECT"},
+    "Sobel": {"dx": 1, "dy": 0},
+    "Scharr": {"dx": 0, "dy": 1},
+    "Laplacian": {"ksize": 3},
+    "erode": {"kernel": [[1, 1, 1]]},
+    "dilate": {"kernel": [[1, 1, 1]], "iterations": 2},
+    "flip": {"flipCode": 1},
+}
+
+
+def graph(call: Any) -> dict[str, Any]:
+    return {
+        "format": 1,
+        "title": "A function of OpenCV",
+        "nodes": {
+            "frames": {"op": "read_capture", "with": {"folder": "nowhere"}},
+            "found": {"op": "opencv", "in": {"light": "frames.image"}, "with": {"call": call}},
+        },
+        "outputs": {"found": "found"},
+    }
+
+
+def test_the_slope_of_a_ramp_is_what_sobel_finds() -> None:
+    ramp = np.broadcast_to(np.arange(9, dtype=np.float32), (2, 7, 9))
+    call = {"Sobel": {"dx": 1, "dy": 0, "scale": 1 / 8}}
+    load(graph(call))
+    np.testing.assert_allclose(opencv(ramp, call=call)[:, :, 1:-1], 1)
+
+
+@pytest.mark.parametrize("name", FUNCTION_ARGUMENTS)
+def test_every_listed_function_gives_an_image_of_the_same_size(name: str) -> None:
+    light = np.random.default_rng(1).random((3, 12, 17), np.float32)
+    found = opencv(light, call={name: EXAMPLES[name]})
+    assert (found.shape, found.dtype) == (light.shape, np.float32)
+    assert not np.array_equal(found, light)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ({"sobel": {"dx": 1, "dy": 0}}, "'sobel' is not on the list.*did you mean 'Sobel'"),
+        ({"imwrite": {"filename": "x.png"}}, "'imwrite' is not on the list"),
+        ({"Sobel": {"dx": 1, "dy": 0, "size": 3}}, "'Sobel' has no argument 'size'"),
+        ({"Sobel": {"dx": 1}}, "'Sobel': dy: field required"),
+        ({"GaussianBlur": {"ksize": [4, 4], "sigmaX": 1}}, "an odd number is needed"),
+        ({"filter2D": {"kernel": [[1, 1], [1]]}}, "'filter2D': kernel: rows of the same length"),
+        ({"Sobel": {"dx": 0, "dy": 0}}, "'Sobel' of OpenCV refuses these arguments"),
+        ({"blur": {"ksize": [3, 3]}, "flip": {"flipCode": 1}}, "name one function"),
+        ({"blur": {"ksize": [3, 3], "borderType": "imread"}}, "'blur': borderType"),
+    ],
+)
+def test_a_call_that_is_not_right_is_refused_before_anything_runs(call: Any, said: str) -> None:
+    with pytest.raises(GraphError, match=said):
+        load(graph(call))

@@ -1,0 +1,1 @@
+"""Live sensors: cameras, LED controller and firmware, previews, guides, simulated sensors."""

@@ -1,0 +1,81 @@
+"""The parameters by which a live node's camera is chosen and set."""
+
+from typing import Annotated, Any, NamedTuple
+
+from annotated_types import Gt, Interval
+
+from tactograph.rings.live.nodes.camera._camera_names import serial_of
+from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
+from tactograph.sdk.unstable import SensorIdentity, UsedCalibration, check_sensor
+
+SIMULATED_NAME = "simulated"
+
+
+class CameraParams(NamedTuple):
+    """A camera, and the settings requested of its driver.
+
+    Parameters
+    ----------
+    camera
+        Index, serial number (``serial:28F5K4RR``, see ``tactograph cameras``; of an industrial
+        camera ``genicam:28F5K4RR``), device (``/dev/v4l/by-id/...``), URL or video file;
+        ``simulated`` for a simulated sensor, with its scene behind a question mark:
+        ``simulated?radius_mm=3&depth_mm=0.5``.
+    library
+        "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
+        each frame, and all bits of grey frames (``pip install 'tactograph[linux]'``).
+    rate : frames per second, and steps of LEDs that flash per second
+    exposure, gain, white_balance
+        In the driver's units; None keeps the driver's values.  Automatic control is turned off.
+    bits : bit depth, if the camera uses fewer bits than its 16-bit frames hold
+    timeout_s : time without a frame after which the camera is reopened
+    """
+
+    camera: int | str = 0
+    library: Library = "opencv"
+    rate: Annotated[float, Gt(0)] = 30.0
+    exposure: float | None = None
+    gain: float | None = None
+    white_balance: float | None = None
+    bits: Annotated[int, Interval(ge=8, le=16)] | None = None
+    timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5
+
+    def wanted(
+        self, width: int | None, height: int | None, *, colour: bool = False
+    ) -> CameraSettings:
+        """Return the size to request for frames of a size; None keeps the driver's."""
+        return CameraSettings(
+            width, height, self.rate, self.exposure, self.gain, self.white_balance, colour=colour
+        )
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the sensor is a simulated one."""
+        return str(self.camera).partition("?")[0] == SIMULATED_NAME
+
+    @property
+    def full_scale(self) -> float:
+        """The camera's largest value; 0: that of the frame's type."""
+        return float(2**self.bits - 1) if self.bits else 0.0
+
+    @property
+    def serial(self) -> str:
+        """The camera's serial number; empty if it has none."""
+        return serial_of(str(self.camera))
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """The settings that a recording keeps."""
+        kept = self._asdict() | {"camera": str(self.camera), "serial": self.serial}
+        return {name: value for name, value in kept.items() if name != "timeout_s"}
+
+    def check_calibration(self, used: UsedCalibration) -> None:
+        """Refuse the calibration of a camera of another serial number, as far as both are known.
+
+        Raises
+        ------
+        InputError
+            If it is another's and not taken on purpose.
+        """
+        here = SensorIdentity(serial=self.serial)
+        check_sensor(f"`camera`={self.camera}", here, *used)

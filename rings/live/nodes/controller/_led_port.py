@@ -1,0 +1,94 @@
+"""Find the LED controller's port, and explain why a port cannot be opened."""
+
+import errno
+import getpass
+import os
+from pathlib import Path
+
+import serial
+from serial.tools import list_ports
+
+from tactograph.sdk import InputError
+
+USB_IDS = {
+    (0x2E8A, 0x0005): "Raspberry Pi Pico with MicroPython",
+    (0x2E8A, 0x000A): "Raspberry Pi Pico",
+}
+"""USB vendor and product of boards that may be an LED controller."""
+BAUD_RATE = 115200
+"""Rate of a USB-UART converter; a Pico on USB ignores it."""
+
+
+def find_ports() -> list[str]:
+    """Ports whose USB id is that of a possible controller, in order of name."""
+    return sorted(p.device for p in list_ports.comports() if (p.vid, p.pid) in USB_IDS)
+
+
+def open_port(port: str, timeout_s: float) -> serial.SerialBase:
+    """Open `port` exclusively; reads wait at most 0.1 s, writes `timeout_s`.
+
+    Raises
+    ------
+    InputError
+        If there is no such port, another program uses it, or permission is missing; if it is a
+        URL, because some of them write files.
+    """
+    if "://" in port:
+        raise InputError(f"`port`={port}: is no device; give its name, such as /dev/ttyACM0")
+    try:
+        return serial.Serial(port, BAUD_RATE, timeout=0.1, write_timeout=timeout_s, exclusive=True)
+    except (OSError, ValueError) as error:
+        # serial.SerialException is an OSError, and most have an errno.
+        raise InputError(_why_not(port, error)) from None
+
+
+def no_controller() -> InputError:
+    """The error for a port that was neither given nor found; it lists the existing ports."""
+    names = [
+        f"{p.device} ({p.description})" if p.description not in (None, "n/a") else p.device
+        for p in sorted(list_ports.comports())
+        if p.vid is not None
+    ]
+    there = "serial ports on USB: " + ", ".join(names) if names else "no serial port on USB at all"
+    return InputError(f"no LED controller found; {there}; plug it in, or give `port`=NAME")
+
+
+def holder(port: str) -> str | None:
+    """The program that has `port` open, such as "minicom (pid 812)"; None if unknown."""
+    device = os.path.realpath(port)
+    for folder in Path("/proc").glob("[0-9]*"):
+        if int(folder.name) == os.getpid():
+            continue
+        try:
+            if any(os.path.realpath(fd) == device for fd in (folder / "fd").iterdir()):
+                return f"{(folder / 'comm').read_text().strip()} (pid {folder.name})"
+        except OSError:
+            continue
+    return None
+
+
+def _why_not(port: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number in (errno.EACCES, errno.EPERM):
+        return f"{port}: no permission to open it; {_remedy(port)}"
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return f"{port}: taken by {holder(port) or 'another program'}; close that first"
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        ports = ", ".join(find_ports())
+        hint = f"there is a controller at {ports}" if ports else "is the controller plugged in?"
+        return f"{port}: there is no such port; {hint}"
+    return f"{port}: cannot be opened: {error}"
+
+
+def _remedy(port: str) -> str:
+    """Say how to join the group that may open the port."""
+    try:
+        import grp
+
+        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
+    except (ImportError, KeyError, OSError):
+        return "ask the administrator of this computer"
+    if group == "root":
+        return "it belongs to root; docs/hardware.md has the rule that gives it to dialout"
+    user = getpass.getuser()
+    return f"join its group: sudo usermod -aG {group} {user}, then log out and in again"

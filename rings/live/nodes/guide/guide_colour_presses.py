@@ -1,0 +1,181 @@
+"""Guide a person through the calibration of a one-shot sensor: the film, then ball after ball."""
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt
+from scipy.ndimage import gaussian_filter
+
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.open_camera import Plane
+from tactograph.rings.live.nodes.guide._guide_params import GuideParams
+from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
+from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.sdk import F4, InputError, Light, LiveFrames, atomic_file, node, write_image
+from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
+from tactograph.sdk.unstable import (
+    MIN_PRESSES,
+    Circles,
+    Order,
+    PressImages,
+    advise,
+    degree_for,
+    make_film,
+    planes_of,
+    presses_per_cell,
+    read_preset,
+    rim_slope,
+)
+
+SMOOTHING_PX = 2.0
+"""Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
+REFIT_PRESSES = 10
+"""The map is fitted again after at most this many further presses."""
+
+
+class GuidedColourPresses(NamedTuple):
+    """The P presses so far as from `read_presses`, and their circles as from `find_presses`.
+
+    `serial` is the camera's serial number, if it has one.
+    """
+
+    image: PressImages
+    flat: Light
+    names: list[str]
+    circle: Circles
+    serial: str | None = None
+
+
+@node(endless=True)
+def guide_colour_presses(
+    *,
+    driver: CameraParams,
+    guide: GuideParams,
+    sensor: str | None = None,
+    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
+    lights: Order = "bgr",
+    warm_up_s: Annotated[float, Ge(0)] | None = None,
+    presses_at_most: Annotated[int, Ge(MIN_PRESSES)] = 40,
+) -> Iterator[GuidedColourPresses]:
+    """Ask for one press after another; yield all so far whenever they allow a finer map.
+
+    A press is captured automatically, once the light differs from that of the untouched film
+    and is still; no key is needed.  A press that shows no ball is reported and left out.
+    Instructions, and where to press next, appear on the terminal at once.
+
+    All images are kept beside `file`, where `calibrate_presses` can read them: for ``mini.npz``
+    ``mini_presses/untouched/film.png``, ``mini_presses/pressed/01/frame.png`` and so on.
+
+    Parameters
+    ----------
+    sensor : as for `read_colour_camera`
+    pixel_size_mm : mm per px on the film; None: the sensor's
+    lights : the colours in the calibration's order
+    warm_up_s
+        How long the LEDs warm up before the film at rest is captured.  None: the sensor's time,
+        none for simulated LEDs.
+    presses_at_most : number of presses after which no more are asked for
+
+    Returns
+    -------
+    After 4, 6, 12, 20 and 30 presses, where the degree of the map's polynomials rises, then after
+    every 10, and at the end.
+
+    Raises
+    ------
+    InputError
+        If the camera cannot be opened; if the pixel size is not known; if a colour stays dark;
+        if the film does not come to rest, or is not pressed 4 times; if the folder already holds
+        presses.
+    """
+    folder = new_folder(guide.file)
+    preset = None if sensor is None else read_preset(sensor)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
+    source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
+    with closing(source):
+        if warm_up_s is None:
+            warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0
+        if warm_up_s:
+            tell(f"The LEDs warm up for {warm_up_s:g} s.")
+            time.sleep(warm_up_s)
+        tell("Take everything off the film, and leave it alone.")
+        picture = colours_at_rest(source.camera, driver.bits, guide.patience_s)
+        _save(folder / "untouched" / "film.png", np.rint(picture * 65535).astype(np.uint16))
+        flat = np.stack(
+            [gaussian_filter(p, SMOOTHING_PX, mode="nearest") for p in planes_of(picture, lights)]
+        )
+        film = make_film(flat)
+        stream = ColourStream(source, film, lights, driver.full_scale)
+        watch = Watch(film, stream, guide.still_s, guide.patience_s)
+        circle_in = partial(_circle, flat=flat, pixel=pixel, radius_mm=guide.ball_radius_mm)
+        presses = islice(watch.presses(circle_in), presses_at_most)
+        for pressed in _finer_and_finer(presses, folder, flat, guide, pixel):
+            yield pressed._replace(serial=driver.serial or None)
+
+
+def _finer_and_finer(
+    presses: Iterator[tuple[LiveFrames, F4]],
+    folder: Path,
+    flat: Light,
+    guide: GuideParams,
+    pixel: float,
+) -> Iterator[GuidedColourPresses]:
+    """Save every press, say where to press next, and yield all whenever a finer map is due."""
+    images: list[F4] = []
+    circles: list[F4] = []
+    fitted = 0
+    for press, circle in presses:
+        images.append(press.image)
+        circles.append(circle)
+        _save(folder / "pressed" / f"{len(images):02}" / "frame.png", press.new[-1].data)
+        every, size = np.array(circles), (flat.shape[1], flat.shape[2])
+        steepest = rim_slope(every, guide.ball_radius_mm / pixel)
+        advice = advise(presses_per_cell(every, size), size, steepest)
+        tell(f"Press {len(images)} is taken: let go. Next: {advice}.")
+        if _is_finer(len(images), fitted):
+            fitted = len(images)
+            yield _all(images, flat, circles)
+    if len(images) < MIN_PRESSES:
+        raise InputError(
+            f"the film was pressed {len(images)} times within {guide.patience_s:g} s, and "
+            f"{MIN_PRESSES} presses are needed; hold the ball still in it, or wait longer with "
+            "`patience_s`=600"
+        )
+    if fitted < len(images):
+        yield _all(images, flat, circles)
+
+
+def _circle(press: LiveFrames, flat: Light, pixel: float, radius_mm: float) -> F4:
+    """x, y and contact radius in px; raises an error if there is no ball."""
+    (level,) = level_presses(press.image[None], flat)
+    share = level / np.maximum(flat, np.float32(0.02))
+    try:
+        ball = find_ball(share, pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    return np.array([*ball.center, ball.contact], np.float32)
+
+
+def _is_finer(presses: int, before: int) -> bool:
+    """Tell if `presses` allow a finer map than `before`, or are at least `REFIT_PRESSES` more."""
+    if presses < MIN_PRESSES:
+        return False
+    return (
+        degree_for(presses) > degree_for(before) or presses >= before + REFIT_PRESSES or not before
+    )
+
+
+def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresses:
+    names = [f"{i:02}" for i in range(1, len(images) + 1)]
+    return GuidedColourPresses(np.stack(images), flat, names, np.stack(circles))
+
+
+def _save(file: Path, picture: Plane) -> None:
+    with atomic_file(file) as target:
+        write_image(target, picture)

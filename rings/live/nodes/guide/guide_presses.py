@@ -1,0 +1,166 @@
+"""Guide a person through a calibration: the untouched film, then ball after ball."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+from numpy.typing import NDArray
+
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.open_camera import Plane
+from tactograph.rings.live.nodes.guide._guide_params import GuideParams
+from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
+from tactograph.rings.live.nodes.touches.sensor import open_rig
+from tactograph.rings.live.nodes.touches.touch_stream import Stream
+from tactograph.sdk import (
+    F4,
+    Dark,
+    InputError,
+    Light,
+    LiveFrames,
+    atomic_file,
+    atomic_files,
+    node,
+    write_image,
+)
+from tactograph.sdk.nodes import find_ball, flat_field, read_balls, read_flat
+from tactograph.sdk.unstable import (
+    MAX_LEDS,
+    Ball,
+    CaptureFile,
+    Flat,
+    KnownCircles,
+    Radii,
+    SheetLight,
+    make_film,
+)
+
+SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
+"""Light that counts as saturated, and the largest share of saturated pixels."""
+MIN_CONTACT_PX = 10.0
+"""Smallest radius of a contact with enough pixels to fit an LED's light."""
+
+
+class GuidedPresses(NamedTuple):
+    """The P presses so far as from `read_balls`, and the film as from `read_flat`.
+
+    `serial` is the camera's serial number, if it has one.
+    """
+
+    image: SheetLight
+    first: Light
+    radius: Radii
+    known: KnownCircles
+    names: list[str]
+    flat: Light
+    dark: Dark
+    serial: str | None = None
+
+
+@node(endless=True)
+def guide_presses(
+    *,
+    driver: CameraParams,
+    guide: GuideParams,
+    port: str | None = None,
+    pixel_size_mm: Annotated[float, Gt(0)],
+    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] = 4,
+) -> Iterator[GuidedPresses]:
+    """Ask for one press after another, and yield all presses so far after each.
+
+    The untouched film is captured under one LED after the other, and with all LEDs off.  A press
+    is captured automatically, once the light differs from that of the untouched film and is
+    still; no key is needed.  A press that shows no ball is reported and left out.  Instructions
+    appear on the terminal at once.
+
+    All images are kept beside `file`, where `calibrate` can read them: for ``cal.npz``
+    ``cal_presses/untouched``, ``cal_presses/dark.png``, ``cal_presses/pressed/01`` and so on.
+
+    Parameters
+    ----------
+    port : as for `read_camera`; here the LEDs need their controller
+    pixel_size_mm : mm per px on the film
+    leds : number of LEDs
+
+    Raises
+    ------
+    InputError
+        If the camera or the controller cannot be opened; if an LED stays dark; if the film
+        does not come to rest, or is never pressed; if the folder already holds presses.
+    """
+    folder = new_folder(guide.file)
+    pressed = folder / "pressed"
+    rig = open_rig(driver, port, (guide.width_px, guide.height_px), leds=leds)
+    with closing(rig):
+        tell("Take everything off the film, and leave it alone.")
+        image, black = film_at_rest(rig, driver.bits, guide.patience_s)
+        _save_film(folder, image, black)
+        film = read_flat(image, black=black, folder=folder / "untouched")
+        rig.lamps.resume()
+        rest = make_film(*film)
+        stream = Stream(rig, rest, film.dark, "cycle", driver.full_scale)
+        watch = Watch(rest, stream, guide.still_s, guide.patience_s)
+        radius_mm = guide.ball_radius_mm
+        count = 0
+        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=radius_mm)
+        for count, (press, ball) in enumerate(watch.presses(ball_in), start=1):
+            frames = {frame.led: frame.data for frame in press.new}
+            _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
+            tell(f"Press {count} is taken: let go.")
+            image, first, radius, known, names, *_ = read_balls(folder=pressed)
+            taken = GuidedPresses(image, first, radius, known, names, *film)
+            yield taken._replace(serial=driver.serial or None)
+        if not count:
+            raise InputError(
+                f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
+                "and hold it still, or wait longer with `patience_s`=600"
+            )
+        tell(f"No press for {guide.patience_s:g} s: that was all.")
+
+
+def _ball(press: LiveFrames, film: Flat, pixel: float, radius_mm: float) -> Ball:
+    """The ball's contact; raises an error if the press cannot be used."""
+    full = float((press.image >= SATURATED_LIGHT).mean())
+    if full > MAX_PRESS_SATURATED:
+        raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
+    try:
+        ball = find_ball(flat_field(press.image, film.flat, film.dark), pixel, radius_mm=radius_mm)
+    except InputError:
+        raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
+    if ball.contact < MIN_CONTACT_PX:
+        raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
+    return ball
+
+
+def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
+    """The known properties of a press, so that its ball is searched for only once."""
+    x, y = ball.center.tolist()
+    return CaptureFile(
+        ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
+    )
+
+
+def _save_film(folder: Path, image: Light, dark: Dark) -> None:
+    """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
+    with atomic_files(folder / "untouched") as target:
+        for k, plane in enumerate(image, start=1):
+            write_image(target / f"led{k}.png", _levels(plane))
+    with atomic_file(folder / "dark.png") as file:
+        write_image(file, _levels(dark))
+
+
+def _levels(plane: F4) -> NDArray[np.uint16]:
+    return np.rint(plane * 65535).astype(np.uint16)
+
+
+def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:
+    """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
+    with atomic_files(folder) as target:
+        for led, data in frames.items():
+            write_image(target / f"led{led}.png", data)
+        # JSON is YAML, too.
+        (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

@@ -1,0 +1,224 @@
+"""A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from tactograph.rings.live.nodes.camera.camera import Camera, Shot
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.open_camera import (
+    CameraSettings,
+    Capture,
+    Plane,
+    View,
+    check_camera,
+    open_capture,
+)
+from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
+from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
+from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
+from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
+from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
+from tactograph.rings.live.nodes.touches.sensor import START_S
+from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
+from tactograph.sdk import Height, InputError, LiveFrames, LiveState
+from tactograph.sdk.unstable import (
+    ALL_LIT,
+    Order,
+    RawFrame,
+    RestFilm,
+    SensorPreset,
+    cells,
+    planes_of,
+    top_of,
+)
+
+COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
+COLOUR_FAULTS = FAULT_LINES | {
+    "covered": "a frame is dark: discarded; is the lens covered, or are the LEDs off?",
+    "brightness": "{led} is not as bright as calibrated: followed, but look at the LEDs and the "
+    "camera's exposure",
+}
+"""One line of explanation for every fault."""
+
+
+@dataclass
+class ColourSensor:
+    """A camera that sees a film under three colours; `table` is the film of a simulated one."""
+
+    camera: Camera
+    table: SimulatedColourSensor | None
+
+    def truth(self, end: float) -> Height | None:
+        """The true height for a frame whose exposure ended at `end`, if known."""
+        return None if self.table is None else self.table.truth(end)
+
+    def close(self) -> None:
+        """Release the camera."""
+        self.camera.close()
+
+
+def open_colour_sensor(
+    driver: CameraParams,
+    size: tuple[int | None, int | None],
+    *,
+    preset: SensorPreset | None = None,
+    queue: int = 8,
+) -> ColourSensor:
+    """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
+
+    The preset completes the settings, and the size where that is None.  Its view is applied to a
+    real camera's pictures; a simulated camera delivers frames to which it is already applied.
+
+    Raises
+    ------
+    InputError
+        If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
+        the preset's frames have another size.
+    """
+    table: SimulatedColourSensor | None = None
+    once = False
+    wanted = driver.wanted(*size, colour=True)
+    if driver.is_simulated:
+        film: dict[str, float] = {}
+        if preset is not None:  # image and pixel size of a sensor of this kind
+            width, height = preset.size
+            film = {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, film))
+        connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
+    else:
+        once = check_camera(driver.camera, driver.library)
+        wanted = wanted if preset is None else _with_preset(wanted, preset)
+        connect = partial(open_capture, driver.camera, driver.library, colour=True)
+    source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
+    try:
+        source.check(START_S, driver.camera)
+    except BaseException:
+        source.close()
+        raise
+    return ColourSensor(source, table)
+
+
+def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
+    """The settings to request from the driver, and the view of its pictures.
+
+    Raises
+    ------
+    InputError
+        If the requested size differs from the preset's.
+    """
+    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    if size != preset.size:
+        raise InputError(
+            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
+            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
+        )
+    asked = preset.camera
+    return replace(
+        wanted,
+        width=asked.width,
+        height=asked.height,
+        rate=asked.rate or wanted.rate,
+        format=asked.format,
+        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
+        gain=asked.gain if wanted.gain is None else wanted.gain,
+        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        view=View(preset.turn_deg, preset.crop, size),
+    )
+
+
+@dataclass
+class ColourStream(TouchStream):
+    """Turns a camera's colour frames into touches.
+
+    Parameters
+    ----------
+    sensor : not closed here
+    film : the film at rest; each colour counts as an LED
+    order : the channels that are the lights, in the calibration's order
+    full : the camera's largest value; 0: that of the frame's type
+    state : the counters
+    """
+
+    sensor: ColourSensor
+    film: RestFilm
+    order: Order = "bgr"
+    full: float = 0.0
+    state: LiveState = field(default_factory=LiveState)
+
+    def __post_init__(self) -> None:
+        self._camera = self.sensor.camera
+        self._log = FaultLog(self.state, None, COLOUR_FAULTS)
+        self._connected = self._camera.connections
+        self._before: Plane | None = None
+
+    def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
+        self._supervise(len(shots) - 1)
+        usable = [shot for shot in shots if self._is_usable(shot)]
+        return self._touch(usable) if usable else None
+
+    def _supervise(self, passed_over: int) -> None:
+        """Count the camera's faults, and the frames that newer ones replace."""
+        camera = self._camera
+        camera.faults["dropped"] += max(passed_over, 0)
+        self._log.take(Counter(camera.faults))
+        self.state.dropped = camera.faults["dropped"]
+        self._tell_of_camera()
+        if camera.connections != self._connected:
+            self._connected = camera.connections
+            self._log.restart()
+
+    def _is_usable(self, shot: Shot) -> bool:
+        """Tell if a frame shows the film; otherwise count its fault."""
+        self._log.count(shot)
+        fault = self._fault(shot.data)
+        if fault:
+            self._log.note(fault)
+        if fault == "wrong size":
+            self._reopen()
+        return not fault
+
+    def _fault(self, data: Plane) -> str:
+        if data.shape != (*self.film.size, len(self.film.patterns)):
+            return "wrong size"
+        # A few rows detect saturation as well as all rows.
+        sample = data[::5].copy()
+        saturated = np.count_nonzero(np.greater_equal(sample, top_of(data, self.full)))
+        if saturated > MAX_SATURATED_SHARE * sample.size:
+            return "saturated"
+        before, self._before = self._before, sample
+        if before is not None and np.array_equal(sample, before):
+            return "doubled"
+        return self._judge_brightness(data)
+
+    def _judge_brightness(self, data: Plane) -> str:
+        """Discard a dark frame; report a changed colour, but keep its frame."""
+        ordered = data if self.order == "bgr" else data[..., ::-1]
+        light = np.moveaxis(cells(ordered), -1, 0) / np.float32(top_of(data, self.full))
+        share = light / self.film.scale
+        gains = np.median(share.reshape(len(share), -1), axis=1)
+        if gains.max() < MAX_DARK_LIGHT:
+            return "covered"
+        for letter, gain in zip(self.order, gains, strict=True):
+            if abs(gain - 1) > MAX_BRIGHTNESS_CHANGE:
+                self._log.note("brightness", COLOUR_NAMES[letter])
+        return ""
+
+    def _touch(self, shots: list[Shot]) -> LiveFrames:
+        """The touch of the newest frame; it carries all frames, for a recording."""
+        newest = shots[-1]
+        self.state.touches += 1
+        return LiveFrames(
+            planes_of(newest.data, self.order, top_of(newest.data, self.full)),
+            f"{self.state.touches:06}",
+            newest.time,
+            [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots],
+            replace(self.state, faults=Counter(self.state.faults)),
+            self.sensor.truth(newest.time),
+        )

@@ -1,0 +1,113 @@
+"""Read touches from a camera whose LEDs flash in turn."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.touches.sensor import open_rig
+from tactograph.rings.live.nodes.touches.touch_stream import Stream
+from tactograph.sdk import InputError, LiveFrames, LiveState, node
+from tactograph.sdk.unstable import (
+    FRACTIONS,
+    Refresh,
+    UsedCalibration,
+    Whole,
+    calibrated_film,
+    make_film,
+)
+
+
+@node(endless=True)
+def read_camera(
+    *,
+    driver: CameraParams,
+    port: str | None = None,
+    used: UsedCalibration,
+    refresh: Refresh = "rolling",
+    ambient: bool = False,
+    motion: Literal["report", "skip"] = "report",
+    motion_limit: Annotated[float, Gt(0)] = 0.1,
+    queue: Annotated[int, Interval(ge=1, le=64)] = 8,
+    seconds: Annotated[float, Gt(0)] | None = None,
+    items: Annotated[int, Ge(1)] | None = None,
+    whole: Whole = FRACTIONS,
+) -> Iterator[LiveFrames]:
+    """Yield a touch with every camera frame, for as long as the camera runs.
+
+    A frame is matched to its LED by its image, which shows the film at rest under one of the
+    LEDs, and by the controller's clock; both must agree.  Frames that show two LEDs, none, the
+    wrong one, or not the film at all are counted, reported and discarded.  Camera and controller
+    are reopened whenever they fail.
+
+    Parameters
+    ----------
+    port
+        The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
+        software controller.  ``none``: the LEDs flash by themselves, and the image alone
+        decides.
+    refresh
+        "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
+        a touch whenever all LEDs are new.
+    ambient : whether the cycle has a step with all LEDs off, whose light is subtracted
+    motion, motion_limit
+        A touch whose light changes by more than the limit (1 is the film at rest) from one
+        cycle to the next is counted as "moved", or skipped.
+    queue
+        Most frames that wait; when the reconstruction is slower than the camera, the oldest
+        are dropped.
+    seconds, items : time, or number of touches, after which to end; None: never
+    whole : whether frames may remain the camera's integers
+
+    Returns
+    -------
+    Touches: the light K x H x W as fractions of full scale, a running number as name, the end
+    of the newest exposure in s of ``time.monotonic()``, the new frames, the counters so far,
+    and the true height if the sensor is simulated.
+
+    Raises
+    ------
+    InputError
+        If at the start the calibration, the camera or the controller cannot be opened, or the
+        camera's image size or serial number differs from the calibration's; if the calibration
+        is of a one-shot sensor.
+    """
+    flat, dark, one_shot = calibrated_film(used.calibration)
+    if one_shot:
+        raise InputError(
+            f"{used.calibration}: a one-shot sensor, whose colours are lit at once, is read by "
+            "'op: read_colour_camera', not by read_camera"
+        )
+    driver.check_calibration(used)
+    height, width = dark.shape
+    sensor = open_rig(driver, port, (width, height), leds=len(flat), ambient=ambient, queue=queue)
+    with closing(sensor):
+        cycle = {"lights": "leds", "refresh": refresh, "cycle": list(sensor.cycle)}
+        stream = Stream(
+            sensor,
+            make_film(flat, dark),
+            dark,
+            refresh,
+            driver.full_scale,
+            whole,
+            motion_limit,
+            motion == "skip",
+            LiveState(settings=driver.noted | cycle),
+        )
+        yield from stream.touches(driver.timeout_s / 2, seconds, items)
+
+
+@read_camera.rehearsal
+def _rehearsal(
+    *, calibration: Path, ambient: bool, bits: int | None, whole: bool, **_: Any
+) -> LiveFrames:
+    """Return the film at rest, in the pixel type that most cameras deliver."""
+    touch = calibrated_film(calibration).touch
+    if not whole or ambient or bits is not None:
+        return touch
+    image: Any = np.rint(np.clip(touch.image, 0, 1) * 255).astype(np.uint8)
+    return touch._replace(image=image)

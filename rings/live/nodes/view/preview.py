@@ -1,0 +1,215 @@
+"""Show a stream of touches: in a window if there is a screen, else as PNG files."""
+
+import os
+import sys
+import time as clock
+from collections import deque
+from pathlib import Path
+from typing import Annotated, Literal
+
+import cv2
+from annotated_types import Gt, Interval
+
+from tactograph.rings.live.nodes.view._live_picture import Picture, draw_touch, round_up
+from tactograph.sdk import (
+    Height,
+    InputError,
+    Lights,
+    LiveState,
+    Session,
+    Touch,
+    atomic_file,
+    node,
+    warn,
+)
+
+RATE_WINDOW_S = 2.0
+CLOSING_KEYS = (27, ord("q"))
+Where = Literal["auto", "window", "files"]
+
+
+@node
+def preview(
+    touch: Touch,
+    *,
+    lights: Lights = "leds",
+    where: Where = "auto",
+    folder: Path = Path("preview"),
+    rate_hz: Annotated[float, Gt(0)] = 10.0,
+    keep: Annotated[int, Interval(ge=0)] = 0,
+    top_mm: Annotated[float, Gt(0)] | None = None,
+    layer: str | None = None,
+    session: Session,
+) -> None:
+    """Show the height in colour, the camera's image, a layer of the touch and the rates.
+
+    Without a screen, or with an OpenCV without windows, the picture goes to
+    ``folder/latest.png``, which is always a complete file.  A window that the user closes
+    (also by q or Escape) stays closed; the stream goes on.
+
+    Parameters
+    ----------
+    touch
+        As `join_touch` makes it.  Shown are LED 1, or the colours, with the arrows of its layers,
+        and beneath them one layer: labels and regions over the mean image, or a map.
+    lights : "bgr" or "rgb" if the lights are the colours of one picture, see `read_camera`
+    where : "auto": a window if possible, else files
+    folder : for the PNG files
+    rate_hz : most pictures per second; touches in between are not drawn
+    keep : number of latest pictures to keep beside ``latest.png``, named after their touches
+    top_mm : upper end of the height's colour scale; None: the greatest height so far, rounded up
+    layer : name of the layer beneath the camera's image; None: the first labels
+
+    Raises
+    ------
+    InputError
+        If a window is requested but impossible, the folder cannot be written when the preview
+        begins, or the touch has no such layer.
+    """
+    shown = session.keep(lambda: _Preview(_open_screen(where, folder, keep), 1 / rate_hz))
+    shown.count(touch)
+    if shown.is_due():
+        top = top_mm or shown.top_of(touch.height)
+        picture = draw_touch(touch, top, shown.footer(touch.state), lights, layer)
+        shown.show(picture, touch.name)
+
+
+class _Window:
+    """An OpenCV window."""
+
+    title = "tactograph"
+
+    def __init__(self) -> None:
+        cv2.namedWindow(self.title, cv2.WINDOW_NORMAL | cv2.WINDOW_KEEPRATIO)
+        self._began = False
+
+    def show(self, picture: Picture, name: str) -> bool:
+        """Draw a picture; return False once the user has closed the window."""
+        if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
+            return self._gone()
+        if not self._began:
+            cv2.resizeWindow(self.title, picture.shape[1], picture.shape[0])
+            self._began = True
+        cv2.imshow(self.title, picture[..., ::-1])
+        if cv2.waitKey(1) & 0xFF in CLOSING_KEYS:
+            cv2.destroyWindow(self.title)
+            return self._gone()
+        return True
+
+    def close(self) -> None:
+        cv2.destroyAllWindows()
+
+    def _gone(self) -> bool:
+        warn("preview: the window was closed; the stream goes on without it")
+        return False
+
+
+class _Files:
+    """``latest.png`` and the pictures before it, named after their touches."""
+
+    def __init__(self, folder: Path, keep: int) -> None:
+        self._folder, self._keep = folder, keep
+        self._kept: deque[Path] = deque()
+        self._wrote = False
+
+    def show(self, picture: Picture, name: str) -> bool:
+        """Write a picture; return False once that has become impossible."""
+        encoded = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
+        names = ["latest", name] if self._keep and name else ["latest"]
+        try:
+            for file in (self._folder / f"{stem}.png" for stem in names):
+                with atomic_file(file) as target:
+                    target.write_bytes(encoded)
+        except InputError as error:
+            if not self._wrote:
+                raise
+            warn(f"preview: {error}; the stream goes on without it")
+            return False
+        self._wrote = True
+        self._kept.extend(self._folder / f"{stem}.png" for stem in names[1:])
+        while len(self._kept) > self._keep:
+            self._kept.popleft().unlink(missing_ok=True)
+        return True
+
+    def close(self) -> None:
+        """Do nothing: no file is open between two pictures."""
+
+
+class _Preview:
+    """The pictures' destination, the time of the next one, and the rates."""
+
+    def __init__(self, screen: _Window | _Files, pause: float) -> None:
+        self._screen: _Window | _Files | None = screen
+        self._pause = pause
+        self._due = 0.0
+        self._top = 0.0
+        self._came: deque[tuple[float, int]] = deque()
+        self._latency_s: float | None = None
+
+    def count(self, touch: Touch) -> None:
+        """Count a touch, and note its latency."""
+        now = clock.monotonic()
+        self._came.append((now, touch.state.frames if touch.state else 0))
+        while now - self._came[0][0] > RATE_WINDOW_S:
+            self._came.popleft()
+        self._latency_s = touch.latency_s(now)
+
+    def is_due(self) -> bool:
+        return self._screen is not None and clock.monotonic() >= self._due
+
+    def top_of(self, height: Height) -> float:
+        """Upper end of the colour scale, which grows with the height and never shrinks."""
+        highest = float(height.max())
+        self._top = max(self._top, round_up(highest) if highest > 0 else round_up(0.1))
+        return self._top
+
+    def footer(self, state: LiveState | None) -> str:
+        (start, frames), (end, last) = self._came[0], self._came[-1]
+        parts = []
+        if end > start:
+            parts.append(f"{(len(self._came) - 1) / (end - start):.1f} touches/s")
+            if state is not None:
+                parts.append(f"{(last - frames) / (end - start):.1f} frames/s")
+        if self._latency_s is not None:
+            parts.append(f"latency {1e3 * self._latency_s:.0f} ms")
+        if state is not None:
+            parts.append(f"dropped {state.dropped}")
+            others = [each for each in state.faults.most_common(4) if each[0] != "dropped"]
+            parts += [f"{fault} {count}" for fault, count in others[:3]]
+        return "     ".join(parts)
+
+    def show(self, picture: Picture, name: str) -> None:
+        self._due = clock.monotonic() + self._pause
+        if self._screen is not None and not self._screen.show(picture, name):
+            self._screen.close()
+            self._screen = None
+
+    def close(self) -> None:
+        if self._screen is not None:
+            self._screen.close()
+
+
+def _open_screen(where: Where, folder: Path, keep: int) -> _Window | _Files:
+    if where == "files":
+        return _Files(folder, keep)
+    reason = _why_no_window()
+    if reason is None:
+        return _Window()
+    if where == "window":
+        raise InputError(f"preview: {reason}; `where`=files writes pictures instead")
+    warn(f"preview: {reason}; pictures go to {folder / 'latest.png'}")
+    return _Files(folder, keep)
+
+
+def _why_no_window() -> str | None:
+    # Checked before OpenCV is, because without a display its Qt windows end the whole program.
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return "there is no screen (DISPLAY is not set)"
+    try:
+        cv2.namedWindow(_Window.title, cv2.WINDOW_NORMAL)
+        cv2.destroyWindow(_Window.title)
+    except cv2.error:
+        return "this OpenCV has no windows (opencv-contrib-python has, -headless has not)"
+    return None

@@ -1,0 +1,1 @@
+"""Mechanics of touch: contacts over time, pose, slip, stitching, markers, forces and shear."""

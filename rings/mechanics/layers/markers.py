@@ -1,0 +1,37 @@
+"""The markers of the untouched film, and where each has gone."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple
+
+from tactograph.rings.mechanics.nodes.marker.find_markers import Markers
+from tactograph.sdk import F4, U1, Arrows, ArrowsInImage, LayerKind, Port, Touch
+from tactograph.sdk.unstable import METRES_PER_MM
+
+Shifts = Annotated[F4, Port("M 2", "px")]
+"""The shift of each marker, x and y."""
+
+
+Seen = Annotated[U1, Port("M", "flag", high=1)]
+"""0: a marker is not seen; its shift is predicted from its neighbours."""
+
+
+class MarkerTracks(NamedTuple):
+    """The markers of the untouched film, and where each has gone."""
+
+    markers: Markers
+    shift: Shifts
+    seen: Seen
+
+
+def _points(touch: Touch, tracks: MarkerTracks) -> Mapping[str, Any]:
+    """Return one point per marker: its position on the untouched film, and its shift."""
+    side = touch.pixel * METRES_PER_MM
+    (x, y, radius), (dx, dy) = side * tracks.markers.T, side * tracks.shift.T
+    return {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": tracks.seen}
+
+
+def _arrows(tracks: MarkerTracks) -> ArrowsInImage:
+    return ArrowsInImage(tracks.markers[:, :2], tracks.shift, tracks.seen)
+
+
+KIND = LayerKind(MarkerTracks, Arrows(_arrows), topics={"markers": _points})

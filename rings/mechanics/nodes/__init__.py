@@ -1,0 +1,1 @@
+"""Motion, force and markers."""

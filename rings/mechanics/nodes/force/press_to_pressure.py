@@ -1,0 +1,187 @@
+"""The pressure that presses the film in, and the force on every contact."""
+
+from functools import partial
+from typing import Annotated, Any, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Interval
+from numpy.typing import NDArray
+from scipy.fft import dctn, idctn
+from scipy.sparse.linalg import LinearOperator, cg
+
+from tactograph.rings.mechanics.nodes.force.elastic_layer import (
+    Modulus,
+    Poisson,
+    Thickness,
+    layer_compliance,
+    wave_numbers,
+)
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    Height,
+    HeightError,
+    Metrics,
+    PixelSize,
+    Port,
+    node,
+    warn,
+)
+from tactograph.sdk.unstable import MAX_MEASURED, Most, cores, largest_contacts
+
+Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
+"""Normal pressure on the film."""
+NEWTONS_PER_KPA_MM2 = 1e-3
+"""A kPa mm^2 in newtons."""
+ENOUGH_SHARE = 1e-6
+"""Share of the load that is left when conjugate gradients end early."""
+MAX_STRAIN = 0.3
+"""Depth over thickness above which a linear layer is too soft."""
+MAX_BORDER_SHARE = 0.01
+"""Share of the contact at the image's border from which its force is only a part."""
+
+
+class PressForce(NamedTuple):
+    """Pressure by pixel, and figures by contact."""
+
+    pressure: Pressure
+    figures: Metrics
+
+
+@node
+def press_to_pressure(
+    height: Height,
+    contact: Contacts,
+    pixel: PixelSize,
+    error: HeightError | None = None,
+    *,
+    modulus_kpa: Modulus,
+    thickness_mm: Thickness,
+    poisson: Poisson = 0.48,
+    modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
+    steps: Annotated[int, Interval(ge=1, le=100)] = 8,
+    cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    most: Most = MAX_MEASURED,
+) -> PressForce:
+    """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
+
+    The gel is an elastic layer bonded to its window (`elastic_layer`); its response is diagonal
+    in the cosine transform.  The height's error is that of integrated slopes, k times smaller at
+    the wave number k, and its mean means nothing; so the misfit is weighted by k^2: least squares,
+    by conjugate gradients over the cells of the contacts.  A zero or a tilt of the height that is
+    wrong hardly matters.
+
+    Parameters
+    ----------
+    height : H x W in mm
+    contact
+        H x W, the number of the contact at each pixel, as `find_contact` gives it: outside there
+        is no pressure, and inside it may come out below zero by noise.
+    pixel : mm per px
+    error : H x W, the height's standard deviation in mm; without it forces have no deviation
+    modulus_kpa : Young's modulus of the gel
+    thickness_mm : of the gel, between film and window
+    poisson : Poisson's ratio; 0.5 cannot be compressed
+    modulus_error : relative standard deviation of the modulus
+    steps : of conjugate gradients
+    cell_px : side of the cells that have a pressure of their own
+    most : largest number of contacts that have figures, the largest; all press
+
+    Returns
+    -------
+    Pressure H x W in kPa, and for each contact ``contact_force_n/c1``, its standard deviation
+    ``contact_force_sd_n/c1``, the highest pressure ``contact_pressure_kpa/c1``, and the force's
+    centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
+    """
+    _warn_of_limits(height, contact, thickness_mm)
+    numbers = largest_contacts(contact, most)
+    rows, columns = (-(-size // cell_px) for size in height.shape)
+    k = wave_numbers((rows, columns), cell_px * pixel)
+    compliance = layer_compliance(k, thickness_mm, poisson).normal / modulus_kpa
+    weight = (compliance * k) ** 2
+    to_load = (compliance * k * k / weight.max()).astype(np.float32)
+    inside = _cells(contact > 0, cell_px)
+    relative = (weight / weight.max()).astype(np.float32)
+    solve = partial(_solve, weight=relative, inside=inside, steps=steps)
+    by_cell = solve(inside * _filtered(_cells(np.nan_to_num(height), cell_px), to_load))
+    size = columns * cell_px, rows * cell_px
+    enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    pressure = np.where(contact > 0, enlarged[: height.shape[0], : height.shape[1]], np.float32(0))
+    figures = _figures(pressure, contact, numbers, pixel)
+    if error is not None:
+        deviation = _cells(np.nan_to_num(error), cell_px)
+        for number in numbers:
+            functional = _filtered(inside * solve(_cells(contact == number, cell_px)), to_load)
+            chance = NEWTONS_PER_KPA_MM2 * (cell_px * pixel) ** 2
+            chance *= _deviation(functional * deviation, k)
+            force = figures[f"contact_force_n/c{number}"]
+            figures[f"contact_force_sd_n/c{number}"] = float(
+                np.hypot(chance, modulus_error * force)
+            )
+    return PressForce(pressure, figures)
+
+
+def _cells(plane: NDArray[Any], side: int) -> F4:
+    """Means of squares of `side` pixels; those at the border go on beyond it."""
+    down, right = (-size % side for size in plane.shape)
+    whole = np.pad(plane.astype(np.float32), ((0, down), (0, right)), mode="edge")
+    size = whole.shape[1] // side, whole.shape[0] // side
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
+
+
+def _filtered(plane: F4, gain: F4) -> F4:
+    """A plane whose waves are multiplied by `gain`."""
+    spectrum = dctn(plane, norm="ortho", workers=cores())
+    return np.asarray(idctn(gain * spectrum, norm="ortho", workers=cores()), np.float32)
+
+
+def _solve(load: F4, weight: F4, inside: F4, steps: int) -> F4:
+    """Conjugate gradients for the plane that `weight` turns into `load`.
+
+    `inside` is each cell's share of contact.
+    """
+
+    def moved(plane: F4) -> F4:
+        return inside * _filtered(inside * plane.reshape(load.shape), weight)
+
+    operator = LinearOperator((load.size, load.size), moved, dtype=np.float32)
+    plane, _ = cg(operator, load.ravel(), rtol=ENOUGH_SHARE, maxiter=steps)
+    return np.asarray(plane.reshape(load.shape), np.float32)
+
+
+def _deviation(sensitivity: F4, k: F8) -> float:
+    """The standard deviation of a sum over the height, its errors those of integrated slopes.
+
+    `sensitivity` is the sum's derivative by the height, times the height's deviation.
+    """
+    variance = np.divide(1, k * k, out=np.zeros_like(k), where=k > 0)
+    spectrum = dctn(sensitivity, norm="ortho", workers=cores())
+    return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
+
+
+def _figures(pressure: F4, contact: Contacts, numbers: NDArray[np.intp], pixel: float) -> Metrics:
+    figures: Metrics = {}
+    for number in numbers:
+        y, x = np.nonzero(contact == number)
+        part = pressure[y, x]
+        total = float(part.sum())
+        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * pixel**2 * total
+        figures[f"contact_pressure_kpa/c{number}"] = float(part.max(initial=0))
+        if total > 0:
+            figures[f"contact_force_x_px/c{number}"] = float(x @ part) / total
+            figures[f"contact_force_y_px/c{number}"] = float(y @ part) / total
+    return figures
+
+
+def _warn_of_limits(height: Height, contact: Contacts, thickness: float) -> None:
+    deepest = float(np.max(height, initial=0, where=contact > 0))
+    if deepest > MAX_STRAIN * thickness:
+        warn(
+            f"the film is pressed in by {deepest:.2g} mm of {thickness:g}: the gel's response is "
+            "no longer linear there, and forces come out too small"
+        )
+    border = np.concatenate([contact[0], contact[-1], contact[:, 0], contact[:, -1]])
+    if np.count_nonzero(border) > MAX_BORDER_SHARE * np.count_nonzero(contact):
+        warn("a contact reaches the image's border: its force is that of the part in view")

@@ -1,0 +1,50 @@
+"""Write the shifts of a film's markers, as a table and as arrows."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from tactograph.sdk import InputError, Touch, atomic_files, draw_arrows, node, write_image
+
+MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,seen"
+MIN_WIDTH_PX = 640
+"""Smallest width of the picture."""
+
+
+@node
+def write_markers(touch: Touch, *, folder: Path) -> None:
+    """Write ``markers.csv`` and ``markers.png``.
+
+    One row per marker: its place on the untouched film and its shift, in px and in mm (places in
+    mm from the middle of the image), and whether it was seen (1) or predicted from its
+    neighbours (0).
+
+    Parameters
+    ----------
+    touch
+        As `join_touch` makes it, with `markers`; the mean of its image is the background of the
+        picture.
+    folder : created if needed
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or the touch has no markers.
+    """
+    if "markers" not in touch.layers:
+        raise InputError("write_markers: the touch has no markers; give join_touch its 'markers'")
+    (markers, shift, seen), image, pixel = touch.layers["markers"], touch.image, touch.pixel
+    rows, columns = image.shape[1:]
+    place = markers[:, :2]
+    away = (place - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)) * pixel
+    table = np.column_stack([place, shift, away, shift * pixel, seen])
+    scale = -(-MIN_WIDTH_PX // columns)
+    grey = (255 * image.mean(axis=0).clip(0, 1)).astype(np.uint8)
+    large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
+    picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
+    draw_arrows(picture, place, shift, seen, scale)
+    with atomic_files(folder / touch.name if touch.name else folder) as target:
+        formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
+        np.savetxt(target / "markers.csv", table, formats, ",", header=MARKER_COLUMNS, comments="")
+        write_image(target / "markers.png", picture[..., ::-1])

@@ -1,0 +1,180 @@
+"""Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.sdk import (
+    F4,
+    RESULT_FILE,
+    InputError,
+    PixelSize,
+    Port,
+    bring,
+    brought,
+    load,
+    node,
+    read_height_file,
+    warn,
+)
+from tactograph.sdk.nodes import read_error, read_pixel_size
+from tactograph.sdk.unstable import (
+    MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM,
+    PRESS_CALIBRATION,
+    check_heights,
+    is_of_kind,
+    warning_kind,
+)
+
+TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
+"""Heights of P touches; NaN where not known."""
+MAX_TOUCHES = 255
+
+
+class Touches(NamedTuple):
+    """Heights and their standard deviations, NaN where none is stated, and their names."""
+
+    heights: TouchHeights
+    errors: TouchHeights
+    pixel: PixelSize
+    names: list[str]
+
+
+@node
+def read_touches(
+    *,
+    folder: Path,
+    most: Annotated[int, Interval(ge=2, le=MAX_TOUCHES)] = 60,
+    pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    calibration: Path | None = None,
+) -> Touches:
+    """Read heights, and their errors where they are stated.
+
+    Of more than `most` touches, as a stream has, so many are taken, evenly spread.
+
+    Parameters
+    ----------
+    folder
+        Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
+        holds ``.mcap`` files: heights, as `write_mcap` writes them, which state no pixel size, or
+        with a calibration frames, as `record` writes them.
+    most : number of touches
+    pixel_size_mm : for heights in ``.mcap`` files, and stores of graphs that put out no pixel size
+    calibration
+        Of the sensor whose frames `folder` holds: `replay` makes heights of them, without errors.
+
+    Raises
+    ------
+    InputError
+        If there are less than 2 touches, they differ in size or pixel size, or state none.
+    """
+    if (folder / RESULT_FILE).is_file():
+        raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
+    read: Callable[..., Touches] = _read_results
+    if calibration is not None:
+        return _replayed(folder, most, calibration)
+    if (folder / "zarr.json").is_file():
+        read = _read_store
+    elif _stream_files(folder):
+        read = _read_recording
+    touches = read(folder, most, pixel_size_mm)
+    for name, height in zip(touches.names, touches.heights, strict=True):
+        check_heights(height, folder / name, unknown=True)
+    return touches
+
+
+def _spread(count: int, most: int, folder: Path, advice: str) -> list[int]:
+    """Which of the touches are taken."""
+    if count < 2:
+        raise InputError(f"{folder}: holds {count} results, and 2 are needed; {advice}")
+    return sorted({*np.linspace(0, count - 1, min(most, count)).round().astype(int)})
+
+
+def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
+    every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
+    advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
+    results = [every[n] for n in _spread(len(every), most, folder, advice)]
+    files = [result / "height.npy" for result in results]
+    heights = [read_height_file(file).height for file in files]
+    pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
+    for result, height, size in zip(results, heights, pixels, strict=True):
+        if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
+            raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
+    stated = [read_error(height=file) for file in files]
+    errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
+    names = [result.name for result in results]
+    return Touches(np.stack(heights), np.stack(errors), pixels[0], names)
+
+
+def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
+    from tactograph.sdk.unstable import BatchMaps
+
+    maps = BatchMaps(folder)
+    pixel = pixel or maps.pixel
+    if "height" not in maps.names or pixel is None:
+        lacks = "a pixel size: give `pixel_size_mm`=MM" if "height" in maps.names else "heights"
+        raise InputError(f"{folder}: this store lacks {lacks}")
+    numbers = _spread(len(maps.captures), most, folder, "run the batch over more captures")
+    touches = [maps[number] for number in numbers]
+    heights = np.stack([touch["height"] for touch in touches]).astype(np.float32)
+    unknown = np.full(heights.shape[1:], np.nan, np.float32)
+    errors = np.stack([touch.get("error", unknown) for touch in touches]).astype(np.float32)
+    return Touches(heights, errors, pixel, [Path(maps.captures[n]).name for n in numbers])
+
+
+def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
+    """Heights in files of a format that a ring reads (its ``streams/EXT.py``)."""
+    files = _stream_files(folder)
+    reader = bring("streams", files[0].suffix[1:])
+    heights = reader.read_heights(files) if reader is not None else []
+    if pixel is None:
+        raise InputError(f"{folder}: states no pixel size; give `pixel_size_mm`=MM")
+    every = dict(enumerate(heights))
+    return _of_recording(every, most, pixel, folder, "no topic /height holds more")
+
+
+def _stream_files(folder: Path) -> list[Path]:
+    """The files of the first format of streams that a file or folder holds; none without one."""
+    suffixes = [f".{name}" for name in brought("streams")]
+    if folder.is_file():
+        return [folder] if folder.suffix in suffixes else []
+    held = (sorted(folder.glob(f"*{suffix}")) for suffix in suffixes)
+    return next((files for files in held if files), [])
+
+
+def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
+    """Heights of a recording's frames, at most twice `most` at a time; one warning of each kind."""
+    graph = "replay_oneshot" if is_of_kind(calibration, PRESS_CALIBRATION) else "replay"
+    given = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
+    if graph == "replay":
+        given["refresh"] = "cycle"
+    heights, stride, pixel = dict[int, F4](), 1, 0.0
+    told = dict[str, str]()
+    with load(graph, given, outputs=["height", "pixel"]) as pipeline:
+        for number, result in enumerate(pipeline.items()):
+            for line in result.warnings:
+                told.setdefault(warning_kind(line), line)
+            if number % stride == 0:
+                heights[number], pixel = result["height"].copy(), float(result["pixel"])
+            if len(heights) > 2 * most:
+                stride *= 2
+                heights = {n: height for n, height in heights.items() if n % stride == 0}
+    for line in told.values():
+        warn(line)
+    return _of_recording(heights, most, pixel, folder, "record more touches")
+
+
+def _of_recording(
+    heights: dict[int, F4], most: int, pixel: float, folder: Path, advice: str
+) -> Touches:
+    """Heights by the number of their frame, whose errors nothing states."""
+    taken = [[*heights][n] for n in _spread(len(heights), most, folder, advice)]
+    if len({heights[n].shape for n in taken}) > 1:
+        raise InputError(f"{folder}: its heights differ in size")
+    chosen = np.stack([heights[n] for n in taken])
+    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in taken])

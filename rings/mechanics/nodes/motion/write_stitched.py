@@ -1,0 +1,66 @@
+"""Write a surface that was put together from touches."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
+from tactograph.sdk import (
+    RESULT_FILE,
+    Metrics,
+    PixelSize,
+    Provenance,
+    atomic_files,
+    node,
+    write_image,
+    write_mesh,
+    write_result_file,
+    write_tiff,
+)
+from tactograph.sdk.unstable import ERROR_MAP
+
+
+@node
+def write_stitched(
+    height: Stitched,
+    error: Stitched,
+    source: Sources,
+    pixel: PixelSize,
+    metrics: Metrics,
+    *,
+    folder: Path,
+    provenance: Provenance,
+) -> None:
+    """Write ``height.npy``, ``error.npy``, a mesh, pictures, and ``result.json`` into `folder`.
+
+    Files are as `write_result` writes them; ``source.png`` holds the number of the touch that
+    counts most at each pixel, and ``seams.png`` shows the surface with the seams between touches.
+
+    Parameters
+    ----------
+    height, error : Y x X in mm; NaN where nothing touched
+    source : Y x X, as `stitch` gives it
+    pixel : mm per px
+    metrics : figures to keep in ``result.json``
+    folder : created if needed
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written; then no file is.
+    """
+    # Loading Matplotlib takes longer than the rest.
+    from tactograph.sdk import draw_height, draw_map
+    from tactograph.sdk.unstable import draw_seams
+
+    with atomic_files(folder, last=RESULT_FILE) as target:
+        np.save(target / "height.npy", height)
+        np.save(target / "error.npy", error)
+        write_tiff(target / "height.tiff", height, pixel)
+        write_mesh(target / "height.ply", height, pixel)
+        write_image(target / "source.png", source)
+        draw_height(height, error, pixel, target / "height.png")
+        draw_map(error, ERROR_MAP, pixel, target / "error.png")
+        draw_seams(height, source, pixel, target / "seams.png")
+        about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
+        write_result_file(target, about)

@@ -1,0 +1,84 @@
+"""Forces of presses whose pressure is known."""
+
+import numpy as np
+import pytest
+
+from rings.mechanics.tests.force.presses import (
+    FORCE,
+    MODULUS,
+    PEAK,
+    PIXEL,
+    RADIUS,
+    SHAPE,
+    contact,
+    displacement,
+    distance,
+    height,
+    noise,
+)
+from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F8, U1
+from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
+
+Gel = tuple[float, float]
+GELS = [(1.5, 0.3), (2.5, 0.45), (2.5, 0.48), (2.5, 0.5)]
+
+
+def test_a_thick_layer_is_pressed_in_as_hertz_says() -> None:
+    r = np.linspace(0, 0.9 * RADIUS, 10)
+    poisson = 0.3
+    ball = np.pi * PEAK * (1 - poisson**2) / (4 * MODULUS * RADIUS) * (2 * RADIUS**2 - r**2)
+    np.testing.assert_allclose(displacement(2000 * RADIUS, poisson, r), ball, rtol=0.01)
+
+
+def found(
+    z: F8, contact: U1, error: float | None = None, gel: Gel = GELS[2], **settings: float
+) -> PressForce:
+    """Pressure of a height with a stated error."""
+    settings = {"modulus_kpa": MODULUS, "thickness_mm": gel[0], "poisson": gel[1], **settings}
+    stated = None if error is None else np.full(SHAPE, error, np.float32)
+    return press_to_pressure(z.astype(np.float32), contact, PIXEL, stated, **settings)
+
+
+@pytest.mark.parametrize("gel", GELS)
+def test_force_and_pressure_of_a_ball(gel: Gel) -> None:
+    told = found(height(*gel), contact(), gel=gel)
+    assert told.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
+    inner = distance() < 0.8 * RADIUS
+    ball = PEAK * np.sqrt(np.maximum(1 - (distance() / RADIUS) ** 2, 0))
+    np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.05 * PEAK)
+    assert told.figures["contact_force_x_px/c1"] == pytest.approx((SHAPE[1] - 1) / 2, abs=0.1)
+    assert not told.pressure[contact() == 0].any()
+
+
+def test_a_wrong_zero_and_tilt_hardly_matter() -> None:
+    told = found(height(*GELS[2]) + 0.01 + 2e-4 * np.arange(160), contact())
+    assert told.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
+
+
+@pytest.mark.parametrize("gel", GELS[1:3])
+def test_the_stated_deviation_holds(gel: Gel) -> None:
+    rng, z, error, inside = np.random.default_rng(3), height(*gel), 0.004, 0
+    for _ in range(100):
+        figures = found(z + noise(rng, error), contact(), error, gel).figures
+        off = abs(figures["contact_force_n/c1"] - FORCE)
+        inside += off < 1.645 * figures["contact_force_sd_n/c1"]
+    assert 84 <= inside <= 98
+
+
+def test_the_moduluss_error_is_part_of_the_forces() -> None:
+    figures = found(height(*GELS[2]), contact(), 1e-6, modulus_error=0.1).figures
+    assert figures["contact_force_sd_n/c1"] == pytest.approx(0.1 * FORCE, rel=0.05)
+
+
+def test_limits_of_the_model_are_told() -> None:
+    with collect_warnings([]) as told:
+        found(height(*GELS[2]), np.ones(SHAPE, np.uint8), thickness_mm=0.4)
+    assert "no longer linear" in told[0]
+    assert "reaches the image's border" in told[1]
+
+
+def test_without_a_contact_there_is_no_pressure() -> None:
+    none = found(height(*GELS[2]), np.zeros(SHAPE, np.uint8))
+    assert not none.pressure.any()
+    assert none.figures == {}

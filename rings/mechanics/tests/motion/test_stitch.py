@@ -1,0 +1,236 @@
+"""A surface larger than the film, from touches of its parts."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from rings.mechanics.tests.motion.moved_objects import (
+    F8,
+    PIXEL,
+    height_at,
+    moved,
+    plate,
+    pressed,
+    seen,
+    shift_and_turn,
+)
+from rings.recording.tests.recordings import LEDS, record_touch
+from tactograph.graph import InputError, Provenance, Session
+from tactograph.graph.batch.entry import DONE, Entry
+from tactograph.graph.batch.job import Job
+from tactograph.graph.batch.map_types import MapType
+from tactograph.graph.batch.store import create_store
+from tactograph.graph.cache.result_origin import Origin
+from tactograph.graph.errors import collect_warnings
+from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.nodes import F4
+from tactograph.nodes.stream.frames import RawFrame
+from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
+from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
+from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
+from tactograph.rings.recording.nodes.write_mcap import write_mcap
+from tests.fixtures import Calibration, Raytraced
+
+COUNT = 9
+NAMES = [str(number) for number in range(COUNT)]
+
+
+def motions() -> list[F8]:
+    """Three by three places of the object on the film, each turned and tilted a little."""
+    rng, found = np.random.default_rng(4), []
+    for row in (-1, 0, 1):
+        for column in (-1, 0, 1):
+            shift = np.array([8.0 * column, 6.0 * row, 0.0]) + rng.normal(0, 0.3, 3) * [1, 1, 0.1]
+            found.append(moved(*shift, *(rng.normal(0, 1, 3) * [0.3, 0.3, 3])))
+    return found
+
+
+def noisy_touches() -> tuple[F4, F4]:
+    """Heights with noise, and their errors."""
+    rng = np.random.default_rng(6)
+    true = np.array([pressed(plate, motion) for motion in motions()])
+    heights = np.array([seen(z, rng)[0] for z in true])
+    return heights, np.full_like(heights, np.sqrt(np.square(heights - true).mean()))
+
+
+touches = pytest.fixture(scope="module")(noisy_touches)
+
+
+@pytest.fixture(scope="module")
+def whole(touches: tuple[F4, F4]) -> StitchedSurface:
+    return stitch(*touches, PIXEL, NAMES)
+
+
+def root_of(whole: StitchedSurface) -> int:
+    """The touch in whose coordinates the surface is."""
+    zeros = [name for name in NAMES if not whole.figures[f"stitched_x_mm/{name}"]]
+    return int(zeros[0])
+
+
+def departure(whole: StitchedSurface) -> F8:
+    """Height less truth; where the surface lies and how it leans is a choice of the root's."""
+    root = root_of(whole)
+    rows, columns = whole.height.shape
+    # The grid begins where the object's touched part does, in the root's coordinates.
+    y, x = np.indices((rows, columns)) * PIXEL
+    x, y = x + whole.figures["stitched_left_mm"], y + whole.figures["stitched_top_mm"]
+    apart = whole.height - height_at(plate, motions()[root], x, y)
+    known = np.isfinite(apart)
+    plane = np.stack([x[known], y[known], np.ones(known.sum())], axis=1)
+    apart[known] -= plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0]
+    return apart
+
+
+def held(whole: StitchedSurface) -> float:
+    """Share of the surface in its 90 % band."""
+    apart = departure(whole)
+    known = np.isfinite(apart)
+    return float(np.mean(np.abs(apart[known]) < 1.645 * whole.error[known]))
+
+
+def test_nine_touches_are_as_true_as_one_and_the_error_holds(
+    whole: StitchedSurface, touches: tuple[F4, F4]
+) -> None:
+    assert whole.figures["stitched_touches"] == COUNT
+    assert whole.figures["stitched_pairs"] >= 12
+    assert whole.figures["stitched_area_mm2"] > 2.5 * touches[0][0].size * PIXEL**2
+    assert np.sqrt(np.nanmean(departure(whole) ** 2)) < 1.3 * touches[1].mean()
+    assert 0.8 < held(whole) < 0.97
+    assert whole.figures["stitched_difference"] == pytest.approx(1, abs=0.3)
+
+
+def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
+    root = motions()[root_of(whole)]
+    for name, motion in zip(NAMES, motions(), strict=True):
+        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in POSE_AXES))
+        apart = shift_and_turn(pose @ motion @ np.linalg.inv(root))
+        assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
+
+
+def test_each_touch_has_its_part(whole: StitchedSurface) -> None:
+    assert set(np.unique(whole.source)) == {*range(COUNT + 1)}
+    assert np.array_equal(whole.source > 0, np.isfinite(whole.height))
+
+
+def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4]) -> None:
+    rng = np.random.default_rng(8)
+    other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)[0]
+    heights = np.stack([*touches[0][:2], other])
+    with collect_warnings([]) as told:
+        found = stitch(heights, touches[1][:3], PIXEL, ["one", "two", "stranger"])
+    assert found.figures["stitched_touches"] == 2
+    assert told == ["stitch: touches that fit no other are left out: stranger"]
+
+
+def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) -> None:
+    heights = touches[0][:2]
+    found = stitch(heights, np.full_like(heights, np.nan), PIXEL, ["one", "two"])
+    single = found.error[(found.source > 0) & np.isfinite(found.error)].max()
+    assert single == pytest.approx(touches[1].mean(), rel=0.5)
+
+
+def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) -> None:
+    heights, errors = touches[0][[0, 8]], touches[1][:2]
+    with pytest.raises(InputError, match="no two of 2 touches fit together"):
+        stitch(heights, errors, PIXEL, ["one", "two"])
+
+
+def result(folder: Path, **maps: F4) -> None:
+    """What `stitch` reads of a result."""
+    folder.mkdir(parents=True)
+    for name, plane in maps.items():
+        np.save(folder / f"{name}.npy", plane)
+    (folder / "result.json").write_text(json.dumps({"pixel_size_mm": PIXEL}))
+
+
+def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    for number, name in enumerate(("one", "two")):
+        maps = {"height": touches[0][number], "error": touches[1][number]}
+        result(tmp_path / "results" / name, **maps)
+    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole"}
+    (found,) = open_pipeline("stitch", given).items()
+    about = json.loads((tmp_path / "whole/result.json").read_text())
+    assert about["metrics"]["stitched_touches"] == 2
+    assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
+    assert {"error.npy", "height.ply", "source.png", "seams.png"} <= {*about["files"]}
+
+
+def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    job = Job("", "", "", {}, {}, "capture", ("height", "error"))
+    store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
+    store.append(["touches/one", "touches/two"])
+    kind = MapType(touches[0].shape[1:], "float32", "mm", ("H", "W"), PIXEL)
+    store.add_maps({"height": kind, "error": kind})
+    for number in range(2):
+        maps = {"height": touches[0][number], "error": touches[1][number]}
+        store.write({number: Entry(DONE, maps=maps)})
+    found = read_touches(folder=tmp_path / "out.zarr")
+    assert found.names == ["one", "two"]
+    assert found.pixel == pytest.approx(PIXEL)
+    np.testing.assert_array_equal(found.heights, touches[0][:2])
+    np.testing.assert_array_equal(found.errors, touches[1][:2])
+
+
+def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
+    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
+    for height in touches[0]:
+        touch = Touch(height, np.zeros((1, *height.shape), np.float32), PIXEL)
+        write_mcap(touch, folder=tmp_path, wait=True, provenance=made_by, session=session)
+    session.close()
+    found = read_touches(folder=tmp_path, most=3, pixel_size_mm=PIXEL)
+    assert found.names == ["00000", "00004", "00008"]
+    np.testing.assert_allclose(found.heights, touches[0][::4], atol=1e-6)
+    assert np.isnan(found.errors).all()
+    with pytest.raises(InputError, match="states no pixel size"):
+        read_touches(folder=tmp_path)
+
+
+def test_frames_of_a_recording_become_one(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path
+) -> None:
+    """One press three times: made into heights by the calibration, and put together."""
+    press = raytraced / "near33" / "cat_film"
+    files = [str(press / f"led{led}.png") for led in range(1, LEDS + 1)]
+    images, session = [cv2.imread(file, cv2.IMREAD_UNCHANGED) for file in files], Session()
+    for touch in range(3):
+        first = LEDS * touch
+        frames = [
+            RawFrame(first + k, k + 1, 1000 + (first + k) / 30, image)
+            for k, image in enumerate(images)
+        ]
+        record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
+    session.close()
+    given = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
+    with pytest.raises(InputError, match="holds frames, not heights; give the sensor's calib"):
+        list(open_pipeline("stitch", given).items())
+    doubtful = tmp_path / "cal.npz"
+    with np.load(calibration("near33")) as file:
+        about = {**json.loads(str(file["about"])), "doubts": ["the ball was an egg"]}
+        np.savez(doubtful, **{**file, "about": np.array(json.dumps(about))})
+    given |= {"calibration": doubtful, "most": 2}
+    (found,) = open_pipeline("stitch", given).items()
+    (told,) = [line for line in found.warnings if "doubtful" in line]
+    assert "the ball was an egg" in told
+    assert found["metrics"]["stitched_touches"] == 2
+    assert found["metrics"]["stitched_x_mm/00002"] == pytest.approx(0, abs=1e-3)
+    truth = np.load(press / "truth_height_mm.npy")
+    assert np.nanmax(found["height"]) == pytest.approx(truth.max(), abs=0.1)
+
+
+def test_results_that_differ_in_size_are_refused(tmp_path: Path) -> None:
+    for size in (20, 21):
+        result(tmp_path / str(size), height=np.zeros((size, 20), np.float32))
+    with pytest.raises(InputError, match=r"21: differs in size or pixel size from .*20"):
+        read_touches(folder=tmp_path)
+
+
+def test_an_error_below_zero_is_refused(tmp_path: Path) -> None:
+    plane = np.zeros((20, 20), np.float32)
+    for name in ("one", "two"):
+        result(tmp_path / name, height=plane, error=plane - 1)
+    with pytest.raises(InputError, match="a standard deviation cannot be negative"):
+        read_touches(folder=tmp_path)

@@ -1,0 +1,1 @@
+"""Captures of other software, by the file that lists their images."""

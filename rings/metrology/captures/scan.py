@@ -1,0 +1,18 @@
+"""Scans of GelSight's software as captures: ``scan.yaml`` lists the images."""
+
+from pathlib import Path
+
+from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
+from tactograph.sdk import ListedCapture
+
+
+def read(folder: Path) -> ListedCapture:
+    """Read images, pixel size and marked balls of a scan.
+
+    Raises
+    ------
+    InputError
+        As `read_scan`.
+    """
+    scan = read_scan(folder)
+    return ListedCapture(scan.images, scan.pixel_size, scan.balls, scan.ball_radius)

@@ -1,0 +1,1 @@
+"""Files of heights in the formats of surface metrology: a format, a file."""

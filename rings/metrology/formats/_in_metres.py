@@ -1,0 +1,48 @@
+"""What the formats of surface metrology share: lengths in metres, a library for each."""
+
+import importlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.sdk import HeightFile, InputError, need
+from tactograph.sdk.unstable import square_pixel
+
+METRES_PER_MM = 1e-3
+"""A millimetre in metres."""
+NOT_METRES = "its lengths are not in metres, so it holds no height map"
+
+
+def package_for(kind: str, package: str) -> Any:
+    """The library that reads and writes a format.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    need("metrology", f"a .{kind} file", package)
+    return importlib.import_module(package)
+
+
+def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightFile:
+    """Read width and length of a pixel, heights and their error, all in metres.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    try:
+        width, length, *maps = read(file)
+    except InputError:
+        raise
+    # A damaged file can raise any exception.
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{file}: cannot be read as a {file.suffix} file: {reason}") from None
+    height, *stated = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
+    side = square_pixel(width / METRES_PER_MM, length / METRES_PER_MM)
+    return HeightFile(height, side, stated[0] if stated else None)

@@ -1,0 +1,103 @@
+"""Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
+
+import numpy as np
+
+from tactograph.rings.metrology.nodes.scan.light_model import LightModel
+from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
+from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
+
+MAX_RESIDUAL = 0.01
+"""Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
+by their own models; 0.011 to 0.075 by others' models, by LEDs in another order, with one dimmed."""
+REFUSED_RESIDUAL = 0.02
+"""Share that refuses a model alone; a smaller one does where the brightness is wrong as well."""
+BRIGHTNESS_RANGE = 0.75, 1.33
+"""Range of the film's brightness, relative to when the model was made."""
+TRIED_RESIDUAL = 0.006
+"""Share from which on other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
+MAX_ORDER_RATIO = 0.75
+"""What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
+one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
+crops of them, where they leave enough to be tried, and 1.03 or more for the right one."""
+TRIED_EVERY, MAX_TRIED_SLOPE = 2, 3
+"""Cells of which one is tried, and slope that steeper ones count as: a few would settle all."""
+
+
+@node
+def judge_light_model(
+    found: ModelSlope,
+    light: Light | None = None,
+    model: LightModel | None = None,
+    *,
+    force: bool = False,
+) -> Metrics:
+    """Warn where the light contradicts the model, and refuse a model that is clearly another's.
+
+    Parameters
+    ----------
+    found : of cells, whose noise is small
+    light, model
+        K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
+        slopes by a wrong one are those of no surface.
+    force : warn at most
+
+    Returns
+    -------
+    dict
+        ``model_residual``, the median of the residual, as a share of the light's brightness, and
+        ``model_brightness``, that of the brightness.
+
+    Raises
+    ------
+    InputError
+        If the residual is above `REFUSED_RESIDUAL`, or above `MAX_RESIDUAL` at a brightness out of
+        its range, or if the LEDs in another order explain the light, unless `force`.
+    """
+    bright = float(np.median(found.brightness))
+    left = _left(found)
+    if light is not None and model is not None and left > TRIED_RESIDUAL:
+        _compare_orders(light, model, force)
+    usual = BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]
+    if left > MAX_RESIDUAL:
+        told = (
+            f"the light model leaves {left:.1%} of the light unexplained at half of the surface: "
+            "is it this sensor's, and are the images in the order of its LEDs?"
+        )
+        if not force and (left > REFUSED_RESIDUAL or not usual):
+            raise InputError(f"{told} `force`=true goes on all the same")
+        warn(told)
+    elif not usual:
+        warn(
+            f"the film is {bright:.2g} times as bright as when the light model was made: is it "
+            "this sensor's, with the same exposure?"
+        )
+    return {"model_residual": left, "model_brightness": bright}
+
+
+def _left(found: ModelSlope) -> float:
+    return float(np.median(found.residual)) / max(float(np.median(found.brightness)), 1e-6)
+
+
+def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
+    """Refuse images whose order is turned or reversed: another one explains them better."""
+    every = np.s_[..., ::TRIED_EVERY, ::TRIED_EVERY]
+    gain = None if model.gain is None else np.ascontiguousarray(model.gain[every])
+    some = model._replace(u=model.u[::TRIED_EVERY], v=model.v[::TRIED_EVERY], gain=gain)
+    given = np.arange(len(light))
+    orders = [np.roll(each, by) for each in (given, given[::-1]) for by in given]
+    tried = (light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders)
+    misfits = [(_left(found), _curl(found.slope)) for found in tried]
+    product = np.prod(misfits, axis=1)
+    best = int(np.argmin(product))
+    if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:
+        order = ", ".join(str(led + 1) for led in orders[best])
+        told = f"the images fit the light model in the order {order} of those listed: sort them"
+        if not force:
+            raise InputError(f"{told}, or `force`=true goes on all the same")
+        warn(told)
+
+
+def _curl(slope: Slope) -> float:
+    """Sum of the magnitudes of the slopes' curl; those of a surface have none."""
+    p, q = np.clip(slope, -MAX_TRIED_SLOPE, MAX_TRIED_SLOPE)
+    return float(np.abs(np.diff(p, axis=0)[:, 1:] - np.diff(q, axis=1)[1:]).sum())

@@ -1,0 +1,58 @@
+"""Compare a light model with a scan of the untouched film."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.rings.metrology.nodes.scan.light_model import LightModel
+from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
+from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, on_cells
+from tactograph.sdk import Crop, Metrics, node, warn
+from tactograph.sdk.nodes import coarsen, read_capture
+from tactograph.sdk.unstable import CellSide
+
+MAX_LEAN = 0.02
+"""Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""
+
+
+@node
+def judge_untouched(
+    model: LightModel, *, folder: Path | None = None, crop: Crop | None = None, cell: CellSide = 16
+) -> Metrics:
+    """Return how far the model takes untouched film for tilted, and warn where that is much.
+
+    A model, with its own flat field, was made for the film of that day.  Film at rest is level:
+    what slope it seems to have is what the model, the film or the light departs by.
+
+    Parameters
+    ----------
+    model : as `read_light_model` gives it
+    folder : a scan of the untouched film; None: nothing is compared
+    crop : as for `read_capture`
+    cell : side of a cell in pixels
+
+    Returns
+    -------
+    dict
+        ``untouched_slope``, root mean square, and ``untouched_brightness``, median; empty without
+        a scan.
+
+    Raises
+    ------
+    InputError
+        As `read_capture` and `check_frame`.
+    """
+    if folder is None:
+        return {}
+    (taken,) = read_capture(folder=folder, crop=crop, single=True)
+    check_frame(taken.image, model, f"{folder}")
+    found = light_model_slope(coarsen(taken.image, factor=cell), on_cells(model, cell))
+    lean = float(np.sqrt(np.mean(np.sum(np.square(found.slope), axis=0))))
+    bright = float(np.median(found.brightness))
+    if lean > MAX_LEAN:
+        warn(
+            f"{folder}: the light model takes untouched film for tilted by {lean:.2g}, and "
+            f"{bright:.2g} times as bright as its own: only film that is known to be flat "
+            "keeps heights from bending; 'calibrate' learns this film from balls"
+        )
+    return {"untouched_slope": lean, "untouched_brightness": bright}

@@ -1,0 +1,33 @@
+"""The side of a pixel on the film, from the user, the scan or its light model."""
+
+from typing import Annotated
+
+from annotated_types import Interval
+
+from tactograph.sdk import PixelSize, node, warn
+from tactograph.sdk.unstable import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+
+
+@node
+def scan_pixel_size(
+    model: PixelSize,
+    stated: PixelSize | None = None,
+    *,
+    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+) -> PixelSize:
+    """Return the pixel size that a scan states, and warn where its light model has another.
+
+    Parameters
+    ----------
+    model : mm per px, of the light model
+    stated : mm per px, of the scan itself; not given where it states none
+    mm : mm per px, which settles it
+    """
+    if mm is not None or stated is None:
+        return mm or model
+    if abs(stated / model - 1) > MAX_SIZE_DIFFERENCE:
+        warn(
+            f"the scan says {stated:.6g} mm per px, its light model {model:.6g}: the scan's is "
+            "taken; check that the model is this sensor's, or settle it by `mm`=MM"
+        )
+    return stated

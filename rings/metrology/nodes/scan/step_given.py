@@ -1,0 +1,31 @@
+"""Whether a scan is given whose step is known."""
+
+from pathlib import Path
+
+from tactograph.rings.metrology.nodes.surface.measure_step import KnownDepth
+from tactograph.sdk import InputError, node
+from tactograph.sdk.unstable import Scale
+
+
+@node
+def step_given(
+    *, folder: Path | None = None, known_um: KnownDepth | None = None, scale: Scale | None = None
+) -> bool:
+    """Return whether there is a known step, and refuse one of which half is said.
+
+    Parameters
+    ----------
+    folder : a scan of the step; None: there is none
+    known_um : as for `measure_step`
+    scale : as for `scale_height`
+
+    Raises
+    ------
+    InputError
+        If scan and depth are not given together, or a scale as well.
+    """
+    if (folder is None) != (known_um is None):
+        raise InputError("a known step needs both: `folder`=SCAN `known_um`=DEPTH,UNCERTAINTY")
+    if folder is not None and scale is not None:
+        raise InputError(f"{folder}: a known step tells the scale: give `folder` or `scale`")
+    return folder is not None

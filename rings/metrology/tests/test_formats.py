@@ -1,0 +1,75 @@
+"""X3P and Gwyddion's files, read back here and by the packages of their own."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4
+from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.write.read_error import read_error
+
+PIXEL = 0.05
+pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]
+KINDS = ("x3p", "gwy", "gsf")
+
+
+@pytest.fixture
+def height() -> F4:
+    """Uneven sides and an unknown pixel."""
+    z = np.random.default_rng(5).normal(0, 0.3, (13, 21)).astype(np.float32)
+    z[4, 7] = np.nan
+    return z
+
+
+def read_x3p(file: Path) -> tuple[F4, F4, float]:
+    import x3pio
+
+    layers = x3pio.read(file).layers
+    return layers[0].z, layers[1].z, layers[0].spacing[1]
+
+
+def read_gwy(file: Path) -> tuple[F4, F4, float]:
+    import gwyfile
+
+    container = gwyfile.load(str(file))
+    fields = gwyfile.util.get_datafields(container)
+    height = np.where(container["/0/mask"].data > 0, np.nan, fields["Height"].data)
+    return height, fields["Error"].data, fields["Height"].yreal / 13
+
+
+def read_gsf(file: Path) -> tuple[F4, None, float]:
+    import gsffile
+
+    data, about = gsffile.read_gsf(file)
+    return data, None, about["YReal"] / 13
+
+
+@pytest.mark.parametrize("read", [read_x3p, read_gwy, read_gsf])
+def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
+    tmp_path: Path, height: F4, read: Callable[[Path], tuple[F4, F4 | None, float]]
+) -> None:
+    """In mm here, in metres there."""
+    kind, error = read.__name__[5:], 0.1 * abs(np.nan_to_num(height))
+    export_height(height, PIXEL, error=error, folder=tmp_path, formats=(kind,))
+    file = tmp_path / f"height.{kind}"
+    found, theirs = read_height_file(file), read(file)
+    np.testing.assert_allclose(found.height, height, rtol=1e-6)
+    np.testing.assert_allclose(theirs[0], 1e-3 * height, rtol=1e-6)
+    assert (found.pixel, 1e3 * theirs[2]) == (pytest.approx(PIXEL), pytest.approx(PIXEL))
+    if theirs[1] is not None:
+        np.testing.assert_allclose(theirs[1], 1e-3 * error, rtol=1e-5)
+        np.testing.assert_allclose(read_error(height=file), error, rtol=1e-5)
+
+
+@pytest.mark.parametrize("end", [0, 60, -1])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_cut_short_is_one_line(tmp_path: Path, height: F4, kind: str, end: int) -> None:
+    export_height(height, PIXEL, folder=tmp_path, formats=(kind,))
+    file = tmp_path / f"height.{kind}"
+    file.write_bytes(file.read_bytes()[:end])
+    with pytest.raises(InputError, match=rf"cannot be read as a .{kind} file"):
+        read_height_file(file)

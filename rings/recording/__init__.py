@@ -1,0 +1,1 @@
+"""Recording and replay of streams: MCAP, ROS 2, Rerun, LeRobot."""

@@ -1,0 +1,153 @@
+"""A touch as a row of a LeRobot dataset: what its columns are called and hold.
+
+LeRobot keeps pictures of three channels of 8 bits.  So a height is the picture of its 16-bit
+levels (`height_picture`), and three lights are the channels of one picture.
+"""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
+from tactograph.sdk.unstable import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels, levels_picture
+
+MAX_BYTE = 255
+NS_PER_S = 10**9
+PICTURE_CHANNELS = 3
+INFO_FILE = Path("meta", "info.json")
+"""What LeRobot says of a dataset."""
+
+
+class Column(NamedTuple):
+    """A column's value in one row, and what the dataset says of the column."""
+
+    value: NDArray[Any]
+    names: list[str] | None = None
+    info: Mapping[str, Any] = {}
+
+    @property
+    def feature(self) -> dict[str, Any]:
+        """The column as LeRobot declares it."""
+        is_picture = self.value.ndim == PICTURE_CHANNELS
+        named = ["height", "width", "channels"] if is_picture else self.names
+        feature = {"dtype": "image" if is_picture else str(self.value.dtype)}
+        return feature | {"shape": self.value.shape, "names": named, "info": dict(self.info)}
+
+
+def height_column(sensor: str) -> str:
+    """Return the name of a sensor's heights."""
+    return f"observation.images.{sensor}_height"
+
+
+def time_column(sensor: str) -> str:
+    """Return the name of a sensor's times: whole seconds since 1970, and nanoseconds."""
+    return f"{sensor}.time"
+
+
+def touch_columns(
+    touch: Touch,
+    stamp: int,
+    sensor: str,
+    figures: list[str],
+    contacts: int,
+    origin: Mapping[str, str],
+) -> dict[str, Column]:
+    """Return a touch's columns by name.
+
+    Parameters
+    ----------
+    touch, stamp : the touch, and its time in nanoseconds since 1970
+    sensor : its name within the dataset
+    figures, contacts : the figures that are kept of a contact, and of how many contacts
+    origin : what the dataset says of the sensor and its calibration
+
+    Raises
+    ------
+    InputError
+        If the sensor's name is none, a height does not fit into 16 bits, or a contact lacks a
+        figure.
+    """
+    if not sensor.isidentifier():
+        raise InputError(f"`sensor`={sensor}: a name of letters, digits and underscores is needed")
+    scale = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "unknown_level": UNKNOWN_LEVEL}
+    about = {"level": "256 * red + green", **scale, "pixel_size_mm": float(touch.pixel)}
+    about |= {"sensor_name": sensor, **origin}
+    height = Column(levels_picture(height_levels(touch.height)), info=about)
+    columns = {height_column(sensor): height}
+    leds = len(touch.image)
+    for first in range(1, leds + 1, PICTURE_CHANNELS):
+        shown = list(range(first, min(first + PICTURE_CHANNELS, leds + 1)))
+        picture = lights_picture(touch.image[first - 1 : first - 1 + PICTURE_CHANNELS])
+        columns[f"observation.images.{sensor}_lights{first}"] = Column(
+            picture, info={"lights": shown}
+        )
+    if contacts:
+        names = [f"{name}_c{n}" for n in range(1, contacts + 1) for name in figures]
+        values = contact_figures(touch.metrics or {}, figures, contacts)
+        columns[f"observation.{sensor}.contacts"] = Column(values, names)
+    for layer in layers_of(touch):
+        if layer.kind.state:
+            columns[f"observation.{sensor}.{layer.name}"] = Column(*layer.kind.state(layer.value))
+    columns[time_column(sensor)] = Column(np.array(divmod(stamp, NS_PER_S)), ["s", "ns"])
+    return columns
+
+
+def lights_picture(lights: Light) -> U1:
+    """Return up to three lights, 0 to 1, as the channels of a picture H x W x 3 of 8 bits."""
+    picture = np.zeros((*lights.shape[1:], PICTURE_CHANNELS), np.uint8)
+    for channel, plane in enumerate(lights):
+        picture[..., channel] = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
+    return picture
+
+
+def contact_figures(metrics: Mapping[str, Any], figures: list[str], contacts: int) -> F4:
+    """Return the figures of contacts 1, 2 …, one contact after the other; 0: no such contact.
+
+    Raises
+    ------
+    InputError
+        If a contact lacks a figure.
+    """
+    values = np.zeros((contacts, len(figures)), np.float32)
+    for number in range(1, contacts + 1):
+        own = {key for key in metrics if key.startswith("contact_") and key.endswith(f"/c{number}")}
+        for column, name in enumerate(figures if own else ()):
+            if (key := f"contact_{name}/c{number}") not in own:
+                known = ", ".join(sorted(key[len("contact_") : key.index("/")] for key in own))
+                raise InputError(f"figures: '{name}' is not measured here; {known} are")
+            values[number - 1, column] = metrics[key]
+    return values.ravel()
+
+
+def open_lerobot(folder: Path) -> Any:
+    """Return the `LeRobotDataset` in a folder.
+
+    Raises
+    ------
+    InputError
+        If ``lerobot`` is not installed, or the folder holds no such dataset.
+    """
+    if not (folder / INFO_FILE).is_file():
+        raise InputError(f"{folder}: is no LeRobot dataset, {INFO_FILE} is missing")
+    try:
+        return lerobot_dataset()(f"local/{folder.resolve().name}", root=folder)
+    # A damaged or newer dataset can raise any exception.
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{folder}: cannot be read as a LeRobot dataset: {reason}") from None
+
+
+def lerobot_dataset() -> Any:
+    """Return LeRobot's class of datasets.
+
+    Raises
+    ------
+    InputError
+        If ``lerobot`` is not installed.
+    """
+    need("lerobot", "a LeRobot dataset", "lerobot")
+    return importlib.import_module("lerobot.datasets.lerobot_dataset").LeRobotDataset

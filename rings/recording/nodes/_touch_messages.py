@@ -1,0 +1,109 @@
+"""A touch as ROS 2 messages, for `write_mcap` and `publish_ros2`.
+
+Lengths are in metres, angles in radians.  The origin lies in the middle of the first pixel, on
+the film at rest: x right, y down, z towards the camera.
+"""
+
+import time as clock
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.rings.recording.files.ros_messages import (
+    FILM_FRAME,
+    Message,
+    cloud_message,
+    diagnostics_message,
+    image_message,
+    pose_message,
+    text_message,
+)
+from tactograph.sdk import Placed, Provenance, Touch, layers_of
+from tactograph.sdk.unstable import METRES_PER_MM
+
+MAX_BYTE = 255
+
+
+class TouchStamps:
+    """Converts the camera's clock, ``time.monotonic()``, to nanoseconds since 1970.
+
+    Parameters
+    ----------
+    follow
+        Whether stamps follow a time of day that is set while they are given, as on a computer
+        that learns it from the network.  If not, as in a recording, they go on as they began.
+    """
+
+    def __init__(self, *, follow: bool = False) -> None:
+        self._follow = follow
+        self._offset = _day_offset()
+
+    def of(self, time: float | None) -> int:
+        """The stamp of an exposure; the present time if the exposure's is unknown."""
+        if self._follow:
+            self._offset = _day_offset()
+        exposed = clock.monotonic_ns() if time is None else round(1e9 * time)
+        return exposed + self._offset
+
+
+def _day_offset() -> int:
+    return clock.time_ns() - clock.monotonic_ns()
+
+
+def touch_messages(
+    stamp: int, touch: Touch, points_step: int, provenance: Provenance
+) -> list[Message]:
+    """Return all messages of a touch, with the same stamp; its name comes last."""
+    figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
+    figures |= touch.metrics or {}
+    bytes_ = np.clip(np.rint(touch.image * np.float32(MAX_BYTE)), 0, MAX_BYTE).astype(np.uint8)
+    leds = (
+        image_message(f"/led{k}/image", stamp, plane, f"led{k}")
+        for k, plane in enumerate(bytes_, start=1)
+    )
+    height = touch.height * np.float32(METRES_PER_MM)
+    return [
+        *leds,
+        image_message("/height", stamp, height, FILM_FRAME),
+        *_surface(stamp, touch, points_step),
+        *_layers(stamp, touch),
+        diagnostics_message(stamp, provenance.warnings, figures),
+        text_message("/touch", stamp, touch.name),
+    ]
+
+
+def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
+    if not step:
+        return []
+    height = touch.height[::step, ::step]
+    rows, columns = height.shape
+    side = step * touch.pixel * METRES_PER_MM
+    places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
+    fields = {**places, "z": height * np.float32(METRES_PER_MM)}
+    return [cloud_message("/points", stamp, fields)]
+
+
+def _layers(stamp: int, touch: Touch) -> list[Message]:
+    """The messages of a touch's layers."""
+    return [
+        _message(f"/{topic}", stamp, carried)
+        for layer in layers_of(touch)
+        for topic, carries in layer.kind.topics.items()
+        if (carried := carries(touch, layer.value)) is not None
+    ]
+
+
+def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] | Placed) -> Message:
+    """The message of what a `Topic` returns."""
+    if isinstance(carried, np.ndarray):
+        return image_message(topic, stamp, carried, FILM_FRAME)
+    if not isinstance(carried, Placed):
+        return cloud_message(topic, stamp, carried)
+    units = np.array([METRES_PER_MM] * 3 + [np.pi / 180] * 3)
+    turn = units[3:] * carried.turn
+    half = np.linalg.norm(turn) / 2
+    quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
+    spread = carried.covariance * np.outer(units, units)
+    return pose_message(topic, stamp, METRES_PER_MM * carried.place, quaternion, spread)

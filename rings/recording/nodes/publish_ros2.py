@@ -1,0 +1,50 @@
+"""Publish touches on ROS 2 topics."""
+
+from typing import Annotated
+
+from annotated_types import Ge
+
+from tactograph.rings.recording.nodes._ros_node import RosNode
+from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
+from tactograph.sdk import Provenance, Session, Touch, node
+
+
+@node
+def publish_ros2(
+    touch: Touch,
+    *,
+    node_name: str = "tactograph",
+    namespace: str = "tactograph",
+    points_step: Annotated[int, Ge(0)] = 2,
+    provenance: Provenance,
+    session: Session,
+) -> None:
+    """Publish heights, layers of the touch and diagnostics on ROS 2 topics.
+
+    The topics are those of `write_mcap`, below the namespace: ``tactograph/height`` and so on;
+    ``/diagnostics`` stays where ROS expects it.  Topics without subscribers are not sent.  Needs
+    a ROS 2 whose setup file is sourced.
+
+    Parameters
+    ----------
+    touch, points_step : as for `write_mcap`
+    node_name, namespace : its name in ROS, which must differ between sensors
+
+    Raises
+    ------
+    InputError
+        If ROS is not installed or rejects the name.
+    """
+    sensor = session.keep(lambda: _Sensor(RosNode(node_name, namespace)))
+    stamp = sensor.stamps.of(touch.time)
+    sensor.ros.publish(touch_messages(stamp, touch, points_step, provenance))
+
+
+class _Sensor:
+    """The node, and the clock of its stamps."""
+
+    def __init__(self, ros: RosNode) -> None:
+        self.ros, self.stamps = ros, TouchStamps(follow=True)
+
+    def close(self) -> None:
+        self.ros.close()

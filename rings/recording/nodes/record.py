@@ -1,0 +1,140 @@
+"""Record the camera's raw frames, so that they can be replayed through any graph."""
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Gt, Interval
+
+from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
+from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
+from tactograph.sdk import Light, LiveState, Provenance, Session, node
+from tactograph.sdk.unstable import ALL_LIT, RawFrame, identity_from
+
+RECORDING_FORMAT = "1"
+
+
+@node
+def record(
+    new: list[RawFrame],
+    image: Light,
+    name: str,
+    state: LiveState | None = None,
+    *,
+    folder: Path,
+    file_mb: Annotated[float, Gt(0)] = 512.0,
+    file_minutes: Annotated[float, Gt(0)] = 10.0,
+    total_gb: Annotated[float, Gt(0)] = 50.0,
+    when_full: WhenFull = "stop",
+    sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0,
+    queue_mb: Annotated[float, Gt(0)] = 64.0,
+    wait: bool = False,
+    provenance: Provenance,
+    session: Session,
+) -> None:
+    """Record the frames of a touch as MCAP files, which `replay`, Foxglove and ROS 2 read.
+
+    The files are ``folder/000001_<start>.mcap`` and so on.  A frame is a sensor_msgs/Image on
+    the topic ``/led<k>/image_raw`` (``/off/image_raw`` with all LEDs off, ``/colour/image_raw``
+    for a one-shot sensor), stamped with the end of its exposure.  The frames of a touch are
+    followed by its name and the camera's state as JSON on ``/touch``.  Once this function
+    returns, killing the program loses none of the touch, unless the disk has not taken it within
+    a quarter of a second.  A power cut loses what has not yet been synced, see `sync_ms`.
+
+    The files' metadata keep the sensor's name and serial number, as calibration and camera tell
+    them, and the calibration's hash and date.
+
+    A disk that is slow, full or gone does not stop the stream: touches are left out, with one
+    warning and a count, and recording resumes when the disk does.
+
+    Parameters
+    ----------
+    new : the frames since the previous touch, each H x W or H x W x 3, 8 or 16 bit
+    image : K x H x W; gives the number of LEDs
+    name : the touch's name
+    state : the camera's counters, written with each touch
+    folder
+        Created if needed.  An existing recording is continued in new files.
+    file_mb, file_minutes : size and duration after which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" recording or delete the "oldest" file
+    sync_ms
+        Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
+        touch, or as often as the disk manages.
+    queue_mb : memory for touches that wait for the disk
+    wait
+        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
+        not live.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written when the recording begins, or the ``mcap`` libraries
+        are not installed.
+    """
+    limits = Limits(
+        file_bytes=1e6 * file_mb,
+        file_s=60 * file_minutes,
+        total_bytes=1e9 * total_gb,
+        when_full=when_full,
+        queue_bytes=1e6 * queue_mb,
+        sync_s=1e-3 * sync_ms,
+        wait=wait,
+    )
+    recording = session.keep(lambda: _Recording(folder, limits, len(image), state, provenance))
+    recording.put(new, name, state)
+    recording.log.tell()
+
+
+class _Recording:
+    """The log, and the offset from the camera's clock to the time of day."""
+
+    def __init__(
+        self,
+        folder: Path,
+        limits: Limits,
+        leds: int,
+        state: LiveState | None,
+        provenance: Provenance,
+    ) -> None:
+        self._offset = time.time_ns() - time.monotonic_ns()
+        about = {
+            "format": RECORDING_FORMAT,
+            "leds": str(leds),
+            "clock_offset_ns": str(self._offset),
+            "graph": json.dumps(provenance.graph),
+            "versions": json.dumps(provenance.versions),
+            **_sensor(state, provenance),
+        }
+        self.log = McapLog(folder, about, limits)
+
+    def put(self, frames: list[RawFrame], name: str, state: LiveState | None) -> None:
+        messages = [self._frame(frame) for frame in frames]
+        text = json.dumps(
+            {
+                "name": name,
+                "frames": [frame.number for frame in frames],
+                "state": vars(state) if state is not None else None,
+            },
+            default=str,
+        )
+        now = messages[-1].time if messages else time.monotonic_ns() + self._offset
+        self.log.put([*messages, text_message("/touch", now, text)])
+
+    def _frame(self, frame: RawFrame) -> Message:
+        source = {0: "off", ALL_LIT: "colour"}.get(frame.led, f"led{frame.led}")
+        when = round(1e9 * frame.time) + self._offset
+        return image_message(f"/{source}/image_raw", when, frame.data, source, frame.number)
+
+    def close(self) -> None:
+        self.log.close()
+
+
+def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:
+    """Return the sensor, by the camera's serial number if it has one, and its calibration."""
+    known = identity_from(provenance)
+    serial = str((state.settings if state else {}).get("serial") or known.serial)
+    inputs = json.dumps(provenance.inputs) if provenance.inputs else ""
+    said = {"sensor": known.name, "serial": serial, "inputs": inputs}
+    return {name: text for name, text in said.items() if text}

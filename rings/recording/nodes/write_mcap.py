@@ -1,0 +1,81 @@
+"""Write touches as an MCAP file of ROS 2 messages, for Foxglove, Rerun and ``ros2 bag``."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge, Gt
+
+from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
+from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
+from tactograph.sdk import Provenance, Session, Touch, node
+
+
+@node
+def write_mcap(
+    touch: Touch,
+    *,
+    folder: Path,
+    points_step: Annotated[int, Ge(0)] = 2,
+    file_mb: Annotated[float, Gt(0)] = 512.0,
+    total_gb: Annotated[float, Gt(0)] = 50.0,
+    when_full: WhenFull = "stop",
+    wait: bool = False,
+    provenance: Provenance,
+    session: Session,
+) -> None:
+    """Write heights, images and diagnostics as ROS 2 messages into ``folder/*.mcap``.
+
+    The topics of a touch: ``/height`` (sensor_msgs/Image 32FC1, in metres by ROS convention),
+    ``/points`` (sensor_msgs/PointCloud2, metres), ``/led<k>/image`` (mono8), ``/diagnostics``
+    (diagnostic_msgs: milliseconds per node, metrics, warnings) and ``/touch`` (std_msgs/String,
+    its name).  Each layer adds those that its kind declares: images (``/shadow``, mono8, a bit per
+    LED; ``/contact``, mono8, the contact's number), points (``/contacts``, PointCloud2, a point
+    per contact with its figures, metres and radians; ``/markers``, a point per marker with its
+    shift, metres), frames (``/pose``, geometry_msgs/PoseWithCovarianceStamped, the object's since
+    the touch began, metres and radians).  All messages of a touch have the same stamp.
+
+    Parameters
+    ----------
+    touch
+        As `join_touch` makes it.  Without a time the stamp is the time of writing.
+    folder
+        Created if needed.  An existing export is continued in new files.
+    points_step
+        Spacing in px of the rows and columns of the height that become points; 0: no point
+        cloud.
+    file_mb : size at which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" writing or delete the "oldest" file
+    wait
+        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
+        not live.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written at first, or the ``mcap`` libraries are not installed.
+    """
+    limits = Limits(
+        file_bytes=1e6 * file_mb,
+        file_s=float("inf"),
+        total_bytes=1e9 * total_gb,
+        when_full=when_full,
+        wait=wait,
+    )
+    about = {"format": "1", "graph": json.dumps(provenance.graph)}
+    about |= {"inputs": json.dumps(provenance.inputs)}
+    export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
+    stamp = export.stamps.of(touch.time)
+    export.log.put(touch_messages(stamp, touch, points_step, provenance))
+    export.log.tell()
+
+
+class _Export:
+    """The log, and the clock of its stamps."""
+
+    def __init__(self, log: McapLog) -> None:
+        self.log, self.stamps = log, TouchStamps()
+
+    def close(self) -> None:
+        self.log.close()

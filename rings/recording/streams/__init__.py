@@ -1,0 +1,1 @@
+"""Streams of touches, by the suffix of their files."""

@@ -1,0 +1,125 @@
+from tactograph.graph import (
+    Close as Close,
+    EndOfStream as EndOfStream,
+    Exact as Exact,
+    Flips as Flips,
+    GraphError as GraphError,
+    InputError as InputError,
+    NodeError as NodeError,
+    Parts as Parts,
+    Port as Port,
+    Provenance as Provenance,
+    Session as Session,
+    SizeLimit as SizeLimit,
+    SizeRule as SizeRule,
+    TactographError as TactographError,
+    load as load,
+    node as node,
+    parity as parity,
+    warn as warn,
+)
+from tactograph.graph.backends.launch import (
+    Launch as Launch,
+)
+from tactograph.graph.command import (
+    command_line as command_line,
+)
+from tactograph.graph.declare.find_node import (
+    find_node as find_node,
+)
+from tactograph.graph.declare.node_page import (
+    node_page as node_page,
+)
+from tactograph.graph.disk.atomic_files import (
+    atomic_file as atomic_file,
+    atomic_files as atomic_files,
+)
+from tactograph.graph.errors import (
+    did_you_mean as did_you_mean,
+)
+from tactograph.graph.extras import (
+    need as need,
+)
+from tactograph.graph.files.read_graph import (
+    read_graph as read_graph,
+)
+from tactograph.graph.rings import (
+    bring as bring,
+    brought as brought,
+)
+from tactograph.nodes import (
+    F4 as F4,
+    F8 as F8,
+    U1 as U1,
+    Contacts as Contacts,
+    Dark as Dark,
+    Height as Height,
+    HeightError as HeightError,
+    Labels as Labels,
+    Light as Light,
+    Mask as Mask,
+    Metrics as Metrics,
+    PixelSize as PixelSize,
+    Slope as Slope,
+)
+from tactograph.nodes.capture.listed_capture import (
+    ListedCapture as ListedCapture,
+    MarkedBall as MarkedBall,
+)
+from tactograph.nodes.drawing.arrows import (
+    draw_arrows as draw_arrows,
+)
+from tactograph.nodes.drawing.new_picture import (
+    BLUE as BLUE,
+    GREY as GREY,
+    ORANGE as ORANGE,
+    NewPicture as NewPicture,
+    write_picture as write_picture,
+)
+from tactograph.nodes.drawing.result_pictures import (
+    draw_height as draw_height,
+    draw_map as draw_map,
+)
+from tactograph.nodes.files.height_files import (
+    HeightFile as HeightFile,
+    read_height_file as read_height_file,
+    write_mesh as write_mesh,
+    write_tiff as write_tiff,
+)
+from tactograph.nodes.files.image_files import (
+    Crop as Crop,
+    Lights as Lights,
+    cropped as cropped,
+    read_image as read_image,
+    write_image as write_image,
+)
+from tactograph.nodes.files.result_file import (
+    RESULT_FILE as RESULT_FILE,
+    write_result_file as write_result_file,
+)
+from tactograph.nodes.show.shown import (
+    Shown as Shown,
+)
+from tactograph.nodes.stream.frames import (
+    LiveFrames as LiveFrames,
+    LiveState as LiveState,
+)
+from tactograph.nodes.stream.layer_kinds import (
+    layer_kinds as layer_kinds,
+    layers_of as layers_of,
+)
+from tactograph.nodes.stream.touch import (
+    Arrows as Arrows,
+    ArrowsInImage as ArrowsInImage,
+    Axes as Axes,
+    ColourMap as ColourMap,
+    Layer as Layer,
+    LayerKind as LayerKind,
+    LedLabels as LedLabels,
+    Placed as Placed,
+    Regions as Regions,
+    StateVector as StateVector,
+    Touch as Touch,
+    View as View,
+    as_it_is as as_it_is,
+)

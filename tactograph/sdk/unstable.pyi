@@ -1,0 +1,203 @@
+from tactograph.graph import (
+    FRACTIONS as FRACTIONS,
+    BatchMaps as BatchMaps,
+    Whole as Whole,
+)
+from tactograph.graph.commands import (
+    run_shipped as run_shipped,
+)
+from tactograph.graph.cores import (
+    cores as cores,
+)
+from tactograph.graph.disk.strict_yaml import (
+    Entries as Entries,
+    parse_yaml as parse_yaml,
+)
+from tactograph.graph.errors import (
+    collect_warnings as collect_warnings,
+)
+from tactograph.graph.run.raise_warnings import (
+    warning_kind as warning_kind,
+)
+from tactograph.graph.show.colours import (
+    BIT_COLOURS as BIT_COLOURS,
+    SEVERAL_COLOUR as SEVERAL_COLOUR,
+)
+from tactograph.nodes import (
+    BAND_DEVIATIONS as BAND_DEVIATIONS,
+    METRES_PER_MM as METRES_PER_MM,
+    UM_PER_MM as UM_PER_MM,
+    LightPositions as LightPositions,
+    ResizedLight as ResizedLight,
+    SlopeVariance as SlopeVariance,
+)
+from tactograph.nodes.calibrate import (
+    Circles as Circles,
+)
+from tactograph.nodes.calibrate.ball.find_ball import (
+    Ball as Ball,
+)
+from tactograph.nodes.calibrate.colour.find_presses import (
+    MIN_PRESSES as MIN_PRESSES,
+)
+from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
+    degree_for as degree_for,
+)
+from tactograph.nodes.calibrate.colour.rate_presses import (
+    advise as advise,
+    presses_per_cell as presses_per_cell,
+    rim_slope as rim_slope,
+)
+from tactograph.nodes.calibrate.file.calibrated_film import (
+    CalibratedFilm as CalibratedFilm,
+    calibrated_film as calibrated_film,
+)
+from tactograph.nodes.calibrate.file.press_calibration import (
+    PRESS_CALIBRATION as PRESS_CALIBRATION,
+)
+from tactograph.nodes.capture.read_balls import (
+    KnownCircles as KnownCircles,
+    Radii as Radii,
+)
+from tactograph.nodes.capture.read_capture import (
+    CaptureFile as CaptureFile,
+    read_capture_file as read_capture_file,
+)
+from tactograph.nodes.capture.read_flat import (
+    Flat as Flat,
+)
+from tactograph.nodes.capture.read_presses import (
+    PressImages as PressImages,
+)
+from tactograph.nodes.contact.find_contact import (
+    MAX_CONTACTS as MAX_CONTACTS,
+)
+from tactograph.nodes.contact.largest_contacts import (
+    MAX_MEASURED as MAX_MEASURED,
+    Most as Most,
+    largest_contacts as largest_contacts,
+)
+from tactograph.nodes.drawing.result_pictures import (
+    draw_seams as draw_seams,
+)
+from tactograph.nodes.files.calibration_file import (
+    is_of_kind as is_of_kind,
+)
+from tactograph.nodes.files.height_files import (
+    MAX_PIXEL_MM as MAX_PIXEL_MM,
+    MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
+    MIN_PIXEL_MM as MIN_PIXEL_MM,
+    grid_triangles as grid_triangles,
+    square_pixel as square_pixel,
+    write_tmd as write_tmd,
+)
+from tactograph.nodes.files.height_picture import (
+    OFFSET_MM as OFFSET_MM,
+    STEP_MM as STEP_MM,
+    UNKNOWN_LEVEL as UNKNOWN_LEVEL,
+    height_levels as height_levels,
+    level_height as level_height,
+    levels_picture as levels_picture,
+    picture_levels as picture_levels,
+)
+from tactograph.nodes.files.image_arrays import (
+    check_handed_in as check_handed_in,
+)
+from tactograph.nodes.files.image_files import (
+    MAX_LEDS as MAX_LEDS,
+    MAX_PIXELS as MAX_PIXELS,
+    check_heights as check_heights,
+    lights_of as lights_of,
+    read_numbers as read_numbers,
+)
+from tactograph.nodes.files.sensor_identity import (
+    SensorIdentity as SensorIdentity,
+    UsedCalibration as UsedCalibration,
+    check_sensor as check_sensor,
+    identity_from as identity_from,
+    identity_in as identity_in,
+)
+from tactograph.nodes.files.sensor_preset import (
+    SensorPreset as SensorPreset,
+    read_preset as read_preset,
+)
+from tactograph.nodes.height.level_plane import (
+    level_part as level_part,
+    plane_terms as plane_terms,
+    plane_weights as plane_weights,
+    weighted_plane as weighted_plane,
+)
+from tactograph.nodes.height.scale_height import (
+    Scale as Scale,
+    StepScale as StepScale,
+)
+from tactograph.nodes.height.weighted_heights import (
+    weighted_heights as weighted_heights,
+)
+from tactograph.nodes.layers.error import (
+    ERROR_MAP as ERROR_MAP,
+)
+from tactograph.nodes.optics.bicubic import (
+    between_pixels as between_pixels,
+)
+from tactograph.nodes.optics.cache_blocks import (
+    in_blocks as in_blocks,
+)
+from tactograph.nodes.optics.cell_side import (
+    CellSide as CellSide,
+)
+from tactograph.nodes.optics.gauss_newton import (
+    limited_step as limited_step,
+    normal_by_slope as normal_by_slope,
+)
+from tactograph.nodes.optics.lens import (
+    half_diagonal as half_diagonal,
+    ideal_offset as ideal_offset,
+    seen_offset as seen_offset,
+)
+from tactograph.nodes.optics.near_light import (
+    expected_light as expected_light,
+    places as places,
+    vectors_at as vectors_at,
+)
+from tactograph.nodes.optics.normals import (
+    cofactors as cofactors,
+    dot as dot,
+    times as times,
+)
+from tactograph.nodes.optics.shape import (
+    PAPER_PIXEL_MM as PAPER_PIXEL_MM,
+)
+from tactograph.nodes.optics.sheet import (
+    SheetLight as SheetLight,
+)
+from tactograph.nodes.simulate.expose import (
+    lens_share as lens_share,
+)
+from tactograph.nodes.stream.assemble import (
+    Assembler as Assembler,
+    Refresh as Refresh,
+)
+from tactograph.nodes.stream.colour_planes import (
+    Order as Order,
+    planes_of as planes_of,
+)
+from tactograph.nodes.stream.frames import (
+    ALL_LIT as ALL_LIT,
+    RawFrame as RawFrame,
+)
+from tactograph.nodes.stream.layer_kinds import (
+    deviation_of as deviation_of,
+)
+from tactograph.nodes.stream.rest_film import (
+    MAX_DEPARTURE as MAX_DEPARTURE,
+    MIN_REST_LIGHT as MIN_REST_LIGHT,
+    Plane as Plane,
+    RestFilm as RestFilm,
+    cells as cells,
+    light_of as light_of,
+    make_film as make_film,
+    top_of as top_of,
+    truncated as truncated,
+    upper_median as upper_median,
+)

@@ -1,0 +1,134 @@
+"""Kinds of layers are found where they lie, in the core and in packages of others."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import zarr
+from mcap.reader import make_reader
+
+from tactograph.graph import GraphError, InputError, NodeError, load
+from tactograph.graph.command import run_command
+from tactograph.nodes.stream.layer_kinds import layer_kinds, layers_of
+from tactograph.nodes.stream.touch import LayerKind
+from tests.nodes.touches import touch_of
+
+SIZE = (24, 32)
+WARMTH = """
+from typing import Annotated
+from tactograph.nodes import Height
+from tactograph.nodes.stream.touch import ColourMap, LayerKind, as_it_is
+
+KIND = LayerKind(Annotated[Height, "how warm"], ColourMap("warmth"), topics={"warm": as_it_is})
+"""
+GRAPH = """
+format: 1
+params:
+  capture: {kind: path}
+  file: {kind: path}
+  out: {kind: path, default: out}
+nodes:
+  frames: {op: read_capture, with: {folder: $capture}}
+  height: {op: read_height, with: {file: $file}}
+  pixel:  {op: pixel_size, with: {mm: 0.1}}
+  touch:
+    op: join_touch
+    in: {height: height, pixel: pixel, frames: frames, warmth: height}
+  save:
+    op: write_result
+    in: {touch: touch}
+    with: {folder: $out, mesh: false}
+  log:
+    op: write_mcap
+    in: {touch: touch}
+    with: {folder: $out, wait: true}
+outputs: {warmth: height}
+"""
+
+Lay = Callable[[str, str], None]
+
+
+@pytest.fixture
+def ring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lay]:
+    """Lay a package with a layer on the path, as pip does."""
+
+    def lay(name: str, text: str) -> None:
+        site = tmp_path / "site"
+        for file, content in {
+            "acme_warm/__init__.py": "",
+            f"acme_warm/layers/{name}.py": text,
+            "acme_warm-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: acme-warm\n",
+            "acme_warm-1.0.dist-info/entry_points.txt": "[tactograph.rings]\nwarm = acme_warm\n",
+        }.items():
+            (site / file).parent.mkdir(parents=True, exist_ok=True)
+            (site / file).write_text(content)
+        monkeypatch.syspath_prepend(str(site))
+
+    yield lay
+    for module in [name for name in sys.modules if name.startswith("acme_warm")]:
+        del sys.modules[module]
+
+
+def test_every_kind_of_this_project_loads() -> None:
+    kinds = layer_kinds()
+    assert {"shadow", "highlight", "contact", "confidence", "error", "unresolved"} <= {*kinds}
+    assert all(isinstance(kinds[name], LayerKind) for name in kinds)
+
+
+def test_a_kind_is_imported_when_it_is_asked_for_and_draws_nothing_then() -> None:
+    code = (
+        "import sys\n"
+        "from tactograph.nodes.stream.layer_kinds import layer_kinds\n"
+        "[*layer_kinds()], layer_kinds()['shadow'], layer_kinds()['error']\n"
+        "print([m for m in sys.modules if '.layers.' in m or m == 'matplotlib'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    house = "tactograph.nodes.layers"
+    assert done.stdout.strip() == f"['{house}.shadow', '{house}.error']"
+
+
+def test_a_layer_of_another_package_is_written_wherever_a_touch_is(
+    ring: Lay, tmp_path: Path
+) -> None:
+    """In the folder of a result, a stream of messages and a store of a batch."""
+    ring("warmth", WARMTH)
+    (tmp_path / "graph.yaml").write_text(GRAPH)
+    height, capture = np.random.default_rng(1).random(SIZE, np.float32), tmp_path / "capture"
+    np.save(tmp_path / "height.npy", height)
+    capture.mkdir()
+    for led in range(1, 5):
+        cv2.imwrite(str(capture / f"led{led}.png"), np.full(SIZE, 40 * led, np.uint8))
+    words = [str(tmp_path / "graph.yaml"), f"file={tmp_path / 'height.npy'}"]
+    out, store = tmp_path / "out", tmp_path / "batch.zarr"
+    run_command(["run", *words, f"capture={capture}", f"out={out}"])
+    np.testing.assert_array_equal(np.load(out / "warmth.npy"), height)
+    assert cv2.imread(str(out / "warmth.png")) is not None
+    (file,) = out.glob("*.mcap")
+    with file.open("rb") as stream:
+        topics = {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
+    assert "/warm" in topics
+    run_command(["batch", *words, "--over", str(capture), "--out", str(store), "--workers", "1"])
+    kept = zarr.open_group(store, mode="r")["warmth"]
+    np.testing.assert_array_equal(kept[0], height)
+    assert kept.attrs["unit"] == "mm"
+
+
+@pytest.mark.parametrize(("name", "text"), [("gone", "import no_module"), ("odd", "KIND = 1")])
+def test_a_layer_that_does_not_load_is_one_line_where_a_graph_names_it(
+    ring: Lay, tmp_path: Path, name: str, text: str
+) -> None:
+    ring(name, text)
+    (tmp_path / "graph.yaml").write_text(GRAPH.replace(", warmth:", f", {name}:"))
+    with pytest.raises((GraphError, NodeError), match=rf"{name}.*warm") as caught:
+        load(str(tmp_path / "graph.yaml"))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_layer_without_a_kind_is_told_with_those_that_there_are() -> None:
+    touch = touch_of(height=None, image=None, pixel=0.1, shade=1)
+    with pytest.raises(InputError, match=r"no layer of a touch is called 'shade'; .*'shadow'"):
+        layers_of(touch)

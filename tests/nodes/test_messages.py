@@ -1,0 +1,125 @@
+"""A message names parameters and inputs of its own node, marked for the engine; no graph's.
+
+A file of shared functions may name what one of the nodes that import it has.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from tactograph.graph.declare.find_node import find_node, node_places, shipped_nodes
+from tactograph.graph.errors import MARKED_NAME
+from tactograph.graph.rings import rings
+from tactograph.nodes.capture.read_capture import CaptureFile
+
+GIVEN = re.compile(r"(?<![\w.=$<`-])[a-z]\w*=(?!=)")
+"""A value that is given to a name."""
+NAME = re.compile(r"(?<![\w./'])[a-z]+(?:_[a-z]+)+(?![\w./'(])")
+"""A name of several words."""
+COMMAND = re.compile(r"tactograph run [^)';]*")
+"""A command of a shipped graph, whose params are part of it."""
+ENTRY = re.compile("|".join(CaptureFile.model_fields))
+"""A name in a capture's own file, as that spells it."""
+
+
+def test_messages_know_nodes_and_no_graph() -> None:
+    assert [*_of_graphs()] == []
+
+
+def test_marks_are_of_the_node_or_of_one_that_imports_the_file() -> None:
+    assert [*_foreign_marks()] == []
+
+
+def test_the_test_finds_both() -> None:
+    source = 'raise InputError(f"{x}: give `mm`=MM, or lens=FILE and pixel_size_mm")'
+    (text,) = _sentences(ast.parse(source))
+    assert GIVEN.findall(_bare(text)) == ["lens="]
+    assert NAME.findall(_bare(text)) == ["pixel_size_mm"]
+    assert MARKED_NAME.findall(text) == [("mm", "=MM")]
+
+
+def _of_graphs() -> Iterator[str]:
+    """The messages that name a setting without a mark."""
+    settings = {name for node in shipped_nodes() for name in find_node(node).parameters}
+    for file in _files():
+        for text in _sentences(_tree(file)):
+            bare = _bare(text)
+            if "capture.yaml" in text:
+                bare = ENTRY.sub("", bare)
+            for name in [*GIVEN.findall(bare), *sorted({*NAME.findall(bare)} & settings)]:
+                yield f"{file}: {name}: {text}"
+
+
+def _foreign_marks() -> Iterator[str]:
+    imported = {name: _imported(name) for name in shipped_nodes()}
+    for file in _files():
+        nodes = [n for n, files in imported.items() if _file(n) == file] or [
+            n for n, files in imported.items() if file in files
+        ]
+        known = {
+            name for node in map(find_node, nodes) for name in (*node.parameters, *node.inputs)
+        }
+        for text in _sentences(_tree(file)):
+            for name, _ in MARKED_NAME.findall(text):
+                if name not in known:
+                    yield f"{file}: {name}: {text}"
+
+
+def _files() -> list[Path]:
+    shipped = [ring for ring in rings() if ring.shipped]
+    return [file for ring in shipped for file in ring.files("nodes", "[!_]*/**/*.py")]
+
+
+def _sentences(tree: ast.AST) -> Iterator[str]:
+    """The texts of a file that may be messages: of several words, and no docstrings."""
+    inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    inner |= {part for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
+    for node in ast.walk(tree):
+        parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+        texts = [str(p.value) if isinstance(p, ast.Constant) else "{}" for p in parts]
+        is_text = isinstance(node, ast.JoinedStr) or (
+            isinstance(node, ast.Constant) and isinstance(node.value, str)
+        )
+        if is_text and node not in inner and " " in "".join(texts):
+            yield "".join(texts)
+
+
+def _bare(text: str) -> str:
+    return COMMAND.sub("", MARKED_NAME.sub("", text))
+
+
+@cache
+def _tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def _file(node: str) -> Path:
+    return _source(node_places()[node].module) or Path()
+
+
+@cache
+def _source(module: str) -> Path | None:
+    """The file of a module of the package; None for other names."""
+    try:
+        spec = find_spec(module)
+    except ModuleNotFoundError:
+        return None
+    return None if spec is None or spec.origin is None else Path(spec.origin)
+
+
+def _imported(node: str) -> set[Path]:
+    """The file of a node, those that it imports, and those that they import."""
+    found, waiting = set[Path](), [_file(node)]
+    while waiting:
+        file = waiting.pop()
+        if file in found:
+            continue
+        found.add(file)
+        for each in ast.walk(_tree(file)):
+            if isinstance(each, ast.ImportFrom) and (each.module or "").startswith("tactograph."):
+                names = [each.module, *(f"{each.module}.{alias.name}" for alias in each.names)]
+                waiting += [source for name in names if (source := _source(str(name)))]
+    return found

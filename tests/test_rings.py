@@ -1,0 +1,106 @@
+"""The core names no ring; a ring takes the sdk alone, as a stranger's package would."""
+
+import ast
+import warnings
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from tactograph.graph import rings as engine
+from tactograph.graph.rings import Ring, bring, rings
+from tactograph.sdk import sources
+from tests.fixtures import ROOT
+
+SHIPPED = sorted(
+    folder.name for folder in (ROOT / "rings").iterdir() if (folder / "nodes").is_dir()
+)
+CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")
+
+
+def imported(file: Path) -> Iterator[str]:
+    for each in ast.walk(ast.parse(file.read_text())):
+        if isinstance(each, ast.ImportFrom) and each.module:
+            yield each.module
+        elif isinstance(each, ast.Import):
+            yield from (name.name for name in each.names)
+
+
+def product(folder: Path) -> Iterator[Path]:
+    return (file for file in folder.rglob("*.py") if "tests" not in file.parts)
+
+
+def test_no_file_of_the_core_imports_a_ring() -> None:
+    taken = [
+        (file, name)
+        for folder in CORE
+        for file in product(ROOT / folder)
+        for name in imported(file)
+        if name.startswith("tactograph.rings")
+    ]
+    assert taken == []
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_ring_imports_the_sdk_and_itself(name: str) -> None:
+    own = (f"tactograph.rings.{name}", "tactograph.sdk")
+    taken = [
+        (file, module)
+        for file in product(ROOT / "rings" / name)
+        for module in imported(file)
+        if module.partition(".")[0] == "tactograph"
+        and module != "tactograph"
+        and not f"{module}.".startswith(tuple(f"{each}." for each in own))
+    ]
+    assert taken == []
+
+
+def test_every_name_of_the_sdk_is_there_and_on_its_page() -> None:
+    import tactograph.sdk
+
+    page = (ROOT / "docs" / "sdk.md").read_text()
+    assert [name for name in sources() if not hasattr(tactograph.sdk, name)] == []
+    assert [name for name in sources() if f"`{name}`" not in page] == []
+
+
+def test_every_name_of_the_sdk_is_used_by_a_ring_or_a_template() -> None:
+    files = [*product(ROOT / "rings"), *(ROOT / "graph/declare/templates").iterdir()]
+    text = "\n".join(file.read_text() for file in files)
+    named = {name for name in sources() if f"{name}" in text}
+    assert {*sources()} - named <= {"Exact", "Parts", "GraphError", "NodeError", "as_it_is"}
+
+
+@pytest.fixture
+def register(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[object]:
+    """Register packages in a folder as rings, beside those that are installed."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def add(name: str, value: str) -> tuple[Ring, ...]:
+        points = [EntryPoint(name, value, engine.ENTRY_POINT_GROUP)]
+        monkeypatch.setattr(engine, "entry_points", lambda group: points)
+        engine._rings.cache_clear()
+        return rings()
+
+    yield add
+    engine._rings.cache_clear()
+
+
+def test_a_ring_whose_package_is_gone_is_named_and_the_others_work(register: object) -> None:
+    assert callable(register)
+    with pytest.warns(UserWarning, match="ring 'felt' of felt: there is no package felt"):
+        assert [ring.name for ring in register("felt", "felt")] == ["core"]
+
+
+def test_what_a_ring_brings_is_imported_when_it_is_named(register: object, tmp_path: Path) -> None:
+    assert callable(register)
+    for file, text in (("__init__.py", "raise SystemExit"), ("formats/fuz.py", "LEVEL = 3")):
+        (tmp_path / "fuzz" / file).parent.mkdir(exist_ok=True)
+        (tmp_path / "fuzz" / file).write_text(text if "fuz" in file else "")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert [ring.name for ring in register("fuzz", "fuzz")] == ["core", "fuzz"]
+    module = bring("formats", "fuz")
+    assert module is not None
+    assert module.LEVEL == 3
+    assert bring("formats", "wool") is None
