@@ -12,7 +12,6 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import Layout, read_capture, read_capture_file
 from tactograph.nodes.files.calibration_file import dark_led
 from tactograph.nodes.files.image_files import lights_of, read_plane
-from tactograph.nodes.optics.rest_shape import RestShape
 
 
 class Flat(NamedTuple):
@@ -27,7 +26,7 @@ def read_flat(
     image: Light,
     estimate: Light | None = None,
     black: Dark | None = None,
-    shape: RestShape | None = None,
+    is_plane: bool = True,
     *,
     folder: Path | None = None,
     dark: Path | None = None,
@@ -41,9 +40,9 @@ def read_flat(
     image : K x H x W, the capture whose size the flat frame must have
     estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
     black : H x W, used if `dark` is not given; None: black
-    shape
-        The film at rest if it is no plane.  Its light changes right up to the border, where a
-        Gaussian would bend it: it is left to `denoise_flat`.
+    is_plane
+        Whether the film at rest is a plane.  Else its light changes right up to the border, where
+        a Gaussian would bend it: it is left to `denoise_flat`.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
@@ -73,7 +72,7 @@ def read_flat(
         )
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
-    width = smooth_px if shape is None else 0.0
+    width = smooth_px if is_plane else 0.0
     flat = np.stack([_smoothed(plane - black, width) for plane in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(

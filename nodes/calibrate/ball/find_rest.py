@@ -3,15 +3,20 @@
 Long because it searches for a bend, fits it together with LEDs and balls, and says how sure it is.
 """
 
-from typing import NamedTuple
+import math
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from annotated_types import Gt
 
-from tactograph.nodes import F4, F8, Light
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
+from tactograph.nodes.calibrate.ball.find_balls import find_balls
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
@@ -21,24 +26,28 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     place_leds,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Object, Press, Rest, rest_of, sample
-from tactograph.nodes.calibrate.rest.read_rest import by_rays
+from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
+from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
-TRIED_BENDS = (0.0, 0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
+TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
-BEND_STEP, TILT_STEP = 2e-3, 2e-3
-"""Steps of bend and tilt, by half the diagonal, for derivatives."""
-ROUNDS, MIN_GAIN = 8, 1e-3
+BEND_STEP = 0.01
+"""Step of bend, by half the diagonal, and of slope for derivatives."""
+FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-2
 """Most rounds of least squares, and the relative gain of the cost below which they end."""
-MAX_SAMPLES = 1500
+MAX_SAMPLES = 400
 """Samples of each ball."""
 SAMPLED_SHARE = 0.8
 """Share of a contact's radius whose pixels are samples, whatever the film's shape."""
 INDEPENDENT_SAMPLES = 200
 """Most independent samples that a ball, or the flat frame under an LED, counts as, because what a
 model leaves is smooth."""
+MIN_PRESSES = 2
+"""Fewest presses that tell of a bend."""
 MAX_SLANT = 0.98
 """Largest sine of the film's slant."""
 
@@ -51,6 +60,14 @@ class Bend(NamedTuple):
     cost: float
     samples: float
     """Independent samples that tell of it."""
+
+
+class FoundRest(NamedTuple):
+    """The film at rest: its height at the camera's resolution, its shape, and figures."""
+
+    height: Annotated[F4, Port("R C", "mm", low=-1, high=5)] | None
+    shape: RestShape | None
+    quality: Metrics
 
 
 class _Trial(NamedTuple):
@@ -80,6 +97,75 @@ class _Presses(NamedTuple):
     def shape(self, unknowns: F8) -> RestShape:
         size = self.flat.shape[1], self.flat.shape[2]
         return bent(size, self.pixel, self.camera, unknowns)
+
+
+@node
+def find_rest(
+    light: SheetLight,
+    flat: Light,
+    even: Annotated[F4, Port("K R C", "1")],
+    radius: Radii,
+    known: KnownCircles,
+    names: list[str],
+    pixel: PixelSize,
+    even_pixel: PixelSize,
+    factor: int,
+    given: RestShape | None = None,
+    *,
+    rest: Path | None = None,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+) -> FoundRest:
+    """Return the film's shape at rest as given, or, where ``rest=find`` asks for it, as found.
+
+    Parameters
+    ----------
+    light, flat : K x S x W presses relative to the film at rest, and K x H x W
+    even : K x R x C, the film at rest at the camera's resolution
+    radius, known, names : of the presses, as for `find_balls`
+    pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
+    factor : pixels of `even` along a pixel of `flat`
+    given : as `read_rest` returns it
+    rest : ``find`` searches for a bend (`find_bend`)
+    camera_mm : height of the pupil above height 0
+
+    Returns
+    -------
+    The height R x C in mm that each pixel sees, and the shape on the pixels of `flat`; None for a
+    plane.  Where it was found, ``rest_radius_x_mm`` and ``rest_radius_y_mm``, and how well the
+    film's height is known, ``rest_deviation_um``, root mean square over the frame.
+
+    Raises
+    ------
+    InputError
+        If fewer than two presses show a ball.
+    """
+    if given is not None or not wants_search(rest):
+        shape = None if given is None else given.binned(factor)
+        return FoundRest(None if given is None else given.height, shape, {})
+    ball = find_balls(light, flat, radius, known, names, pixel)
+    if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
+        raise InputError(
+            f"`rest`=find needs presses at {MIN_PRESSES} places or more: one in the middle, "
+            "others near the border"
+        )
+    camera = 0.0 if camera_mm is None else 1 / camera_mm
+    bend, _ = find_bend(light, flat, ball.circle, ball.radius, ball.of, pixel, camera)
+    size = even.shape[1], even.shape[2]
+    whole = bent(size, even_pixel, camera, bend.unknowns)
+    deviation = _deviation(bend, flat.shape[1:], pixel)
+    figures = {"rest_deviation_um": UM_PER_MM * deviation}
+    for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
+        figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
+    return FoundRest(whole.height, whole.binned(factor), figures)
+
+
+def _deviation(bend: Bend, size: tuple[int, ...], pixel: float) -> float:
+    """Standard deviation of the film's height about its mean, root mean square over the frame."""
+    y, x = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
+    x, y = (part[::8].ravel() for part in np.broadcast_arrays(x[None], y[:, None]))
+    by = np.stack([x * x / 2, x * y, y * y / 2, x, y])
+    by -= by.mean(axis=1, keepdims=True)
+    return float(np.sqrt(np.einsum("an,ab,bn->n", by, bend.covariance, by).mean()))
 
 
 def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> RestShape:
@@ -142,7 +228,7 @@ def _fitted(given: _Presses, unknowns: F8, trial: _Trial, only_ball: bool) -> Be
     ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
     cost = _cost(trial)
     normal = np.eye(len(ways))
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
         by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
         columns = []
@@ -164,7 +250,7 @@ def _fitted(given: _Presses, unknowns: F8, trial: _Trial, only_ball: bool) -> Be
         if now > cost:
             break
         gain, cost, unknowns, trial = (cost - now) / cost, now, moved, tried
-        if gain < MIN_GAIN:
+        if gain < MIN_COST_GAIN:
             break
     spread = (unit * ways).T @ normal @ (unit * ways)
     return Bend(unknowns, spread * _inflation(trial), cost, _independent(trial))
@@ -205,7 +291,7 @@ def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
         given.light, given.circles, seeds, given.radii, strict=True
     ):
         on = BallOnShape(shape, radius)
-        circle = refined(light, seed, radius / given.pixel, None, None, on)
+        circle = refined(light, seed, radius / given.pixel, None, None, on, near=before is not None)
         ball = on.known(circle)
         y, x = np.indices(light.shape[1:])
         near = np.hypot(x - first.x, y - first.y) < SAMPLED_SHARE * first.radius

@@ -16,6 +16,8 @@ from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
+SEARCH_NAME = "find"
+"""What stands in place of a file where the shape is to be found."""
 RAY_STEPS = 40
 """Steps that follow a camera's ray to the film: the steeper both are, the more it takes."""
 Pose = Annotated[tuple[float, ...], Len(2, 4)]
@@ -28,6 +30,7 @@ class Resting(NamedTuple):
 
     height: Height | None
     shape: RestShape | None
+    is_plane: bool
 
 
 @node
@@ -50,9 +53,9 @@ def read_rest(
     pixel : mm per px at height 0
     lens : length 8; a height map is on the camera's own grid
     file
-        The height in mm that each pixel sees, H x W (.npy, .tif and other height maps); or a mesh
-        (.stl, .ply, .obj) in mm from the image's middle: x right, y up, z to the camera, its
-        surface that which the camera sees.
+        ``find``: `find_rest` is to find it.  Else the height in mm that each pixel sees, H x W
+        (.npy, .tif and other height maps); or a mesh (.stl, .ply, .obj) in mm from the image's
+        middle: x right, y up, z to the camera, its surface that which the camera sees.
     radius_mm
         Radius of a ball that the film is part of.  Above 0 the film rises to its border, as a
         fingertip does that is seen from within; below 0 it rises to its middle.
@@ -70,10 +73,12 @@ def read_rest(
     """
     given = {"rest": file, "rest_radius_mm": radius_mm, "rest_cylinder_mm": cylinder_mm}
     names = [name for name, value in given.items() if value is not None]
+    if wants_search(file) and len(names) == 1:
+        return Resting(None, None, is_plane=False)
     if len(names) > 1:
         raise InputError(f"{names[0]} and {names[1]}: the film has one shape at rest; give one")
     if not names:
-        return Resting(None, None)
+        return Resting(None, None, is_plane=True)
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     x, y, z, turn = (*(at_mm or ()), 0.0, 0.0, 0.0, 0.0)[:4]
     size = image.shape[1], image.shape[2]
@@ -100,7 +105,12 @@ def read_rest(
             f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; check camera_mm"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
-    return Resting(shape.height, shape)
+    return Resting(shape.height, shape, is_plane=False)
+
+
+def wants_search(file: Path | None) -> bool:
+    """Return whether `rest` names no file: the film's shape is to be found (`find_rest`)."""
+    return file is not None and file.name == SEARCH_NAME and not file.is_file()
 
 
 def _form(
