@@ -11,6 +11,9 @@ from tactograph.nodes import F8
 PAIRS_AT_ONCE = 1 << 21
 """Pairs of a triangle and a pixel that are processed at once; this bounds the memory."""
 
+EDGE_TOLERANCE = 1e-9
+"""How far, as a share of a triangle's side, a point beside it counts as inside."""
+
 
 def read_mesh(file: Path, reader: str) -> tuple[F8, np.ndarray]:
     """Return vertices V x 3 and triangles F x 3 of any format that trimesh reads.
@@ -75,7 +78,8 @@ def _raise_to(
     at = np.stack([column, row], axis=1)
     u, v = _cross(b[:, :2] - at, c[:, :2] - at), _cross(c[:, :2] - at, a[:, :2] - at)
     u, v = u / area, v / area
-    inside = (u >= 0) & (v >= 0) & (u + v <= 1)
+    # A centre on an edge of two triangles is in one of them, however numbers round.
+    inside = (u >= -EDGE_TOLERANCE) & (v >= -EDGE_TOLERANCE) & (u + v <= 1 + EDGE_TOLERANCE)
     z = u * a[:, 2] + v * b[:, 2] + (1 - u - v) * c[:, 2]
     np.maximum.at(height, (row * columns + column)[inside], z[inside])
 

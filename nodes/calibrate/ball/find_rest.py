@@ -292,12 +292,11 @@ def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
     ):
         on = BallOnShape(shape, radius)
         circle = refined(light, seed, radius / given.pixel, None, None, on, near=before is not None)
-        ball = on.known(circle)
         y, x = np.indices(light.shape[1:])
-        near = np.hypot(x - first.x, y - first.y) < SAMPLED_SHARE * first.radius
-        press = Press(
-            light, ball.slope, (ball.mask & near).astype(np.uint8), ball.height, label_lit(light)
-        )
+        away = np.hypot(x - first.x, y - first.y)
+        near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
+        ball = on.known(circle, near)
+        press = Press(light, ball.slope, near, ball.height, label_lit(light))
         circles.append(circle)
         objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
     rest = rest_of(given.flat, given.pixel, shape)
