@@ -37,9 +37,9 @@ TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
 BEND_STEP = 0.01
 """Step of bend, by half the diagonal, and of slope for derivatives."""
-FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-2
+FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-3
 """Most rounds of least squares, and the relative gain of the cost below which they end."""
-MAX_SAMPLES = 400
+MAX_SAMPLES = 1500
 """Samples of each ball."""
 SAMPLED_SHARE = 0.8
 """Share of a contact's radius whose pixels are samples, whatever the film's shape."""
