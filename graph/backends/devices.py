@@ -6,6 +6,7 @@ small kernel, and the verdict says why one was passed over.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +22,11 @@ from tactograph.graph.errors import InputError, did_you_mean
 if TYPE_CHECKING:
     import pyopencl as cl
 
+NOT_IN_A_FORK = (
+    "OpenCL was used before this process was forked, and no runtime works on in a fork; start "
+    "processes by 'spawn' or 'forkserver' (DataLoader: multiprocessing_context=\"spawn\"), or take "
+    'backend="numpy" here'
+)
 _PROBE_KERNEL = """
 __kernel void probe(__global const float *a, __global float *out, const float b)
 {
@@ -62,7 +68,8 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
     Raises
     ------
     InputError
-        If `text` matches no device, or only devices that do not work.
+        If `text` matches no device, or only devices that do not work, or in a fork of a process
+        that has asked for devices.
     """
     handles = list(_handles())
     if text is not None:
@@ -101,7 +108,15 @@ def how_to_get_one() -> str:
     return "for one: conda install -c conda-forge pyopencl pocl"
 
 
+@cache
+def _first_process() -> int:
+    """The process that first asked for devices, which a fork of it remembers."""
+    return os.getpid()
+
+
 def _handles() -> Iterator[cl.Device]:
+    if _first_process() != os.getpid():
+        raise InputError(NOT_IN_A_FORK)
     try:
         import pyopencl as cl
     except ImportError:

@@ -1,24 +1,30 @@
 """A pipeline's turn: one thread at a time may use it."""
 
+import os
 import threading
 
+from tactograph.graph.backends.devices import NOT_IN_A_FORK
 from tactograph.graph.errors import InputError
 
 
 class Turn:
     """Lets one thread at a time into a pipeline, and none once it is closed.
 
-    No thread waits for the lock, which costs less than a microsecond an item.
+    No thread waits for the lock, which costs less than a microsecond an item.  A pipeline on a
+    device also refuses a fork of its process, which has none of the device's threads.
     """
 
-    __slots__ = ("_closed", "_lock", "_name")
+    __slots__ = ("_closed", "_lock", "_name", "_process")
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, on_device: bool) -> None:
         self._name = name
+        self._process = os.getpid() if on_device else None
         self._lock = threading.Lock()
         self._closed = False
 
     def __enter__(self) -> None:
+        if self._process not in (None, os.getpid()):
+            raise InputError(f"{self._name}: {NOT_IN_A_FORK}")
         self._take()
         if self._closed:
             self._lock.release()

@@ -4,6 +4,7 @@ import os
 import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -143,7 +144,11 @@ def open_pipeline(
     )  # fmt: skip
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
-    return Pipeline(plan, opened, cache)
+    anew = partial(
+        open_pipeline, backend=backend, device=device, strict=strict, sinks=sinks,
+        stand_ins=stand_ins, outputs=outputs, stays=stays,
+    )  # fmt: skip
+    return Pipeline(plan, opened, cache, anew)
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:

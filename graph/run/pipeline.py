@@ -1,6 +1,6 @@
 """A graph that is ready to run: called with arrays, or gone through item by item."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import repeat
 from typing import Any, Self
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import InputError, TactographError, collect_warnings
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.new_settings import with_parameters, with_values
@@ -35,17 +36,23 @@ class Pipeline:
 
     A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
     leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` came after the last item, or of one that failed.
+    `closing_warnings` came after the last item, or of one that failed.  A copy, or one unpickled in
+    another process, is loaded anew by `anew`, with the settings as they are and nothing kept.
     """
 
     def __init__(
-        self, plan: Plan, device: DeviceBackend | None, cache: Cache | None = None
+        self,
+        plan: Plan,
+        device: DeviceBackend | None,
+        cache: Cache | None = None,
+        anew: Callable[[Graph, Mapping[str, Any]], Self] | None = None,
     ) -> None:
         keep_freed()
         self.plan = plan
+        self._anew = anew
         self.closing_warnings: list[str] = []
         self._device = device
-        self._turn = Turn(plan.graph.name)
+        self._turn = Turn(plan.graph.name, on_device=device is not None)
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
@@ -57,6 +64,11 @@ class Pipeline:
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
         self._running: object | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._anew is None:
+            raise InputError(f"{self.plan.graph.name}: load the graph again where it is needed")
+        return self._anew, (self.plan.graph, dict(self.plan.given))
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
         """Run one item on arrays that stand in for source nodes, and return its outputs.

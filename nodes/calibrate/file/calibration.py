@@ -38,6 +38,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.calibration_file import FileKind, free_for
 from tactograph.nodes.stored import Stored
+from tactograph.nodes.trust.check_ranks import NO_RANKS, CheckRanks
 
 MIN_LED_HEIGHT_MM = 1e-3
 """Height of the lowest LED that a sensor can have."""
@@ -112,6 +113,11 @@ class Calibration(NamedTuple):
         ]
         | None
     ) = None
+    ranks: Annotated[
+        CheckRanks,
+        Stored(-1, 1e6, plain=-1.0),
+        "figures of right touches, by quantiles: what a touch is compared with; -1: not known",
+    ] = NO_RANKS
 
 
 def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:

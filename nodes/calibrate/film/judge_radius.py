@@ -56,10 +56,12 @@ ratio of what they leave on the balls up to which it cannot."""
 MIN_DIFFUSE, GEL_DIFFUSE = 0.05, (0.2, 0.65)
 """Share of diffused light below which a gel has none, and the range of real gels: a radius too
 large by a third or more takes it for curvature.  0.3 to 0.5 on two real sensors."""
-DIFFUSE_SHARE, SHADOW_SHARE, SHADOW_MARGIN = (0.03, 0.3), 0.04, 0.02
-"""Share of diffused light that a radius or pixel size wrong by 2 to 16 % looks like, as no film
-without a gel and hardly a clear gel has it; the share of the light that has to lie within a margin
-above it for a shadow that measures it."""
+MIN_DIFFUSE_SHARE, SHADOW_SHARE, SHADOW_MARGIN = 0.03, 0.04, 0.02
+"""Share of diffused light that a radius or pixel size wrong by 2 % looks like; the share of the
+light that has to lie within a margin above it for a shadow that measures it."""
+MOST_OF_PLAIN_GELS = 0.3
+"""Share from which on one-shot sensors' clear gels begin, whose presses are too shallow to throw
+shadows."""
 DARKEST_QUANTILE, MAX_DARKENING = 0.005, 0.88
 """Quantile of the light that the gel's diffused share may exceed at most by the inverse of this."""
 GAMMA_EXPONENTS = (1 / 1.5, 1 / 1.15, 1.15, 1.5)
@@ -162,7 +164,9 @@ def judge_radius(
         is_plain = _is_noise(given, left)
         diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
         advice = RADIUS_INPUTS, ", or give `led_distance_mm`=MM"
-        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice)
+        # A grid's pitch confirms the pixel.
+        most = MOST_OF_PLAIN_GELS if np.bincount(of[used]).max() > 1 else 1.0
+        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice, most=most)
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
@@ -255,7 +259,12 @@ def doubt_of_pattern(
 
 
 def doubt_of_diffuse(
-    diffuse: float, light: F8, radius: float, which: str = "", advice: str = ""
+    diffuse: float,
+    light: F8,
+    radius: float,
+    which: str = "",
+    advice: str = "",
+    most: float = MOST_OF_PLAIN_GELS,
 ) -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
@@ -265,8 +274,7 @@ def doubt_of_diffuse(
     darkest = float(np.quantile(light, DARKEST_QUANTILE))
     is_shaded = float((light < diffuse + SHADOW_MARGIN).mean()) > SHADOW_SHARE
     is_too_dark = darkest < MAX_DARKENING * diffuse
-    low, high = DIFFUSE_SHARE
-    if diffuse < low or not (is_too_dark or (diffuse < high and not is_shaded)):
+    if diffuse < MIN_DIFFUSE_SHARE or not (is_too_dark or (diffuse < most and not is_shaded)):
         return []
     without = radius / np.sqrt(1 - diffuse)
     return [
