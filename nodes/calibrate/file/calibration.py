@@ -19,6 +19,7 @@ from tactograph.nodes import (
     Blur,
     Dark,
     Film,
+    Height,
     LabelTurn,
     Lens,
     Light,
@@ -104,6 +105,14 @@ class Calibration(NamedTuple):
         Stored(0, 3.2, plain=0.0),
         "radians by which leaving LEDs out must turn a normal; 0 where labels cost nothing",
     ] = 0.0
+    rest: (
+        Annotated[
+            Height,
+            Stored(-1e3, 1e3, plain=0.0),
+            "mm, height that each pixel sees of the film at rest; 0: a plane",
+        ]
+        | None
+    ) = None
     ranks: Annotated[
         CheckRanks,
         Stored(-1, 1e6, plain=-1.0),

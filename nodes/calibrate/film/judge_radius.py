@@ -30,6 +30,7 @@ from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.rest_shape import RestShape
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """First trial radii, relative to the given one; finer ones follow between the best two."""
@@ -134,17 +135,18 @@ def judge_radius(
     InputError
         If the light contradicts the radius and `force` is not set.
     """
-    light, flat, circle, radius, of, kept, lights, strength, noise, pixel = evidence
+    light, flat, circle, radius, of, kept, lights, strength, noise, pixel, shape = evidence
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
         most=None,
         fine=True,
+        shape=shape,
     )
     first, left = float(radius[used[0]]), _left(fitted)
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
-    trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
+    trials = try_radii(balls, flat, pixel, lights, strength, left=enough, shape=shape)
     given, doubt = as_given(trials), doubt_of_radius(trials, first, left, RADIUS_INPUTS)
     if doubt.sentence and not film.camera:
         doubt = doubt._replace(sentence=doubt.sentence + CAMERA_ADVICE)
@@ -152,7 +154,7 @@ def judge_radius(
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + FORCE_ADVICE)
     if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
-        gammas = try_gammas(balls, flat, pixel, lights, strength)
+        gammas = try_gammas(balls, flat, pixel, lights, strength, shape)
         doubts += doubt_of_pattern(trials, gammas, first, RADIUS_INPUTS)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
@@ -180,13 +182,14 @@ def try_radii(
     factors: tuple[float, ...] = RADIUS_FACTORS,
     rounds: int = FINER_ROUNDS,
     left: float = np.inf,
+    shape: RestShape | None = None,
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one.
 
     Where the residual of the given radius is mostly noise, and that of the film chosen is `left`,
     no other can be preferred: only those that may explain the light as well are tried.
     """
-    rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
+    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
     deepest = min(float((balls.rim / balls.radius).max()), 1.0)
 
@@ -204,10 +207,15 @@ def try_radii(
 
 
 def try_gammas(
-    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4
+    balls: Balls,
+    flat: F4,
+    pixel: float,
+    lights: F4,
+    strength: F4,
+    shape: RestShape | None = None,
 ) -> dict[float, float]:
     """Return a plain film's residuals for light raised to powers, by power (`light_pattern`)."""
-    rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
+    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     left = {}
     for power in GAMMA_EXPONENTS:
         start = _start(lights, strength**power, len(balls.centre), width)
