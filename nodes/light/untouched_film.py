@@ -65,7 +65,7 @@ def untouched_film(
         zero = np.zeros((2, *size), np.float32)
         return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None, None)
     if film is None or pixel is None:
-        raise InputError("a film that is no plane (`rest`) needs `film` and `pixel` as well")
+        raise InputError("a film that is no plane needs its calibration and pixel size as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
     shape = rest_shape(rest, pixel / factor, film.camera)
     if factor > 1:

@@ -448,7 +448,7 @@ def test_check_takes_a_value_that_is_not_given_to_be_right(about: Command) -> No
 def test_explain_speaks_of_boxes_and_with_all_of_nodes(tactograph: Command) -> None:
     boxes = tactograph("explain", "reconstruct", "--backend", "numpy").out
     nodes = tactograph("explain", "reconstruct", "--backend", "numpy", "--all").out
-    assert "4 x rough_pass: 23 nodes" in boxes
+    assert "4 x rough_pass: 31 nodes" in boxes
     assert "rough.2.matt" not in boxes
     assert "rough.2.matt" in nodes
 

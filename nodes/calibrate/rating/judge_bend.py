@@ -43,6 +43,5 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
     radius = 1 / float(bend.unknowns[0])
     return [
         f"the film is no plane at rest: a bend with a radius of {radius:.3g} mm explains the light "
-        f"better by odds of 10^{digits:.0f}: give `rest`=FILE, `rest_radius_mm`={radius:.3g}, or "
-        "`rest`=find"
+        f"better by odds of 10^{digits:.0f}: give the film's shape at rest, by a file or its radius"
     ]

@@ -71,7 +71,7 @@ def read_rest(
         If more than one is given, the file cannot be read or is of another size, or the film does
         not fill the frame.
     """
-    given = {"rest": file, "rest_radius_mm": radius_mm, "rest_cylinder_mm": cylinder_mm}
+    given = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
     names = [name for name, value in given.items() if value is not None]
     if wants_search(file) and len(names) == 1:
         return Resting(None, None, is_plane=False)
@@ -98,11 +98,12 @@ def read_rest(
     if missing > 0:
         raise InputError(
             f"{file or names[0]}: {missing:.1%} of the frame sees no film of this shape: check its "
-            "radius or unit, and where it lies (rest_at_mm)"
+            "radius or unit, and where it lies (`at_mm`)"
         )
     if camera * float(height.max()) >= 1:
         raise InputError(
-            f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; check camera_mm"
+            f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
+            "check `camera_mm`"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
     return Resting(shape.height, shape, is_plane=False)
@@ -120,7 +121,7 @@ def _form(
     values = (radius_mm,) if cylinder_mm is None else np.ravel(cylinder_mm).tolist()
     radius, angle = float(values[0] or 0), np.radians(values[1] if len(values) > 1 else 0.0)
     if radius == 0:
-        raise InputError("rest_radius_mm, rest_cylinder_mm: a radius is not 0; leave out a plane's")
+        raise InputError("`radius_mm`, `cylinder_mm`: a radius is not 0; leave out a plane's")
     along = 0.0 if cylinder_mm is None else 1.0
 
     def height(x: F8, y: F8) -> F8:
@@ -155,7 +156,7 @@ def _by_mesh(
     c, s = np.cos(np.radians(at[3])), np.sin(np.radians(at[3]))
     x, y, z = c * x - s * y + at[0], s * x + c * y + at[1], z + at[2]
     if camera and camera * z.max() >= 1:
-        raise InputError(f"{file}: the mesh rises to the pupil; check camera_mm and rest_at_mm")
+        raise InputError(f"{file}: the mesh rises to the pupil; check `camera_mm` and `at_mm`")
     x, y, z = (part / (1 - camera * z) for part in (x, y, z))
     rows, columns = size
     # Zero is where no triangle is, so all lie above it.

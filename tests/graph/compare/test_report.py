@@ -276,7 +276,7 @@ def test_differences_are_told_box_by_box() -> None:
     raw = Difference("integrate.raw", "op", "integrate_frankot_chellappa", "integrate_dct")
     assert raw in differences(base, read_graph("paper_no_flat"))
     without = differences(base, read_graph("paper_no_flat"))
-    assert Difference("light", "input flat", "take.cal.flat", "smooth") in without
+    assert Difference("take.film", "input flat", "take.cal.flat", "smooth") in without
 
 
 def test_a_map_of_which_nothing_is_known_and_labels_that_no_run_gave_are_not_drawn() -> None:

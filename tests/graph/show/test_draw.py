@@ -122,7 +122,7 @@ def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> Non
 def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     boxes = {box.name: box for box in folded(plan).boxes}
-    assert boxes["rough"].label == "4 x rough_pass: 23 nodes"
+    assert boxes["rough"].label == "4 x rough_pass: 31 nodes"
     assert not [name for name in boxes if "." in name]
     assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
     assert boxes.keys() == {name.partition(".")[0] for name in plan.tasks}
@@ -130,7 +130,7 @@ def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> N
         to_mermaid(folded(plan)),
         to_svg(folded(plan)),
     ):
-        assert "4 x rough_pass: 23 nodes" in drawn_as
+        assert "4 x rough_pass: 31 nodes" in drawn_as
 
 
 def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
@@ -180,7 +180,7 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     svg = to_svg(folded(plan), {"rough.1.label": 2.0, "rough.2.matt": 1.0, "label": 8.0})
-    assert "4 x rough_pass: 23 nodes, 3 ms" in svg
+    assert "4 x rough_pass: 31 nodes, 3 ms" in svg
     assert "label_lights, 8 ms" in svg
 
 
