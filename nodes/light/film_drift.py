@@ -117,8 +117,8 @@ def film_drift(
     count, rows, columns = light.shape
     basis = _basis(rows, columns)
     cells, around = light.reshape(count, -1), _around(light).reshape(count, -1)
-    share = np.float32(level) / np.float32(factor)
-    noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
+    noise_share = np.float32(level) / np.float32(factor)
+    noise = np.zeros_like(cells) if sigma is None else noise_share * sigma.reshape(count, -1)
     if before is None:
         before = np.zeros((count, DRIFT_TERMS), np.float32)
         before[:, 0] = 1

@@ -82,9 +82,9 @@ class RestShape:
             whole = plane[: rows * factor, : columns * factor]
             return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA))
 
-        planes = means(self.height), means(self.seen)
-        slopes = (np.stack([*map(means, pair)]) for pair in (self.slope, self.tilt))
-        return type(self)(*planes, *slopes, self.pixel * factor, self.camera)
+        slope, tilt = (np.stack([*map(means, pair)]) for pair in (self.slope, self.tilt))
+        side = self.pixel * factor
+        return type(self)(means(self.height), means(self.seen), slope, tilt, side, self.camera)
 
     def continued(self, factor: int) -> Self:
         """Return the shape continued to whole cells of `factor` x `factor` pixels."""
@@ -105,8 +105,8 @@ def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
     p, q = tilt = np.stack([difference(seen, axis) for axis in (1, 0)]) / np.float32(pixel)
     u, v = _places(height.shape, pixel)
     slope = tilt / np.maximum(1 + by * (seen - p * u - q * v), MIN_VIEW_SHARE)
-    typed = (np.asarray(part, np.float32) for part in (height, seen, slope, tilt))
-    return RestShape(*typed, float(pixel), float(camera))
+    high, low, down, away = (np.asarray(each, np.float32) for each in (height, seen, slope, tilt))
+    return RestShape(high, low, down, away, float(pixel), float(camera))
 
 
 def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:

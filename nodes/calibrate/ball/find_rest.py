@@ -301,4 +301,4 @@ def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
         objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
     rest = rest_of(given.flat, given.pixel, shape)
     placed = before.placed if before is not None else None
-    return _Trial(circles, objects, rest, placed)
+    return _Trial(circles, objects, rest, placed)  # type: ignore[arg-type]  # see `_placed`

@@ -302,14 +302,14 @@ def _base(shape: RestShape, circle: F4 | F8, size: tuple[int, ...], pixel: float
 
 
 def _away(
-    shape: RestShape, u: F4, v: F4, circle: F4 | F8, radius: float, shift: F8, camera: float
+    shape: RestShape, u: F4, v: F4, circle: F4, radius: float, shift: F8, camera: float
 ) -> F8:
     """How far samples count as from the middle of a ball, in mm (`away_on`)."""
-    u, v = u.astype(np.float64), v.astype(np.float64)
+    at_u, at_v = u.astype(np.float64), v.astype(np.float64)
     size = shape.height.shape
     centre = _centre(circle, radius, shift, size, shape.pixel, shape)
     base = float(_base(shape, circle, size, shape.pixel)[0])
-    return away_on(u, v, shape.at(u, v)[3], base, centre, radius, camera)
+    return away_on(at_u, at_v, shape.at(at_u, at_v)[3], base, centre, radius, camera)
 
 
 def _cells(film: Film, fine: bool) -> int:

@@ -70,7 +70,8 @@ def place_leds(
     Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
     LEDs alone, without objects, if it is no plane.
     """
-    count, flat = len(objects[0].light if objects else rest.logarithm), rest is not None
+    flat = rest is not None
+    count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
     if start is None:
         leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
         if slants is not None:
@@ -243,13 +244,13 @@ def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
 
 def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, then moved to a distance of a few image widths."""
-    if not objects:
+    if not objects and rest is not None:
         return _distant_over(rest, k, width_mm)
     normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
     if objects[0].beneath is not None:
         gain = 1.0
-        below = np.hstack([o.beneath[0][:, o.lit[k]] for o in objects])
+        below = np.hstack([o.beneath[0][:, o.lit[k]] for o in objects if o.beneath is not None])
         left = normal - light * below
         a, *_ = np.linalg.lstsq(left[:2].T, -left[2], rcond=None)
     elif flat:
@@ -264,6 +265,7 @@ def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, 
 
 def _distant_over(rest: Rest, k: int, width_mm: float) -> F8:
     """A distant LED by the light of a film of known shape, if all together shine from above."""
+    assert rest.beneath is not None  # a plane alone tells no LEDs
     nx, ny, nz = rest.beneath[0]
     light = np.exp(rest.logarithm[k] - np.log(np.exp(rest.logarithm).mean(axis=0))) * nz
     (a, b, c), *_ = np.linalg.lstsq(np.stack([nx, ny, nz], axis=1), light, rcond=None)

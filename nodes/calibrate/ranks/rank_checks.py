@@ -51,7 +51,7 @@ def rank_checks(
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has told of its doubts
         small = Path(folder) / "small.npz"
-        np.savez(small, **_smaller(load_arrays(file)))
+        np.savez(small, **_smaller(load_arrays(file)))  # type: ignore[arg-type]
         given = {"calibration": str(small), "count": count, "seed": seed}
         if is_of_kind(file, PRESS_CALIBRATION):
             kind, ranks = PRESS_CALIBRATION, [_ranks("gelsight_mini", "drawn_presses", given)] * 3

@@ -85,7 +85,7 @@ def read_rest(
     if file is None:
         height = by_rays(size, pixel, camera, _form(radius_mm, cylinder_mm, (x, y, z)))
     elif file.suffix.lower() in MESH_SUFFIXES:
-        height = _by_mesh(file, size, pixel, camera, (x, y, z, turn))
+        height = _by_mesh(file, size, pixel, camera, (x, y, z, turn)).astype(np.float64)
     else:
         found = read_height_file(file).height
         if found.shape != size:
@@ -93,7 +93,8 @@ def read_rest(
                 f"{file}: is {found.shape[1]} x {found.shape[0]} pixels, but the images are "
                 f"{size[1]} x {size[0]}: give the height that each pixel sees"
             )
-        height = undistort(np.asarray(found, np.float32)[None], lens)[0] + np.float32(z)
+        even = undistort(np.asarray(found, np.float32)[None], lens)[0]
+        height = (even + np.float32(z)).astype(np.float64)
     missing = float(1 - np.isfinite(height).mean())
     if missing > 0:
         raise InputError(
