@@ -26,6 +26,7 @@ MAX_PIXELS = 40000
 RIGHT_SHARE = 1e-3
 """Error of a height over the image's width up to which a touch is right: 16 um of 16 mm."""
 THREE_LEDS = 3
+"""Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
 
 
