@@ -75,6 +75,14 @@ def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth:
     np.testing.assert_allclose(*found, atol=2e-4)
 
 
+def test_a_stream_on_a_dome_finds_what_single_touches_give(curved: Curved, truth: F4) -> None:
+    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    with load("precise_stream", calibration=curved("dome")) as stream:
+        found = [stream(frames=images)["height"] for _ in range(2)]
+    alone = load("precise", calibration=curved("dome"))(frames=images)["height"]
+    np.testing.assert_allclose(found, [alone, alone], atol=1e-4)
+
+
 def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> None:
     """As well as on a plane, whose light they were made of."""
     (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
