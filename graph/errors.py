@@ -19,6 +19,7 @@ MAX_CHARACTERS = 2000
 """The most characters of a text from a file that are printed."""
 MARKED_NAME = re.compile(r"`(\w+(?:\.\w+)*)`(=(?:[^\s;:()]*[^\s;:(),.])?)?")
 """A name of the node in its message, and the value that follows it."""
+_CUT_SHORT = re.compile(r"\d+ requested and \d+ written")
 
 
 class TactographError(Exception):
@@ -104,10 +105,14 @@ def message_of(error: BaseException) -> str:
 
 def full_disk(error: BaseException) -> WriteError | None:
     """An error for the user if another says that a disk is full, else None."""
-    if not isinstance(error, OSError) or error.errno not in (errno.ENOSPC, errno.EDQUOT):
+    if not isinstance(error, OSError):
+        return None
+    # NumPy names no errno where it could write but a part of an array.
+    reason = "No space left on device" if _CUT_SHORT.fullmatch(str(error)) else error.strerror
+    if reason == error.strerror and error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return None
     where = error.filename or "a disk"
-    return WriteError(f"{where}: {error.strerror}; make room, or set TMPDIR to a folder with room")
+    return WriteError(f"{where}: {reason}; make room, or set TMPDIR to a folder with room")
 
 
 def printable(text: str) -> str:

@@ -265,6 +265,7 @@ def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) 
     """Write a line for each capture."""
     from tactograph.graph.batch.entry import STATUS_NAMES
     from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.graph.errors import printable
 
     figures = sorted({name for entry in entries for name in entry.figures})
     headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
@@ -274,4 +275,5 @@ def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) 
         for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
             start = [number, capture, STATUS_NAMES[entry.status], f"{entry.milliseconds:.1f}"]
             row = [entry.figures.get(name, "") for name in figures]
-            writer.writerow([*start, *row, "; ".join(entry.warnings), entry.reason])
+            cells = [*start, *row, "; ".join(entry.warnings), entry.reason]
+            writer.writerow(printable(each) if isinstance(each, str) else each for each in cells)

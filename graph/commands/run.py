@@ -135,7 +135,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
-    kept = read_kept(wanted.keep) if wanted.keep is not None else {}
+    kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
     outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
     pipeline = wanted.options.open(
         read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tactograph.graph.disk.folder_lock import lock_folder
 from tactograph.graph.disk.text_names import refuse_other_names
-from tactograph.graph.errors import InputError, WriteError
+from tactograph.graph.errors import InputError, WriteError, full_disk
 
 STAGE_PREFIX = ".writing-"
 """The start of temporary folders' names."""
@@ -67,6 +67,9 @@ def atomic_files(
     except OSError as error:
         if _is_elsewhere(error, folder):
             raise InputError(f"{error.filename}: {error.strerror or error}") from None
+        if full_disk(error):
+            reason = "No space left on device; make room, or give another place"
+            raise WriteError(f"{folder}: cannot be written: {reason}") from None
         raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)

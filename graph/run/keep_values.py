@@ -7,19 +7,31 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.graph.errors import InputError
+from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.flat_graph import Graph, split_reference
+from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.run.result import Result
 
 
-def read_kept(text: str) -> dict[str, str]:
-    """Read ``label.misfit,light`` into references by name.
+def read_kept(text: str, graph: Graph) -> dict[str, str]:
+    """Read ``label.misfit,light,pressure``, nodes and outputs of a graph, into references by name.
 
-    Raises InputError if nothing is named.
+    Raises InputError if nothing is named, or what the graph does not have.
     """
     names = [word.strip() for word in text.split(",") if word.strip()]
     if not names:
         raise InputError(f"--keep {text}: write it as node.port,node")
-    return {name: name for name in names}
+    return {name: _reference(name, graph) for name in names}
+
+
+def _reference(name: str, graph: Graph) -> str:
+    node, _ = split_reference(flat_reference(graph, name, "", f"--keep {name}"), graph.nodes)
+    if node in graph.nodes:
+        return name
+    if name not in graph.outputs:
+        hint = did_you_mean(name, {**graph.nodes, **graph.outputs})
+        raise InputError(f"--keep {name}: {graph.name} has no node or output of that name{hint}")
+    return graph.outputs[name]
 
 
 def write_kept(result: Result, names: Mapping[str, str], folder: Path) -> None:

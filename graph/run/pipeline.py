@@ -18,7 +18,7 @@ from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.items import Items
-from tactograph.graph.run.keep_freed import keep_freed
+from tactograph.graph.run.keep_freed import give_back, keep_freed
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own
@@ -393,6 +393,7 @@ class Pipeline:
         """
         if self._turn.end():
             self._end()
+            give_back()
 
     def _end(self) -> None:
         """End the stream and close the nodes' sessions."""

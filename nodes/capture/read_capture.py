@@ -288,6 +288,8 @@ def _lights(folder: Path, layout: Layout) -> Lights:
 
 def read_capture_file(folder: Path) -> CaptureFile:
     file = folder / "capture.yaml"
+    if file.exists() and not file.is_file():
+        raise InputError(f"{file}: is no plain file; put one there, or remove it")
     return read_yaml(file).checked(CaptureFile) if file.is_file() else CaptureFile()
 
 

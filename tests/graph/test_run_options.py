@@ -51,6 +51,12 @@ def test_values_from_inside_are_kept_beside_the_result(
     assert json.loads((kept / "pixel.json").read_text()) == pytest.approx(0.1)
 
 
+def test_an_output_is_kept_by_its_name(about: Command, height_file: str, tmp_path: Path) -> None:
+    given = (f"file={height_file}", f"out={tmp_path / 'out'}")
+    assert about("run", WITH_OUT, *given, "--keep", "mask", "--backend", "numpy").code == 0
+    assert np.load(tmp_path / "out" / "kept" / "1" / "mask.npy").all()
+
+
 def test_until_runs_what_a_node_needs_and_writes_nothing(toys: list[str], about: Command) -> None:
     done = about("run", STREAM, "count=1", "--until", "light", "--backend", "numpy")
     assert done.code == 0, done.err
@@ -97,7 +103,7 @@ def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        (("--keep", "ligth"), "there is no node 'ligth'; did you mean 'light'"),
+        (("--keep", "ligth"), "no node or output of that name; did you mean 'light'"),
         (("--keep", "light.high"), "node 'light' makes no 'high'"),
         (("--keep", ","), "--keep ,: write it as node.port,node"),
         (("--until", "lihgt"), "there is no node 'lihgt'; did you mean 'light'"),

@@ -37,6 +37,7 @@ from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.batch.store_lock import alone_in
 from tactograph.graph.batch.worker import Chunk, Serial, Tally, do_chunk
 from tactograph.graph.cache.result_origin import find_origin
+from tactograph.graph.commands.batch import _write_table
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.pipeline import Pipeline
 from tests.graph.conftest import Command, Outcome, Write, one_line
@@ -282,6 +283,14 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(batch: Batch, tmp_path:
         rows = list(csv.DictReader(table))
     assert [row["status"] for row in rows].count("failed") == 1
     assert "not an image" in rows[2]["reason"]
+
+
+def test_what_a_terminal_obeys_is_spelled_out_in_the_table(tmp_path: Path) -> None:
+    entry = Entry(status=FAILED, reason="a name \x1b[31m of a file")
+    _write_table(tmp_path / "out.csv", ["c\x1b1"], [entry])
+    text = (tmp_path / "out.csv").read_text()
+    assert "\x1b" not in text
+    assert "a name \\x1b[31m of a file" in text
 
 
 def test_the_next_capture_is_read_while_one_is_computed(

@@ -205,3 +205,12 @@ def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
         atomic_files(tmp_path / "out"),
     ):
         missing.read_text()
+
+
+def test_an_array_of_which_a_part_is_written_means_a_full_disk(tmp_path: Path) -> None:
+    """NumPy says so without an errno."""
+    with (
+        pytest.raises(WriteError, match=r"out: cannot be written: No space left .*; make room"),
+        atomic_files(tmp_path / "out"),
+    ):
+        raise OSError("76800 requested and 51168 written")

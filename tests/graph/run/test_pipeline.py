@@ -196,7 +196,13 @@ class OnlyDlpack:
     """An array of a library that NumPy knows by DLPack alone."""
 
     def __init__(self, array: np.ndarray) -> None:
-        self.__dlpack__, self.__dlpack_device__ = array.__dlpack__, array.__dlpack_device__
+        self.array = array
+
+    def __dlpack__(self, **options: Any) -> Any:
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self) -> Any:
+        return self.array.__dlpack_device__()
 
 
 def test_an_array_may_come_by_dlpack() -> None:

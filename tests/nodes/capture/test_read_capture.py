@@ -1,5 +1,6 @@
 """Captures are read whole and right, or refused with the reason."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ from PIL import Image
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.capture.read_capture import read_capture
+from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
 
 RNG = np.random.default_rng(0)
 IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
@@ -310,3 +311,10 @@ def test_one_led_in_two_files_is_refused(tmp_path: Path) -> None:
 def test_a_file_in_place_of_a_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"led1\.png: is a file; give the folder"):
         read_one(write(tmp_path) / "led1.png")
+
+
+def test_a_pipe_in_the_place_of_the_capture_file_is_refused(tmp_path: Path) -> None:
+    """It was passed over, and nothing may be read from a pipe that nobody writes to."""
+    os.mkfifo(tmp_path / "capture.yaml")
+    with pytest.raises(InputError, match=r"capture\.yaml: is no plain file"):
+        read_capture_file(tmp_path)
