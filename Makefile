@@ -9,7 +9,7 @@ CONSTRAINTS ?= constraints.txt
 # Tests start Python a hundred times: keep what it compiles.
 test test-all lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test test-all test-lerobot ready lint constraints docs ablation clean
+.PHONY: demo demo-live test test-all test-lerobot ready lint constraints dist docs ablation clean
 
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TESTED_WITH = $(addprefix -c ,$(CONSTRAINTS))
@@ -89,6 +89,15 @@ lint: $(VENV)/.linted
 constraints: $(VENV)/.tested-all
 	$(BIN)/python -m pip freeze --exclude-editable > constraints.txt
 
+# Wheel and source in dist/; the wheel runs the demo in an environment that holds nothing else.
+dist: $(VENV)/.installed
+	rm -rf dist build/lib build/empty
+	$(PIP) build
+	$(BIN)/python -m build --outdir dist .
+	$(PYTHON) -m venv build/empty
+	build/empty/bin/python -m pip install --quiet --disable-pip-version-check "$$(ls $(CURDIR)/dist/*.whl)[report]"
+	cd build/empty && bin/tactograph demo --out demo
+
 # The documentation as a site, in build/site; links and commands are checked by the tests.
 docs: $(VENV)/.tested-all
 	DISABLE_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict --quiet
@@ -99,4 +108,4 @@ ablation: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph PYTHON=$(BIN)/python sh benchmarks/ablation.sh out/ablation
 
 clean:
-	rm -rf $(VENV) $(DEMO) build *.egg-info
+	rm -rf $(VENV) $(DEMO) build dist *.egg-info

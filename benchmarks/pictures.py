@@ -73,7 +73,7 @@ def measure_cat(folder: Path) -> Result:
         out=file,
     )
     precise = read_graph("precise")
-    more = {part: f"pass_4.rises.{part}" for part in ("top", "foot", "rise", "led")}
+    more = {part: f"passes.rises.{part}" for part in ("top", "foot", "rise", "led")}
     precise = replace(precise, outputs={**precise.outputs, **more})
     return run(precise, capture=cat, calibration=file, out=str(folder / "result"))
 

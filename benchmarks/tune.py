@@ -30,8 +30,8 @@ from tactograph.graph.tune.controls import control_of
 from tactograph.graph.tune.tuning import Tuning
 
 SLIDERS = {
-    "reconstruct": (("label", "price", 6.0), ("pass_1.label", "price", 6.0)),
-    "precise": (("pass_4.system", "robust", 3.0), ("coarse_1.label", "price", 6.0)),
+    "reconstruct": (("label", "price", 6.0), ("rough.1.label", "price", 6.0)),
+    "precise": (("passes.3.system", "robust", 3.0), ("rough.1.label", "price", 6.0)),
 }
 SIZE = {"width_px": 640, "height_px": 480, "pixel_size_mm": 0.0357}
 

@@ -10,7 +10,7 @@ from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.show.draw_text import to_mermaid
+from tactograph.graph.show.draw_mermaid import to_mermaid
 from tactograph.graph.show.sketch import fold
 
 

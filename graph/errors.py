@@ -235,8 +235,9 @@ class GraphNames:
 
     def __enter__(self) -> None:
         outer = _collector.get()
-        inner = outer if outer is None or outer.marked else outer._replace(feed=self._feed)
-        self._token = _collector.set(inner)
+        if outer is not None and not outer.marked:
+            outer = _Collector(outer.notes, self._feed)
+        self._token = _collector.set(outer)
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         _collector.reset(self._token)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.graph.declare.limits import members_of
 from tactograph.graph.declare.ports import PortType, is_record, read_port
 
 
@@ -46,7 +47,8 @@ def stored_values(record: type) -> Mapping[str, Value]:
     for name, annotation in typing.get_type_hints(record, include_extras=True).items():
         if is_record(annotation):
             values |= stored_values(annotation)
-        for extra in getattr(annotation, "__metadata__", ()):
+        (kept, *_) = members_of(annotation) or (annotation,)
+        for extra in getattr(kept, "__metadata__", ()):
             if isinstance(extra, Stored):
                 values[name] = Value(read_port(name, annotation), extra)
     return values

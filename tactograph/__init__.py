@@ -5,11 +5,12 @@
 >>> height = pipeline(frames=stack)["height"]  # doctest: +SKIP
 
 The engine is `tactograph.graph`, the optics `tactograph.nodes`; both lie in folders of the
-repository's top level, which pyproject.toml installs as parts of this package.
+repository's top level, which are installed as parts of this package (setup.py).
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = ["__version__", "load"]
+
+# In a checkout the parts lie beside this folder; Python finds it first where it is started there.
+if not (Path(__file__).parent / "graph").is_dir():
+    __path__.append(str(Path(__file__).parents[1]))
 
 
 def __getattr__(name: str) -> Any:

@@ -139,7 +139,8 @@ class Simulator:
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]
         graph = {"format": 1, "extends": self.ring.graph, "patch": patch, "outputs": outputs}
         view = {"lens_at_corner": 0.0} if self.hand else {}
-        return load(graph, out=self.folder / "unused", **self.canvas, **view)
+        given = {"out": self.folder / "unused", "pixel_size_mm": self.ring.pixel_mm}
+        return load(graph, given | view)
 
     @cached_property
     def film(self) -> F4:
@@ -179,8 +180,8 @@ class Simulator:
         return np.stack([expose(light, seed=90 + i).image for i, light in enumerate(lights)])
 
 
-def simulated(name: str, folder: Path, right: int) -> Rig:
-    """A simulated sensor and `right` right touches."""
+def simulated(name: str, folder: Path, right: int, first: int = 0) -> Rig:
+    """A simulated sensor and `right` right touches, by their numbers from `first` on."""
     ring, folder = RINGS[name], folder / name
     folder.mkdir(parents=True, exist_ok=True)
     make = Simulator(ring, folder)
@@ -195,7 +196,7 @@ def simulated(name: str, folder: Path, right: int) -> Rig:
     touches = [Touch(n, *make(o.height), seed=7 + i) for i, (n, o) in enumerate(objects)]
     azimuth = np.degrees(np.arctan2(make.lights[:, 1], make.lights[:, 0]))
     recipe = Recipe(balls, flat, BALL_MM, ring.pixel_mm, more)
-    chosen = [right_touch(make, i) for i in range(right)]
+    chosen = [right_touch(make, first + i) for i in range(right)]
     return Rig(name, recipe, touches, azimuth, rest, chosen, ring.colour, make, make.hand)
 
 

@@ -41,6 +41,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     from tactograph.graph.backends.device_backend import open_device
     from tactograph.graph.files.groups import alike, uses_of
     from tactograph.graph.plan.make_plan import make_plan
+    from tactograph.graph.show.sketch import use_of
 
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
@@ -52,8 +53,10 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        # A use of a group may leave outputs unread.
-        if not any(node in plan.tasks for node in alike(read, unused)):
+        # A use may leave outputs unread, and a graph what a group of another file makes.
+        use = read.uses.get(use_of(unused))
+        shared = use and read.definition(use).body.places[""].file != read.places[""].file
+        if not shared and not any(node in plan.tasks for node in alike(read, unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:
         if not uses_of(read, group):

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from tactograph.graph.show.sketch import Sketch
 
 
-@click.command("draw", short_help="Draw a graph as DOT, Mermaid or SVG.")
+@click.command("draw", short_help="Draw a graph as Mermaid or SVG.")
 @graph_argument
 @click.option(
     "--out", type=click.Path(dir_okay=False, path_type=Path),
-    help="File .dot, .mmd or .svg; without it DOT is printed.",
+    help="File .mmd or .svg; without it Mermaid is printed.",
 )  # fmt: skip
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @run_options
@@ -27,18 +27,18 @@ def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> N
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.errors import InputError
     from tactograph.graph.plan.sketch import sketch_of
+    from tactograph.graph.show.draw_mermaid import to_mermaid
     from tactograph.graph.show.draw_svg import to_svg
-    from tactograph.graph.show.draw_text import to_dot, to_mermaid
     from tactograph.graph.show.sketch import fold
 
     read = options.read(graph)
     sketch = sketch_of(options.open(read, read.placeholders).plan, transfers=every)
     sketch = sketch if every else fold(sketch)
     if out is None:
-        say(to_dot(sketch), nl=False)
+        say(to_mermaid(sketch), nl=False)
         return
-    draw: dict[str, Callable[[Sketch], str]] = {".dot": to_dot, ".mmd": to_mermaid, ".svg": to_svg}
+    draw: dict[str, Callable[[Sketch], str]] = {".mmd": to_mermaid, ".svg": to_svg}
     if out.suffix not in draw:
-        raise InputError(f"--out {out}: the name has to end in .dot, .mmd or .svg")
+        raise InputError(f"--out {out}: the name has to end in .mmd or .svg")
     with atomic_file(out) as target:
         target.write_text(draw[out.suffix](sketch), encoding="utf-8")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 @graph_command("explain", short_help="Say what would run, where, why and how long.")
+@click.option("--all", "every", is_flag=True, help="Every node of the groups.")
 @click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
 @click.option(
     "--times", "place", type=click.Path(exists=True, path_type=Path),
@@ -25,10 +26,16 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @run_options
 def command(
-    graph: str, values: tuple[str, ...], transfers: bool, place: Path | None, options: RunOptions
+    graph: str,
+    values: tuple[str, ...],
+    every: bool,
+    transfers: bool,
+    place: Path | None,
+    options: RunOptions,
 ) -> None:
     """Print the plan of GRAPH, how long its steps took before, and what is kept on disk.
 
+    A group that is used is one line.
     Params that are not given do not matter to the plan.  No node runs; files are read
     to find whether a result is on disk.
     """
@@ -44,7 +51,8 @@ def command(
     known = last.ms if last else {}
     shown = [step for step in plan.steps if transfers or not step.is_transfer]
     kept = kept_on_disk(plan)
-    _print_steps(title, plan, shown, known, kept)
+    rows = [_row(plan, step, known, kept) for step in shown]
+    _print(title, rows if every or transfers else _by_box(rows, plan))
     say(_duration(plan, last, kept))
     if moves and not transfers:
         each = sum(step.stream for step in moves)
@@ -94,24 +102,54 @@ def _duration(plan: Plan, last: LastTimes | None, kept: Mapping[str, bool]) -> s
     return f"how long: {each:.1f} ms an item and {once:.1f} ms once, as {last.file} says{rest}"
 
 
-def _print_steps(
-    title: str,
-    plan: Plan,
-    steps: Iterable[Step],
-    known: Mapping[str, float],
-    kept: Mapping[str, bool],
-) -> None:
+class _Row(NamedTuple):
+    node: str
+    op: str
+    backend: str
+    when: str
+    ms: float | None
+    why: str
+
+
+def _row(plan: Plan, step: Step, known: Mapping[str, float], kept: Mapping[str, bool]) -> _Row:
+    task = plan.tasks.get(step.name)
+    op = task.node.name if task else step.kind
+    when = _when(step, task, kept)
+    return _Row(step.name, op, step.backend, when, known.get(step.name), step.why)
+
+
+def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
+    """The rows, those of each outermost use in one."""
+    from tactograph.graph.show.sketch import box_around
+
+    boxes: dict[str, list[_Row]] = {}
+    for row in rows:
+        boxes.setdefault(box_around(row.node, plan.graph.uses), []).append(row)
+    for name, inside in boxes.items():
+        if name not in plan.graph.uses:
+            yield from inside
+            continue
+        took = [row.ms for row in inside if row.ms is not None]
+        backend, why = (
+            ", ".join(dict.fromkeys(each))
+            for each in zip(*((row.backend, row.why) for row in inside), strict=True)
+        )
+        whens = ("if needed" if row.when.startswith("if ") else row.when for row in inside)
+        when = "; ".join(dict.fromkeys(whens))
+        op = f"{plan.graph.uses[name].group}: {len(inside)} nodes"
+        yield _Row(name, op, backend, when, sum(took) if took else None, why)
+
+
+def _print(title: str, rows: Iterable[_Row]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title)
     for heading in ("node", "op", "back end", "when", "last ms", "why"):
         table.add_column(heading, overflow="fold")
-    for step in steps:
-        task = plan.tasks.get(step.name)
-        op = task.node.name if task else step.kind
-        took = f"{known[step.name]:.2f}" if step.name in known else "-"
-        table.add_row(step.name, op, step.backend, _when(step, task, kept), took, step.why)
+    for row in rows:
+        took = "-" if row.ms is None else f"{row.ms:.2f}"
+        table.add_row(row.node, row.op, row.backend, row.when, took, row.why)
     console = Console(markup=False)
     if not console.is_terminal:
         console.width = 120

@@ -250,10 +250,11 @@ def _ports_of(graph: Graph, node: str) -> dict[str, str]:
     """All outputs of a node, by reference."""
     from tactograph.graph.declare.find_node import find_node
     from tactograph.graph.errors import InputError
+    from tactograph.graph.files.groups import outputs_of
 
+    node = graph.in_full(node)
     if node in graph.uses:
-        made = graph.groups[graph.uses[node].group].body.outputs
-        return {f"{node}.{output}": f"{node}.{output}" for output in made}
+        return {f"{node}.{made}": f"{node}.{made}" for made in outputs_of(graph, node)}
     outputs = find_node(graph.entry(node).op, graph.own).outputs
     if not outputs:
         raise InputError(f"--until {node}: it only writes; name a node that makes something")

@@ -100,6 +100,7 @@ def _variant(graph: Any, study: Study) -> dict[str, Any]:
         "hash": graph.hash,
         "is_base": graph is base,
         "differences": differences(base, graph),
+        "every_difference": differences(base, graph, every=True),
         "text": dump_graph(graph),
     }
 

@@ -1,6 +1,7 @@
 """Sweeps: the values that a comparison tries for a node's parameter, and its seeds."""
 
 import itertools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.groups import group_of, meant_nodes
+from tactograph.graph.files.groups import group_of, last_turn, meant_nodes
 
 MAX_VALUES = 1000
 SWEEP_SYNTAX = (
@@ -37,7 +38,7 @@ def read_sweep(word: str) -> Sweep:
     Raises InputError if the word is not of that form, or the values are fewer than two.
     """
     target, equals, text = word.partition("=")
-    if not equals or "." not in target or not all(map(str.isidentifier, target.split("."))):
+    if not equals or "." not in target or not re.fullmatch(r"[^\W\d]\w*(\.\w+)*", target):
         raise InputError(f"--sweep {word}: {SWEEP_SYNTAX}")
     log = text.startswith("log:")
     try:
@@ -135,7 +136,7 @@ def _values_at(graph: Graph, node_id: str) -> dict[str, Any]:
     """The parameters, with values, of a group, a use, or a node that is not taken out."""
     group = group_of(graph, node_id)
     if group is not None:
-        use = graph.uses.get(node_id)
+        use = graph.uses.get(last_turn(graph, node_id)) if node_id in graph.uses else None
         return {n: use.settings[n] if use else p.default for n, p in group.body.params.items()}
     for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
         if not entry.neutral:

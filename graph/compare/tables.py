@@ -15,12 +15,13 @@ from tactograph.graph.show.figures import Estimate, estimate, short, words
 from tactograph.graph.show.text_table import fitting_table
 from tactograph.graph.show.warning_lines import warning_lines
 
-HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy", "trust"})
+HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 """Words in a figure's name; of other figures the one nearest to its aim is the best."""
 FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
 """Figures that are right at a number other than zero."""
-DESCRIPTIVE_FIGURES = ("contact", "peak_px")
-"""Beginnings of names of descriptive figures: no value is better than another."""
+DESCRIPTIVE_FIGURES = ("contact", "peak_px", "trust", "check_", "rim_share")
+"""Beginnings of names of descriptive figures: no value is better than another.  Trust is a verdict
+on the input by the checks that a graph makes: one that checks less trusts more."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"
 """Marks the best figure on the terminal."""

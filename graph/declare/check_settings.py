@@ -28,11 +28,6 @@ def check_settings(
     one is unknown, missing, of a wrong type or out of its range; `NOT_GIVEN` passes.
     """
     for name in settings:
-        if name in node.former:
-            raise GraphError(
-                f"{where(name)}: node '{node.name}' has no parameter '{name}' any more: "
-                f"{node.former[name]}"
-            )
         if name not in node.parameters:
             raise GraphError(
                 f"{where(name)}: node '{node.name}' has no parameter '{name}'"

@@ -41,7 +41,6 @@ def node(
     sizes: Mapping[str, SizeLimit] = ...,
     derived: Mapping[str, SizeRule] = ...,
     endless: bool = ...,
-    former: Mapping[str, str] = ...,
 ) -> Callable[[Callable[..., Any]], Node]: ...
 
 
@@ -65,9 +64,6 @@ def node(
     endless
         A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
         to end a run, not an accident.
-    former
-        Inputs and parameters of earlier versions, each with a sentence on what to write
-        instead, for graphs that still name them.
 
     Raises
     ------

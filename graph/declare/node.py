@@ -83,7 +83,6 @@ class Node:
     calls: Mapping[str, Node] = field(default_factory=dict)
     endless: bool = False
     ahead: bool = False
-    former: Mapping[str, str] = field(default_factory=dict)
     implementations: dict[str, Kernels] = field(default_factory=dict)
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None

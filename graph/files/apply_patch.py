@@ -5,7 +5,7 @@ A change speaks of a node of the flat graph (``save``, ``pass_2.label``), of a u
 change in every use.
 """
 
-from tactograph.graph.errors import GraphError, did_you_mean
+from tactograph.graph.errors import GraphError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.patch_groups import (
     change_group,
@@ -19,8 +19,8 @@ from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 _KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     # verb: (required keys, optional keys)
     "set": (set(), {"inputs", "settings"}),
-    "replace": (set(), {"op", "group", "inputs", "settings"}),
-    "insert": (set(), {"op", "group", "inputs", "settings", "after"}),
+    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry"}),
+    "insert": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "after"}),
     "remove": (set(), set()),
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
@@ -44,8 +44,10 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     verb = verbs[0]
     _check_keys(verb, change, places)
     target = str(change[verb])
+    if verb != "insert" or "." in target:
+        target = graph.in_full(target)
     group, dot, inner = target.partition(".")
-    if dot and group in graph.groups:
+    if dot and group in graph.groups and group not in graph.uses:
         return change_group(graph, group, inner, change, places)
     if verb == "insert":
         check_new(graph, target, place)
@@ -54,9 +56,7 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     elif target not in graph.nodes:
         known = [*graph.nodes, *graph.uses]
         known += [f"{g}.{node}" for g, its in graph.groups.items() for node in its.body.nodes]
-        raise GraphError(
-            f"{place}: {verb}: there is no node '{target}'{did_you_mean(target, known)}"
-        )
+        raise GraphError(f"{place}: {verb}: there is no node '{target}'{graph.hint(target, known)}")
     if "group" in change:
         return put_use(graph, target, change, places)
     return VERB_FUNCTIONS[verb](graph, target, flat_change(graph, change, places, ""), places)
@@ -77,3 +77,5 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
+    for key in sorted(given & {"repeat", "carry"} if "op" in given else ()):
+        raise GraphError(f"{places.get(key, place)}: only a group has '{key}'")

@@ -90,6 +90,8 @@ class Use:
     inputs: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, Place] = field(default_factory=dict)
+    turns: Group | None = None
+    """Where a group is repeated, the group of its turns, which no other use has."""
 
     def where(self, key: str = "") -> str:
         """``file:line:column: path`` of a key such as ``in.height``, or of the use."""
@@ -183,9 +185,10 @@ class Graph:
 
     def entry(self, node_id: str) -> Entry:
         """Return the node called `node_id`, or raise an error that lists the existing ones."""
+        node_id = self.in_full(node_id)
         if node_id not in self.nodes:
             raise GraphError(
-                f"{self.name}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
+                f"{self.name}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}"
             )
         return self.nodes[node_id]
 
@@ -209,9 +212,7 @@ class Graph:
                 f"{self.gone[node_id]}: takes out '{node_id}', but {where} reads it; change that "
                 "too, or keep the node"
             )
-        raise GraphError(
-            f"{where}: there is no node '{node_id}'{did_you_mean(node_id, self.nodes)}"
-        )
+        raise GraphError(f"{where}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}")
 
     def stands(self, node_id: str, where: str) -> str:
         """Place of a node, in brackets, if it is in another file than `where`.
@@ -221,6 +222,57 @@ class Graph:
         place = self.nodes[node_id].places.get("")
         elsewhere = place is not None and not where.startswith(f"{place.file}:")
         return f" ('{node_id}' stands at {place})" if elsewhere else ""
+
+    def definition(self, use: Use) -> Group:
+        """The group that a use uses."""
+        return use.turns or self.groups[use.group]
+
+    def in_full(self, name: str) -> str:
+        """A name with the uses that its node lies in: ``take.cal`` for `cal`.
+
+        A node or use around all others comes first, then the one that lies in the fewest uses; of
+        several, none is meant.
+        """
+        first, dot, rest = name.partition(".")
+        around = first in self.nodes or first in self.uses or first in self.groups
+        if around or any(node.startswith(f"{first}.") for node in self.nodes):
+            return name
+        near = self._called(first)
+        return f"{near[0]}{dot}{rest}" if len(near) == 1 else name
+
+    def in_short(self, name: str) -> str:
+        """The last part of a name, where that means the same."""
+        last = name.rpartition(".")[2]
+        return last if self.in_full(last) == name else name
+
+    def _called(self, name: str) -> list[str]:
+        """The nodes and uses of that name that lie in the fewest uses."""
+        gone = self.gone.keys() - self.nodes.keys() - self.uses.keys()
+        paths = [path for path in self._inside.get(name, ()) if path not in gone]
+        least = min((path.count(".") for path in paths), default=0)
+        return [path for path in paths if path.count(".") == least]
+
+    def hint(self, name: str, known: Iterable[str]) -> str:
+        """What a name that no node has may have been meant for."""
+        near = self._called(name.partition(".")[0])
+        return f"; say which: {', '.join(near)}" if near else did_you_mean(name, known)
+
+    @cached_property
+    def _inside(self) -> dict[str, list[str]]:
+        """Nodes and uses that lie in uses, by the last part of their names.
+
+        Turns have all names in common, so what lies in one is named in full.
+        """
+        paths = [name for name in self.nodes if "." in name]
+        for path, use in self.uses.items():
+            body = self.definition(use).body
+            paths += [f"{path}.{name}" for name in (*body.nodes, *body.uses)]
+        turns = tuple(f"{path}." for path, use in self.uses.items() if use.turns)
+        found: dict[str, list[str]] = {}
+        for path in dict.fromkeys(paths):
+            if not path.startswith(turns):
+                found.setdefault(path.rpartition(".")[2], []).append(path)
+        return found
 
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})

@@ -25,7 +25,7 @@ from tactograph.graph.errors import GraphError, did_you_mean, shortened
 
 GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
-Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
+Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.\w+)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
 WANTED_BY_KIND = {
     "path": "a path",
@@ -79,8 +79,44 @@ Names = Annotated[
 """One name, or a list of them."""
 
 
+MAX_TURNS = 100
+"""Far more turns than a group converges in."""
+
+
+def _counted(value: Any) -> Any:
+    """As many turns without params of their own as a number says."""
+    if type(value) is not int:
+        return value
+    if not 1 <= value <= MAX_TURNS:
+        raise PydanticCustomError("turns", f"from 1 to {MAX_TURNS} turns are needed")
+    return [{}] * value
+
+
+Turns = Annotated[
+    list[dict[Name, Any]],
+    Field(min_length=1, max_length=MAX_TURNS),
+    BeforeValidator(_counted),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "integer", "minimum": 1, "maximum": MAX_TURNS},
+                {"type": "array", "items": {"type": "object"}, "minItems": 1},
+            ]
+        }
+    ),
+]
+"""What each turn of a repeated group is given."""
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
+
+
+def _of_its_kind(value: Any, info: ValidationInfo) -> Any:
+    kind = info.data.get("kind")
+    if value is not None and kind and not is_of_kind(value, kind):
+        raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
+    return value
 
 
 class ParamModel(_Strict):
@@ -90,13 +126,7 @@ class ParamModel(_Strict):
     help: str = Field("", description="One line for people.")
     default: Any = Field(None, description="Without it, the value must be given.")
 
-    @field_validator("default")
-    @classmethod
-    def _of_its_kind(cls, value: Any, info: ValidationInfo) -> Any:
-        kind = info.data.get("kind")
-        if value is not None and kind and not is_of_kind(value, kind):
-            raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
-        return value
+    _of_its_kind = field_validator("default")(_of_its_kind)
 
 
 class NodeModel(_Strict):
@@ -119,12 +149,20 @@ class NodeModel(_Strict):
 class UseModel(_Strict):
     """A use of a group: its nodes, with this one's name before theirs."""
 
-    group: Name = Field(description="One of `groups`.")
+    group: Name = Field(
+        description="One of `groups`; or NAME of a file NAME.group.yaml, beside this or shipped."
+    )
     inputs: dict[Name, Reference] = Field(
         default={}, alias="in", description="Input of the group: what it reads here."
     )
     settings: dict[Name, Any] = Field(
         default={}, alias="with", description="Params of the group; $name stands for one around it."
+    )
+    repeat: Turns | None = Field(
+        None, description="Turns, one after the other: their number, or the params of each."
+    )
+    carry: dict[Name, Reference] | None = Field(
+        None, description="Input of a turn: the output of the one before that it reads."
     )
 
 
@@ -155,8 +193,13 @@ class GroupInputModel(_Strict):
 class GroupParamModel(_Strict):
     """A value that a use gives to a group."""
 
+    kind: Kind | None = Field(
+        None, description="With it, the graph has the same param, where a use gives no value."
+    )
     help: str = Field("", description="One line for people.")
-    default: Any = Field(None, description="Without it, a use has to give the value.")
+    default: Any = Field(None, description="Without it, a use or the user gives the value.")
+
+    _of_its_kind = field_validator("default")(_of_its_kind)
 
 
 class GroupModel(_Strict):
@@ -186,6 +229,9 @@ class SharedGroupModel(_Strict):
     """A group that is read from a file, with changes made here."""
 
     extends: str = Field(description="The file of the group.")
+    params: dict[Name, GroupParamModel | None] = Field(
+        {}, description="Added to those of the file, or in place of one of that name."
+    )
     patch: list[PatchModel] = Field([], description="Changes to its nodes.")
 
 
@@ -223,6 +269,8 @@ class PatchModel(_Strict):
     group: Name | None = Field(None, description="In place of `op`: use this group.")
     inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
     settings: dict[Name, Any] | None = Field(None, alias="with")
+    repeat: Turns | None = None
+    carry: dict[Name, Reference] | None = None
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )

@@ -4,7 +4,7 @@ A node ``label`` of a group is the node ``pass_2.label`` where ``pass_2`` uses i
 reference names a node or an input of the group; outside it names a node, or an output of a use.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -35,25 +35,35 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     """
     _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, "", ())
-    graph = replace(graph, uses={**graph.uses, **{path: use for path, (use, _) in added.items()}})
+    uses = {path: use for path, (use, _) in added.items()}
+    stated = {name: entry for name, entry in nodes.items() if isinstance(entry, Entry)}
+    known = replace(
+        graph,
+        params=_with_taken_over(graph, uses.values()),
+        nodes={**graph.nodes, **stated},
+        uses={**graph.uses, **uses},
+    )
     for path, (use, around) in added.items():  # the use around another comes first
-        graph = replace(graph, uses={**graph.uses, path: _bound(graph, use, around)})
-    return replace(graph, nodes={**graph.nodes, **_taken_apart(graph, nodes, "")})
+        known = replace(known, uses={**known.uses, path: _bound(known, use, around)})
+    return replace(known, nodes={**graph.nodes, **_taken_apart(known, nodes, "")})
 
 
-def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str | None:
+def flat_reference(
+    graph: Graph, reference: str, scope: str, where: str, *, whole: bool = False
+) -> str | None:
     """Translate a reference in a scope to its name in the flat graph.
 
-    Returns None for an input of the group that this use leaves out.  Raises GraphError, with
+    Returns None for an input of the group that this use leaves out.  With `whole`, a use of several
+    outputs may be meant, whose parts are read through it.  Raises GraphError, with
     `where`, if it names nothing that can be read.
     """
     bare, previous = split_previous(reference)
     name, _, rest = bare.partition(".")
     if scope:
         use = graph.uses[scope]
-        group = graph.groups[use.group]
+        group = graph.definition(use)
         if name in group.inputs:
-            return _of_input(use.inputs.get(name), rest, previous, where)
+            return _of_input(graph, use.inputs.get(name), rest, previous, where, whole=whole)
         known = [*group.body.nodes, *group.body.uses]
         if name not in known:
             hint = did_you_mean(name, [*known, *group.inputs])
@@ -61,19 +71,23 @@ def flat_reference(graph: Graph, reference: str, scope: str, where: str) -> str 
                 f"{where}: the group '{use.group}' has no node or input '{name}'{hint}"
             )
         name = f"{scope}.{name}"
-    flat = _of_use(graph, name, rest, where) if name in graph.uses else _joined(name, rest)
+    else:
+        name = graph.in_full(name)
+    flat = _joined(name, rest)
+    if name in graph.uses:
+        flat = _of_use(graph, name, rest, where, whole=whole)
     return f"{PREVIOUS_ITEM}.{flat}" if previous else flat
 
 
-def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
+def in_scope(graph: Graph, entry: Entry, scope: str, *, whole: bool = False) -> Entry:
     """Translate an entry's references to the flat graph, and fill in the group's params.
 
     Raises GraphError if it refers to something that is not there.
     """
-    if scope:
+    if scope and not graph.uses[scope].turns:
         entry = replace(entry, places=_used_by(graph.uses[scope], entry))
     inputs = {
-        port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"))
+        port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"), whole=whole)
         for port, reference in entry.inputs.items()
     }
     around = graph.uses[scope].inputs.get(CONDITION_INPUT) if scope else None
@@ -88,16 +102,27 @@ def in_scope(graph: Graph, entry: Entry, scope: str) -> Entry:
 
 def meant_nodes(graph: Graph, name: str) -> list[str]:
     """Nodes that a name means: those of a use or, as ``group.node``, one node in every use."""
+    name = graph.in_full(name)
     if name in graph.nodes:
         return [name]
     first, _, inner = name.partition(".")
-    paths = [_joined(use, inner) for use in uses_of(graph, first)] or [name]
+    uses = [] if first in graph.uses else uses_of(graph, first)
+    paths = [_joined(use, inner) for use in uses] or [name]
     return [n for n in graph.nodes for path in paths if n == path or n.startswith(f"{path}.")]
+
+
+def last_turn(graph: Graph, path: str) -> str:
+    """The last turn of a use that is repeated; any other use itself."""
+    turns = graph.uses[path].turns
+    return f"{path}.{len(turns.body.uses)}" if turns else path
 
 
 def group_of(graph: Graph, name: str) -> Group | None:
     """The group of that name, or the group of the use of that name."""
-    return graph.groups.get(graph.uses[name].group if name in graph.uses else name)
+    name = graph.in_full(name)
+    if name in graph.uses:
+        return graph.definition(graph.uses[last_turn(graph, name)])
+    return graph.groups.get(name)
 
 
 def alike(graph: Graph, node: str) -> list[str]:
@@ -107,6 +132,11 @@ def alike(graph: Graph, node: str) -> list[str]:
         return [node]
     paths = (f"{use}.{inner}" for use in uses_of(graph, graph.uses[path].group))
     return [path for path in paths if path in graph.nodes]
+
+
+def outputs_of(graph: Graph, path: str) -> Mapping[str, str]:
+    """The outputs of a use, of a repeated one those of its last turn."""
+    return graph.definition(graph.uses[last_turn(graph, path)]).body.outputs
 
 
 def uses_of(graph: Graph, group: str) -> list[str]:
@@ -155,11 +185,12 @@ def _count(
     """
     total += len(nodes)
     for use in nodes.values():
-        if isinstance(use, Entry) or use.group not in graph.groups or depth > MAX_GROUP_DEPTH:
+        is_known = isinstance(use, Use) and (use.turns or use.group in graph.groups)
+        if isinstance(use, Entry) or not is_known or depth > MAX_GROUP_DEPTH:
             continue
-        if use.group not in known:
+        if use.turns or use.group not in known:
             known[use.group] = 0
-            body = graph.groups[use.group].body
+            body = graph.definition(use).body
             inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
             known[use.group] = _count(graph, inside, 0, known, depth + 1)
         total += known[use.group]
@@ -180,7 +211,7 @@ def _uses(
         if isinstance(use, Entry):
             continue
         path = _joined(scope, name) if scope else name
-        if use.group not in graph.groups:
+        if not use.turns and use.group not in graph.groups:
             hint = did_you_mean(use.group, graph.groups)
             there = f" (there are: {', '.join(graph.groups) or 'none'})"
             raise GraphError(
@@ -193,12 +224,29 @@ def _uses(
             raise GraphError(
                 f"{use.where('group')}: groups are nested more than {MAX_GROUP_DEPTH} deep"
             )
-        group = graph.groups[use.group]
+        group = graph.definition(use)
         _check_given(use, "in", "input", use.inputs, group.inputs)
         _check_given(use, "with", "param", use.settings, group.body.params)
         uses[path] = use, scope
         uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
     return uses
+
+
+def _with_taken_over(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
+    """Params of the graph, and before them those of groups that say what kind they are of."""
+    taken: dict[str, Param] = {}
+    for use in uses:
+        body = graph.definition(use).body
+        for name, param in body.params.items():
+            if not param.kind or name in use.settings:
+                continue
+            known = graph.params.get(name) or taken.setdefault(name, param)
+            if known.kind != param.kind:
+                raise GraphError(
+                    f"{body.where(f'params.{name}.kind')}: the graph has a param '{name}' of kind "
+                    f"'{known.kind}'; give another name, or a value where '{use.group}' is used"
+                )
+    return {**taken, **graph.params}
 
 
 def _check_given(
@@ -211,14 +259,14 @@ def _check_given(
                 f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
             )
     for name, param in taken.items():
-        if param.required and name not in given:
+        if param.required and not param.kind and name not in given:
             raise GraphError(f"{use.where(key)}: the group '{use.group}' needs the {word} '{name}'")
 
 
 def _bound(graph: Graph, use: Use, scope: str) -> Use:
     """A use with all its inputs and params, named as in the flat graph."""
-    group = graph.groups[use.group]
-    own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope)
+    group = graph.definition(use)
+    own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope, whole=True)
     inputs: dict[str, str] = {}
     for name, param in group.inputs.items():
         if name in use.inputs:
@@ -226,12 +274,13 @@ def _bound(graph: Graph, use: Use, scope: str) -> Use:
         else:
             where = f"{group.body.where(f'inputs.{name}')} (used by {own.where()})"
             default = param.default
-            flat = default and flat_reference(graph, default, "", where)
+            flat = default and flat_reference(graph, default, "", where, whole=True)
         if flat is not None:
             inputs[name] = flat
     inputs |= {name: flat for name, flat in own.inputs.items() if name == CONDITION_INPUT}
-    settings = {name: p.default for name, p in group.body.params.items()} | {**own.settings}
-    return Use(use.group, inputs, settings, own.places)
+    params = group.body.params.items()
+    settings = {name: f"${name}" if p.kind else p.default for name, p in params} | {**own.settings}
+    return replace(use, inputs=inputs, settings=settings, places=own.places)
 
 
 def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> dict[str, Entry]:
@@ -241,12 +290,14 @@ def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> 
         if isinstance(entry, Entry):
             flat[path] = in_scope(graph, entry, scope)
         else:
-            body = graph.groups[entry.group].body
+            body = graph.definition(entry).body
             flat |= _taken_apart(graph, {**body.nodes, **body.uses}, path)
     return flat
 
 
-def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str | None:
+def _of_input(
+    graph: Graph, bound: str | None, rest: str, previous: bool, where: str, *, whole: bool
+) -> str | None:
     """Reference that an input of a group, or a port of it, stands for."""
     if bound is None:
         return None
@@ -254,14 +305,20 @@ def _of_input(bound: str | None, rest: str, previous: bool, where: str) -> str |
     if previous and already:
         raise GraphError(f"{where}: only the item before is kept, not the one before that")
     flat = _joined(bare, rest)
+    if bare in graph.uses:
+        flat = _of_use(graph, bare, rest, where, whole=whole)
     return f"{PREVIOUS_ITEM}.{flat}" if previous or already else flat
 
 
-def _of_use(graph: Graph, path: str, rest: str, where: str) -> str:
+def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = False) -> str:
     """An output of a use, or a node in it."""
-    name = graph.uses[path].group
-    body = graph.groups[name].body
+    use = graph.uses[path]
+    name, body = use.group, graph.definition(use).body
     first, _, port = rest.partition(".")
+    if whole and not rest and len(outputs_of(graph, path)) != 1:
+        return path
+    if use.turns and first not in body.uses:
+        return _of_use(graph, last_turn(graph, path), rest, where)
     if not rest and len(body.outputs) == 1:
         (first,) = body.outputs
     if not first:

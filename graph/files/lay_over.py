@@ -3,6 +3,8 @@
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from tactograph.graph.backends import PREFERRED_ORDER
 from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
@@ -20,10 +22,12 @@ from tactograph.graph.files.graph_model import (
     PatchModel,
     SharedGroupModel,
     UseModel,
+    VariantModel,
     validate,
 )
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.layer import Layer
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
@@ -69,7 +73,10 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     """
     model, document = layer.model, layer.document
     nodes = model.nodes or {} if isinstance(model, GraphModel) else {}
-    _refuse_taken(model.groups, {*graph.nodes, *graph.uses, *nodes}, graph.groups, document)
+    known = {name: use.group for name, use in graph.uses.items()} | {
+        name: node.group if isinstance(node, UseModel) else "" for name, node in nodes.items()
+    }
+    _refuse_taken(model.groups, dict.fromkeys(graph.nodes, "") | known, graph.groups, document)
     changed = replace(
         graph,
         params={**graph.params, **_params(model.params, document, ("params",))},
@@ -77,13 +84,20 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
         outputs=_wanted({**graph.outputs, **model.outputs}),
         places={**graph.places, **_places(document, ())},
         inherited=frozenset(graph.params),
-        groups={**graph.groups, **_groups(layer)},
+        groups=_with_shared({**graph.groups, **_groups(layer)}, _used(model), layer.file.parent),
     )
     changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
         changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
-    return _flat_outputs(changed)
+    return _without_unread(_flat_outputs(changed), model.params)
+
+
+def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
+    """The graph without params that none of its nodes takes, but for those `stated` here."""
+    read = {v for e in graph.nodes.values() for v in e.settings.values() if isinstance(v, str)}
+    params = graph.params.items()
+    return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
 
 
 def _stated(change: PatchModel) -> Change:
@@ -106,7 +120,8 @@ def _entries(
     for node_id, node in nodes.items():
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
-            entries[node_id] = Use(node.group, node.inputs, node.settings, places)
+            use = Use(node.group, node.inputs, node.settings, places)
+            entries[node_id] = in_turns(use, node.repeat, node.carry)
         else:
             entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places
@@ -125,12 +140,55 @@ def _groups(layer: Layer) -> dict[str, Group]:
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
                 raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
-        document = read_yaml(file)
-        groups[name] = _group(name, validate(document, GroupFileModel), document, ())
+        group = _group_of(name, file)
+        params = _params(stated.params, layer.document, (*path, "params"))
+        body = replace(group.body, params={**group.body.params, **params})
+        groups[name] = replace(group, body=body)
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
             groups = _with_change(groups, name, _stated(change), places)
     return groups
+
+
+def _used(model: GraphModel | VariantModel) -> list[str]:
+    """The groups that a graph file names in its nodes, its patch and its own groups."""
+    nodes: list[Any] = [*((model.nodes or {}) if isinstance(model, GraphModel) else {}).values()]
+    nodes += model.patch or []
+    for group in model.groups.values():
+        inside = group.patch if isinstance(group, SharedGroupModel) else group.nodes.values()
+        nodes += inside
+    return [name for node in nodes if (name := getattr(node, "group", None)) is not None]
+
+
+def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) -> dict[str, Group]:
+    """Groups, and those that are used but not among them, from files NAME.group.yaml.
+
+    A name without a file is refused where it is used.
+    """
+    for name in used:
+        file = None if name in groups else _group_file(f"{name}.group.yaml", folder)
+        if file is not None:
+            groups = {**groups, name: _group_of(name, file)}
+            inside = [use.group for use in groups[name].body.uses.values()]
+            inside += [t.group for u in groups[name].body.uses.values() for t in _turns(u)]
+            groups = _with_shared(groups, inside, file.parent)
+    return groups
+
+
+def _turns(use: Use) -> Iterable[Use]:
+    return use.turns.body.uses.values() if use.turns else ()
+
+
+def _group_file(name: str, folder: Path) -> Path | None:
+    try:
+        return find_file(name, folder, shipped_groups())
+    except InputError:
+        return None
+
+
+def _group_of(name: str, file: Path) -> Group:
+    document = read_yaml(file)
+    return _group(name, validate(document, GroupFileModel), document, ())
 
 
 def _with_change(
@@ -162,15 +220,15 @@ def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Gr
 
 
 def _refuse_taken(
-    groups: Iterable[str], nodes: Iterable[str], earlier: Container[str], document: Document
+    groups: Iterable[str], nodes: Mapping[str, str], earlier: Container[str], document: Document
 ) -> None:
-    """Refuse a group that has the name of a node or of another group."""
-    taken = {node.partition(".")[0] for node in nodes}
+    """Refuse a group that has the name of another, or of a node that is no use of it."""
+    taken = {node.partition(".")[0]: group for node, group in nodes.items()}
     for name in groups:
         place = document.place(("groups", name))
         if name in earlier:
             raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
-        if name in taken:
+        if taken.get(name, name) != name:
             raise GraphError(f"{place}: a node is called '{name}' too; give another name")
 
 
@@ -192,7 +250,7 @@ def _params(
 ) -> dict[str, Param]:
     return {
         name: Param(
-            param.kind if isinstance(param, ParamModel) else "",
+            (not isinstance(param, GroupInputModel) and param and param.kind) or "",
             param.help if param else "",
             (*path, name, "default") not in document.places,
             param.default if param else None,

@@ -7,7 +7,15 @@ from typing import Any
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph, Use
-from tactograph.graph.files.groups import flat_reference, in_scope, meant_nodes, uses_of, with_nodes
+from tactograph.graph.files.groups import (
+    flat_reference,
+    in_scope,
+    meant_nodes,
+    outputs_of,
+    uses_of,
+    with_nodes,
+)
+from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.patch_verbs import (
     VERB_FUNCTIONS,
     Change,
@@ -89,8 +97,13 @@ def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Gr
         body = VERB_FUNCTIONS["remove"](body, node, change, places)
     elif change.get("after") is not None:
         body = redirect(body, change["after"], node, places[""])
+    return replace(body, uses={**body.uses, node: _use(change, inputs, places)})
+
+
+def _use(change: Change, inputs: Mapping[str, str], places: Places) -> Use:
+    """The use that a change makes; `inputs` stand where it gives none."""
     use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
-    return replace(body, uses={**body.uses, node: use})
+    return in_turns(use, change.get("repeat"), change.get("carry"))
 
 
 def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Graph:
@@ -102,8 +115,8 @@ def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Gr
         for node in meant_nodes(graph, target):
             graph = VERB_FUNCTIONS[verb](graph, node, change, places)
         return graph
-    if verb == "neutral" or target in graph.groups:
-        kind = "a group" if target in graph.groups else "a use of a group"
+    if verb == "neutral" or target not in graph.uses:
+        kind = "a use of a group" if target in graph.uses else "a group"
         raise GraphError(f"{place}: {verb}: '{target}' is {kind}; name one of its nodes")
     if "group" in change:
         return put_use(graph, target, change, places)
@@ -120,6 +133,10 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
     if "inputs" in change:
         place = places.get("in", places[""])
         raise GraphError(f"{place}: set: '{target}' is a group or a use of one; 'replace' it")
+    if target in graph.uses and (turns := graph.uses[target].turns):
+        for turn in turns.body.uses:
+            graph = _set_params(graph, f"{target}.{turn}", change, places)
+        return graph
     given: Mapping[str, Any] = change["settings"]
     name = graph.uses[target].group if target in graph.uses else target
     group = graph.groups[name]
@@ -131,7 +148,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
             raise GraphError(f"{place}: set: the group '{name}' has no param '{param}'{hint}")
     if target in graph.uses:
         return _set_use(graph, target, given, places)
-    stated = {n: replace(params[n], required=False, default=v) for n, v in given.items()}
+    stated = {n: replace(params[n], kind="", required=False, default=v) for n, v in given.items()}
     body = replace(group.body, params={**params, **stated})
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
     for use in uses_of(graph, name):
@@ -142,7 +159,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
 def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) -> Graph:
     """Set params of a use, in those of its nodes that take them."""
     use = graph.uses[path]
-    body = graph.groups[use.group].body
+    body = graph.definition(use).body
     settings = {**use.settings, **given}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     words = {f"${name}": value for name, value in given.items()}
@@ -181,11 +198,10 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     elif change.get("after") is not None:
         after = str(flat_reference(graph, change["after"], "", str(places[""])))
         graph = redirect(graph, after, target, places[""])
-    use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
-    graph = with_nodes(graph, {target: use})
+    graph = with_nodes(graph, {target: _use(change, inputs, places)})
 
     def flat(reference: str) -> str:
-        return str(flat_reference(graph, reference, "", str(places[""])))
+        return str(flat_reference(graph, reference, "", str(places[""]), whole=True))
 
     return with_references(graph, flat)
 
@@ -196,7 +212,7 @@ def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -
     With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
     it then.
     """
-    outputs = graph.groups[graph.uses[path].group].body.outputs if keep_readers else {}
+    outputs = outputs_of(graph, path) if keep_readers else {}
     swapped = {
         flat_reference(graph, f"{path}.{name}", "", path): f"{path}.{name}" for name in outputs
     }

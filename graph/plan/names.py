@@ -229,11 +229,6 @@ def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
     known = list(dict.fromkeys([*node.input_names, *node.further_names]))
     for name in entry.inputs:
-        if name in node.former:
-            raise GraphError(
-                f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}' any more: "
-                f"{node.former[name]}"
-            )
         if name not in known and name != CONDITION_INPUT:
             raise GraphError(
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"

@@ -1,4 +1,7 @@
-"""A graph that is ready to run: called with arrays, or gone through item by item."""
+"""A graph that is ready to run: called with arrays, or gone through item by item.
+
+Long because this class is all that a program sees of a running graph.
+"""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack

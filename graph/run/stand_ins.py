@@ -47,7 +47,7 @@ class StandIns:
     @property
     def names(self) -> list[str]:
         """The nodes that wait for an array, by name."""
-        return sorted(self._waiting)
+        return sorted(map(self._plan.graph.in_short, self._waiting))
 
     def check(self, arrays: Mapping[str, Any]) -> HandedIn:
         """The caller's arrays item by item, as views where possible.
@@ -55,17 +55,20 @@ class StandIns:
         Raises InputError if one is missing, unknown, does not fit the first output of its source,
         or is a batch where another is none, or one of another size.
         """
+        graph, given_for = self._plan.graph, sorted(arrays)
+        arrays = {graph.in_full(name): array for name, array in arrays.items()}
         if self._waiting != arrays.keys():
             raise InputError(
-                f"{self._plan.graph.name}: arrays are needed for {self.names}, "
-                f"and were given for {sorted(arrays)}"
+                f"{graph.name}: arrays are needed for {self.names}, and were given for {given_for}"
             )
         told: list[str] = []
         with collect_warnings(told):
             checked = {name: self._checked(name, array) for name, array in arrays.items()}
         lengths = {name: len(items) if batch else 0 for name, (items, batch) in checked.items()}
         if len({*lengths.values()}) > 1:
-            sizes = ", ".join(f"{name}: {length or 'none'}" for name, length in lengths.items())
+            sizes = ", ".join(
+                f"{graph.in_short(name)}: {length or 'none'}" for name, length in lengths.items()
+            )
             raise InputError(f"the arrays of a call are batches of one size, or none is ({sizes})")
         columns = zip(*(items for items, _ in checked.values()), strict=True)
         items = [dict(zip(checked, column, strict=True)) for column in columns]
@@ -86,13 +89,14 @@ class StandIns:
 
         What needs no conversion, and lies on the device, is read there as well.
         """
+        node = self._plan.tasks[name].node
+        port = next(iter(node.outputs.values()))
+        name = self._plan.graph.in_short(name)
         there, adopt = array, None
         if hasattr(array, "map_to_host"):
             if self._device is None:
                 raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
             array, adopt = self._device.mapped(there, name), self._device.adopted
-        node = self._plan.tasks[name].node
-        port = next(iter(node.outputs.values()))
         given = _images(array) if _takes_images(port) else _values(array, name, port)
         batch = given.ndim > len(port.dims)
         items = []

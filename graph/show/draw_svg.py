@@ -9,7 +9,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
-from tactograph.graph.show.draw_text import BACKEND_COLOURS
+from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
 from tactograph.graph.show.sketch import Box, Edge, Sketch
 
 WIDTH_PX, HEIGHT_PX = 150, 34

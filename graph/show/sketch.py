@@ -1,7 +1,7 @@
 """A graph to be drawn: boxes and edges, with the uses of groups drawn whole or folded to a box."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 
 from tactograph.graph.errors import GraphError
@@ -41,38 +41,43 @@ def use_of(node: str) -> str:
     return node.rpartition(".")[0]
 
 
-def fold(sketch: Sketch) -> Sketch:
-    """Draw each outermost use as one box, unless it reads values that follow from its own.
+def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
+    """Draw each use as one box, unless it is opened, or reads values that follow from its own.
 
     Raises GraphError if the edges run in a cycle.
     """
-    uses = {name.partition(".")[0] for name in sketch.groups}
-    box_of = {box.name: _outermost(box.name, uses) for box in sketch.boxes}
-    while (loop := _loop(_renamed(sketch.edges, box_of))) is not None:
-        # Unfolded, a use is at least one box more, so this ends.
-        opened = {box for box in loop if box in uses}
-        if not opened:
+    opened = {*opened}
+    while True:
+        box_of = {box.name: box_around(box.name, sketch.groups, opened) for box in sketch.boxes}
+        loop = _loop(_renamed(sketch.edges, box_of))
+        if loop is None:
+            break
+        # Opened, a use is at least one box more, so this ends.
+        uses = {box for box in loop if box in sketch.groups}
+        if not uses:
             raise GraphError(f"{sketch.title}: the graph has a cycle: {' -> '.join(loop)}")
-        box_of |= {name: name for name, box in box_of.items() if box in opened}
+        opened |= uses
     members: dict[str, list[Box]] = {}
     for box in sketch.boxes:
         members.setdefault(box_of[box.name], []).append(box)
     edges = _renamed(sketch.edges, box_of)
     boxes = [_folded(sketch, name, members[name]) for name in _in_order(members, edges)]
     recalls = _renamed(sketch.recalls, box_of, loops=True)
-    return Sketch(sketch.title, boxes, edges, recalls)
+    return Sketch(sketch.title, boxes, edges, recalls, sketch.groups)
+
+
+def box_around(name: str, uses: Container[str], opened: Container[str] = ()) -> str:
+    """The outermost use around a node that is not opened; the node itself if all are."""
+    parts = name.split(".")
+    paths = (".".join(parts[:at]) for at in range(1, len(parts)))
+    return next((path for path in paths if path in uses and path not in opened), name)
 
 
 def _folded(sketch: Sketch, name: str, members: list[Box]) -> Box:
     if members[0].name == name:
-        return replace(members[0], use="")
+        return members[0]
     backend = next((b.backend for b in members if b.backend != "numpy"), "numpy")
-    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", "use", backend)
-
-
-def _outermost(name: str, uses: set[str]) -> str:
-    first = name.partition(".")[0]
-    return first if first in uses else name
+    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", "use", backend, use_of(name))
 
 
 def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = False) -> list[Edge]:

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from nicegui import ui
 
 from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
 from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.draw_text import BACKEND_COLOURS
+from tactograph.graph.show.sketch import box_around, fold
 from tactograph.graph.tune.tuning import Tuning
 
 EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
@@ -17,14 +18,17 @@ class GraphView:
     """The card with the drawing, which has the times of the result number `drawn`; -1 for none."""
 
     def __init__(self, tuning: Tuning, choose: Callable[[str], None]) -> None:
-        self._tuning = tuning
+        self._tuning, self._choose = tuning, choose
+        self._opened: set[str] = set()
         self.drawn = -1
         with ui.column().classes("t-card w-full gap-1"):
             with ui.row().classes("w-full items-center gap-3 no-wrap"):
                 ui.label("Graph").classes("t-title")
                 for backend, colour in BACKEND_COLOURS.items():
                     ui.label(backend).classes("t-backend").style(f"background: {colour}")
-                ui.label("click a node").classes("t-help")
+                ui.label("click a node, or a group to open it").classes("t-help")
+                fold_all = ui.button("fold", on_click=self._fold).props("dense flat no-caps")
+                fold_all.props("data-testid=fold")
                 ui.space()
                 self._finder = (
                     ui.select(
@@ -41,7 +45,19 @@ class GraphView:
                 self._zoom.style("width: 110px")
             self._drawing = ui.html("", sanitize=False).classes("t-graph")
             self._drawing.props("data-testid=graph")
-            self._drawing.on("click", lambda e: choose(e.args), js_handler=EMIT_NODE_JS)
+            self._drawing.on("click", lambda e: self._open(e.args), js_handler=EMIT_NODE_JS)
+
+    def _open(self, name: str) -> None:
+        """Open a group's use, or choose a node."""
+        if name not in self._tuning.graph.uses:
+            self._choose(name)
+            return
+        self._opened.add(name)
+        self.draw()
+
+    def _fold(self) -> None:
+        self._opened.clear()
+        self.draw()
 
     def draw(self) -> None:
         """Draw the plan with the times of the last result, and mark the chosen node."""
@@ -51,12 +67,14 @@ class GraphView:
         self.drawn = shown.number
         if not self._finder.options:
             self._finder.set_options(sorted(shown.plan.tasks))
-        svg = to_svg(sketch_of(shown.plan), shown.result.times)
+        chosen, uses = self._tuning.asked.node, shown.plan.graph.uses
+        while chosen and (around := box_around(chosen, uses, self._opened)) != chosen:
+            self._opened.add(around)
+        svg = to_svg(fold(sketch_of(shown.plan), self._opened), shown.result.times)
         zoom = float(self._zoom.value) / 100
         head, _, rest = svg.partition(">")
         width, height = re.findall(r'(?<=width=")\d+|(?<=height=")\d+', head)
         head = head.replace(f'width="{width}" height="{height}"', "")
         style = f' style="width:{int(width) * zoom:.0f}px;height:{int(height) * zoom:.0f}px"'
-        chosen = self._tuning.asked.node
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{head}{style}>{mark if chosen else ''}{rest}")

@@ -5,6 +5,7 @@
 LANED __kernel void undo_perspective(
     __global const float *restrict height,
     const float camera,
+    __global const float *restrict rest,
     __global float *restrict out,
     const int H, const int W,
     const int inverse)
@@ -12,5 +13,10 @@ LANED __kernel void undo_perspective(
     GRID_LANES(at, count, H * W)
     const floats seen = load_floats(height + at, count);
     const float by = inverse ? -camera : camera;
-    store_floats(seen / (1.0f + by * seen), out + at, count);
+    if (!rest) {
+        store_floats(seen / (1.0f + by * seen), out + at, count);
+        return;
+    }
+    const floats low = load_floats(rest + at, count), whole = seen + low;
+    store_floats(whole / (1.0f + by * whole) - low / (1.0f + by * low), out + at, count);
 }

@@ -6,6 +6,7 @@
 LANED __kernel void calm_film(
     __global const float *restrict light,
     __global const float *restrict sigma,
+    __global const float *restrict at_rest,
     __global uchar *restrict out,
     const int K, const int H, const int W,
     const int radius_px,
@@ -24,7 +25,13 @@ LANED __kernel void calm_film(
             for (int dx = -radius_px; dx <= radius_px; ++dx) {
                 const floats found = inside ? LOAD_LANES(row + x + dx)
                                             : load_within_border(row, x + dx, count, W, REPLICATE);
-                sum += found - 1.0f;
+                if (at_rest) {
+                    __global const float *low = at_rest + (row - light);
+                    sum += found - (inside ? LOAD_LANES(low + x + dx)
+                                           : load_within_border(low, x + dx, count, W, REPLICATE));
+                } else {
+                    sum += found - 1.0f;
+                }
             }
         }
         const floats noise = load_floats(sigma + k * size + i, count);

@@ -36,10 +36,15 @@ typedef struct {
 
 LANED __kernel void take_off(
     __global const float *restrict light, __global const float *restrict bounced,
+    __global const float *restrict thrown, __global const float *restrict share,
     __global float *restrict direct, const int N)
 {
     GRID_LANES(i, count, N)
-    store_floats(load_floats(light + i, count) - load_floats(bounced + i, count), direct + i, count);
+    floats more = load_floats(bounced + i, count);
+    if (thrown && share) {
+        more = (more - load_floats(thrown + i, count)) / load_floats(share + i, count);
+    }
+    store_floats(load_floats(light + i, count) - more, direct + i, count);
 }
 
 LANED __kernel void halve(

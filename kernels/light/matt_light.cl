@@ -24,6 +24,7 @@ LANED __kernel void matt_light(
     const float film_grain,
     const float pixel,
     __global const float *restrict bounced,
+    __global const float *restrict resting,
     __global float *restrict light_,
     __global float *restrict sigma_,
     const int K, const int H, const int W,
@@ -48,7 +49,9 @@ LANED __kernel void matt_light(
         const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
         const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
-        const floats lifted = touch_gain(&film, seen);
+        // Film is touched where it is above its place at rest; on a plane that is its height.
+        const floats lift = resting ? seen - load_floats(resting + at, count) : seen;
+        const floats lifted = touch_gain(&film, lift);
         floats shown[MAX_LEDS], shine[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
@@ -71,7 +74,7 @@ LANED __kernel void matt_light(
         if (affine) continue;
 
         const Vector eye = to_pupil(&film, here.x, here.y, z);
-        const floats touched = touch_gain(&film, z), per_touch_there = 1.0f / touched;
+        const floats touched = touch_gain(&film, resting ? lift : z), per_touch_there = 1.0f / touched;
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         Vector n = unit(-p, -q, (floats)1.0f);

@@ -11,6 +11,7 @@ LANED __kernel void film_light(
     FILM_PARAMETERS,
     const float pixel,
     __global const uchar *restrict shadow,
+    __global const float *restrict resting,
     __global float *restrict out,
     const int K, const int H, const int W)
 {
@@ -33,7 +34,8 @@ LANED __kernel void film_light(
         const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
         const Vector eye = to_pupil(&film, here.x, here.y, z);
-        const floats touched = touch_gain(&film, z);
+        const floats lift = resting ? seen - load_floats(resting + at, count) : z;
+        const floats touched = touch_gain(&film, lift);
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         const Facing facing = facing_of(&film, unit(-p, -q, one), eye);

@@ -10,9 +10,14 @@ def touch_in_words(figures: Metrics) -> str:
 
     Parameters
     ----------
-    figures
-        Those of `measure_contact`, and ``trust`` of `judge_touch` where the graph judges touches.
+    figures : of `measure_contact` and `judge_touch`, as far as the graph has them
     """
+    checked = "" if "check_light" in figures else ", which no light was checked for"
+    judged = "its light was not judged"
+    if "trust" in figures:
+        judged = f"trust {figures['trust']:.2g}{checked}"
+    if "contacts" not in figures:
+        return judged
     count = int(figures["contacts"])
     depth = max(
         (v for name, v in figures.items() if name.startswith("contact_depth_mm/")), default=0
@@ -20,5 +25,4 @@ def touch_in_words(figures: Metrics) -> str:
     contacts = {0: "no contact", 1: f"1 contact, {depth:.2g} mm deep"}.get(
         count, f"{count} contacts, the deepest of {depth:.2g} mm"
     )
-    trust = f"trust {figures['trust']:.2f}" if "trust" in figures else "its light was not judged"
-    return f"{contacts}; {trust}"
+    return f"{contacts}; {judged}"

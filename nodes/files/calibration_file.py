@@ -112,12 +112,31 @@ def write_arrays(
         raise InputError(
             f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
         ) from None
+    _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
+
+
+def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> None:
+    """Write a calibration again with some of its arrays replaced; all else stays as it is.
+
+    Raises
+    ------
+    InputError
+        As `read_arrays`, or if the file cannot be written.
+    """
+    typed = {n: np.asarray(array, kind.values[n].dtype) for n, array in arrays.items()}
+    every = _load(file, kind) | typed
+    _check_head(file, kind, every)
+    _check_arrays(kind, every)
+    _write_archive(file, every)
+
+
+def _write_archive(file: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     with (
         atomic_file(file) as target,
         # Higher levels take twice as long on images, which hardly become smaller.
         zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
     ):
-        for name, array in {"about": np.array(json.dumps(head)), **typed}.items():
+        for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
 

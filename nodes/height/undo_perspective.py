@@ -8,13 +8,18 @@ from tactograph.nodes.slope.view_slope import is_orthographic
 
 
 @node(neutral="height", tolerance=Close(1e-6, 1e-6, why="division"))
-def undo_perspective(height: Height, camera: Vergence, *, inverse: bool = False) -> Height:
+def undo_perspective(
+    height: Height, camera: Vergence, rest: Height | None = None, *, inverse: bool = False
+) -> Height:
     """Return z = Z / (1 + Z / D) of the seen height Z (see `view_slope`), or the `inverse`.
 
     Parameters
     ----------
     height : H x W in mm, the seen height
     camera : 1 / D in 1/mm
+    rest
+        H x W in mm, the seen height of the film at rest (with `inverse`: the film's), above which
+        heights are; None: a plane.
     inverse : return the seen height Z = z / (1 - z / D) of what each pixel sees at z
 
     Returns
@@ -22,7 +27,10 @@ def undo_perspective(height: Height, camera: Vergence, *, inverse: bool = False)
     H x W in mm, the height above the film at rest of what each pixel sees (V1).
     """
     by = np.float32(-camera if inverse else camera)
-    return np.asarray(height / (1 + by * height), np.float32)
+    if rest is None:
+        return np.asarray(height / (1 + by * height), np.float32)
+    whole = height + rest
+    return np.asarray(whole / (1 + by * whole) - rest / (1 + by * rest), np.float32)
 
 
 undo_perspective.opencl(grid="H W", lanes="grid")

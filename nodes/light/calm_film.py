@@ -17,6 +17,7 @@ def calm_film(
     light: Light,
     sigma: Light,
     correlation: NoiseCorrelation | None = None,
+    at_rest: Light | None = None,
     *,
     radius_px: Annotated[int, Interval(ge=0, le=8)] = 2,
     level: Annotated[float, Gt(0)] = 4.5,
@@ -33,6 +34,7 @@ def calm_film(
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it
         the noise is independent.
+    at_rest : K x H x W, the same light of the film at rest; None: 1, of a plane
     radius_px
         The window is 2 radius_px + 1 wide.  Beyond the frame the border pixels repeat.
     level : standard deviations of the mean that still count as noise
@@ -43,8 +45,9 @@ def calm_film(
     """
     width, level = 2 * radius_px + 1, _level(level, correlation, radius_px)
     calm = np.ones(light.shape[1:], bool)
-    for plane, noise in zip(light, sigma, strict=True):
-        departure = cv2.blur(plane - 1, (width, width), borderType=cv2.BORDER_REPLICATE)
+    for k, (plane, noise) in enumerate(zip(light, sigma, strict=True)):
+        still = np.float32(1) if at_rest is None else at_rest[k]
+        departure = cv2.blur(plane - still, (width, width), borderType=cv2.BORDER_REPLICATE)
         calm &= np.abs(departure) * np.float32(width) < np.float32(level) * noise
     return calm.astype(np.uint8)
 
@@ -61,6 +64,7 @@ def _launch(run: Launch) -> None:
     radius = run.settings["radius_px"]
     run.kernel(
         "calm_film", run.in_row_lanes(rows, columns),
-        run.inputs["light"], run.inputs["sigma"], run.outputs["calm_film"], count, rows, columns,
+        run.inputs["light"], run.inputs["sigma"], run.inputs.get("at_rest"),
+        run.outputs["calm_film"], count, rows, columns,
         radius, _level(run.settings["level"], run.inputs.get("correlation"), radius),
     )  # fmt: skip

@@ -51,6 +51,8 @@ def film_drift(
     before: Drift | None = None,
     grain: Grain | None = None,
     bounced: Light | None = None,
+    thrown: Light | None = None,
+    share: Light | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
@@ -87,6 +89,9 @@ def film_drift(
     bounced
         K x H x W, the light that the film throws on itself, as `film_bounce` gives it.  It is
         subtracted: light that a touch throws on the film at rest is no drift.
+    thrown, share
+        K x H x W, the same of the film at rest, and r, as `untouched_film` returns them, where
+        `bounced` is relative to a plane that the film at rest is not.
     degree : 0: a factor per LED; 1 or 2: a polynomial in x and y
     rate : share of a change of shape that is applied at once
     level : standard deviations that still count as noise
@@ -101,6 +106,8 @@ def film_drift(
     K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the middle of the
     image divided by half its width.
     """
+    if bounced is not None and thrown is not None and share is not None:
+        bounced = (bounced - thrown) / share
     if bounced is not None:
         light = light - bounced
     while light[0].size > MAX_CELLS:
@@ -110,8 +117,8 @@ def film_drift(
     count, rows, columns = light.shape
     basis = _basis(rows, columns)
     cells, around = light.reshape(count, -1), _around(light).reshape(count, -1)
-    share = np.float32(level) / np.float32(factor)
-    noise = np.zeros_like(cells) if sigma is None else share * sigma.reshape(count, -1)
+    noise_share = np.float32(level) / np.float32(factor)
+    noise = np.zeros_like(cells) if sigma is None else noise_share * sigma.reshape(count, -1)
     if before is None:
         before = np.zeros((count, DRIFT_TERMS), np.float32)
         before[:, 0] = 1
@@ -242,7 +249,8 @@ def _launch(run: Launch) -> None:
     if bounced is not None:
         everything, direct = lights * height * width, run.scratch((lights, height, width))
         work = run.in_lanes(lights, height, width)
-        run.kernel("take_off", work, light, bounced, direct, everything)
+        at_rest = run.inputs.get("thrown"), run.inputs.get("share")
+        run.kernel("take_off", work, light, bounced, *at_rest, direct, everything)
         light = direct
     noisy = light if sigma is None else sigma
     while height * width > MAX_CELLS:
@@ -295,7 +303,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     light = np.tensordot(drift, terms(np.arange(H), np.arange(W), (H, W)), axes=1)
     light += rng.normal(0, 0.002, light.shape)
     bounced = rng.uniform(0, 0.03, light.shape)
-    light += bounced
+    light += 0.7 * bounced
     light[:, : H // 2, : W // 2] *= rng.uniform(0.3, 1.5, (K, H // 2, W // 2))
     sigma = np.full((K, H, W), 0.002)
     return {
@@ -303,4 +311,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "sigma": sigma.astype(np.float32),
         "before": before.astype(np.float32),
         "bounced": bounced.astype(np.float32),
+        "thrown": (0.3 * bounced).astype(np.float32),
+        "share": rng.uniform(0.8, 1.3, light.shape).astype(np.float32),
     }

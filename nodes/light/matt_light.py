@@ -55,6 +55,7 @@ def matt_light(
     bounced: Light | None = None,
     finer: Light | None = None,
     finest: Light | None = None,
+    rest: Height | None = None,
     *,
     steps: Annotated[int, Interval(ge=0, le=8)] = 2,
     uncoated_steps: Annotated[int, Interval(ge=0, le=8)] = 2,
@@ -77,6 +78,7 @@ def matt_light(
     pixel : mm per px
     bounced : K x H x W, the light that the film throws on itself, as `film_bounce` gives it
     finer, finest : K x H x W, the same of a finer pass, in place of `bounced` where one has run
+    rest : H x W in mm, the seen height of the film at rest; None: a plane
     steps : Gauss-Newton steps of the normal on a coated film
     uncoated_steps : the same on a film without a coat, whose harmonics vary gently
 
@@ -86,7 +88,8 @@ def matt_light(
     """
     thrown = _finest_found(finest, finer, bounced)
     direct = light if thrown is None else light - thrown
-    flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height))
+    lifted = height if rest is None else height - rest
+    flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height, lifted))
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)
     y = np.repeat(places(rows, np.float32(pixel)), columns)
@@ -95,13 +98,15 @@ def matt_light(
     turns = steps if film.refraction != 1 else uncoated_steps
 
     def convert(part: slice) -> None:
-        m, spread, expected, z = (a[..., part] for a in flat)
-        scale = _scale(film, x[part], y[part], z)
+        m, spread, expected, z, lift = (a[..., part] for a in flat)
+        scale = _scale(film, x[part], y[part], z, lift)
         if is_affine(film):
-            diffused = touch_gain(film, z) * film.diffuse[:, None]
+            diffused = touch_gain(film, lift) * film.diffuse[:, None]
             made[0][:, part] = (m - diffused) * scale
         else:
-            made[0][:, part] = _by_normal(film, m, expected, (x[part], y[part], z), scale, turns)
+            above = None if rest is None else lift
+            place = x[part], y[part], z
+            made[0][:, part] = _by_normal(film, m, expected, place, scale, turns, above)
         grain = np.float32(film.grain) * m
         noise = np.sqrt(spread * spread + grain * grain) * scale
         made[0][:, part], made[1][:, part] = unwrapped(made[0][:, part], noise, film.wrap)
@@ -126,7 +131,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "matt_light", (height * -(-width // stretch),),
         inputs["light"], inputs["sigma"], inputs["slope"], inputs["height"],
-        *film, inputs["pixel"], thrown,
+        *film, inputs["pixel"], thrown, inputs.get("rest"),
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
         local=run.alone,
@@ -171,14 +176,14 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     }
 
 
-def _scale(film: Film, u: F4, v: F4, seen: F4) -> F4:
+def _scale(film: Film, u: F4, v: F4, seen: F4, lift: F4) -> F4:
     """1 / (s (1 - b) a) of equation F1, by places as the camera sees them: K x N."""
     z = seen / (1 + np.float32(film.camera) * seen)
     nearer = 1 - np.float32(film.camera) * z
     scale = np.empty((len(film.lights), u.size), np.float32)
     for k, direct in enumerate(direct_share(film)):
         shine = emitted(film, k, (u * nearer, v * nearer, z))
-        scale[k] = 1 / (touch_gain(film, seen) * direct * shine)
+        scale[k] = 1 / (touch_gain(film, lift) * direct * shine)
     return scale
 
 
@@ -189,6 +194,7 @@ def _by_normal(
     place: tuple[F4, F4, F4],
     scale: F4,
     steps: int,
+    lift: F4 | None,
 ) -> F4:
     """Matt light of N pixels, from their normals."""
     u, v, seen = place
@@ -198,8 +204,8 @@ def _by_normal(
     vectors = vectors_at(film.lights, u, v, seen)
     n, rest = _normal(slope), rest_below(film, x, y, z)
     for _ in range(steps):
-        n = turned(film, light, n, (x, y, z), rest=rest)
-    left = light - predict(film, n, x, y, z, rest)
+        n = turned(film, light, n, (x, y, z), rest=rest, lift=lift)
+    left = light - predict(film, n, x, y, z, rest, lift)
     matt = np.einsum("kcn,cn->kn", vectors, n)
     return np.asarray(left * scale + wrapped(matt, film.wrap), np.float32)
 

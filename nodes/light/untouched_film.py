@@ -1,22 +1,89 @@
-"""The surface before any measurement: the film at rest."""
+"""The surface before any measurement: the film at rest, and its light over that of a plane."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Height, Light, Slope
+from tactograph.graph import InputError, NodeCall, Port, node
+from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
+from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
+from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.rest_shape import (
+    MIN_REST_LIGHT,
+    REST_ROUNDS,
+    RestShape,
+    rest_shape,
+)
 
 
 class Surface(NamedTuple):
-    """A height and its slope."""
+    """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
+
+    `share` is r of F5, `thrown` its part from film to film, `matt` the light of matt film of that
+    shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
+    """
 
     height: Height
     slope: Slope
+    flat: Light
+    share: Light | None
+    thrown: Light | None
+    matt: Light | None
+    rest: Height | None
+    tilt: Slope | None
 
 
 @node
-def untouched_film(flat: Light) -> Surface:
-    """Return height and slope zero, as large as the flat frame (K x H x W)."""
+def untouched_film(
+    flat: Light,
+    film: Film | None = None,
+    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+    pixel: PixelSize | None = None,
+    *,
+    bounce: NodeCall = film_bounce,
+) -> Surface:
+    """Return height and slope of the film at rest, and what its flat frame would be on a plane.
+
+    Without `rest` the film is a plane: height and slope are zero, and the flat frame is its own.
+
+    Parameters
+    ----------
+    flat : K x H x W, the film at rest
+    film : the LEDs' and the film's properties
+    rest
+        R x C in mm, the height that each pixel sees of the film at rest; None: a plane.  Where it
+        is finer than the flat frame, its means over the flat frame's pixels are taken.
+    pixel : mm per px of the flat frame
+
+    Raises
+    ------
+    InputError
+        If `rest` is given without `film` and `pixel`.
+    """
     size = flat.shape[1:]
-    return Surface(np.zeros(size, np.float32), np.zeros((2, *size), np.float32))
+    if rest is None:
+        zero = np.zeros((2, *size), np.float32)
+        return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None, None)
+    if film is None or pixel is None:
+        raise InputError("a film that is no plane needs its calibration and pixel size as well")
+    factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
+    shape = rest_shape(rest, pixel / factor, film.camera)
+    if factor > 1:
+        shape = shape.continued(factor).binned(factor)
+    own, thrown = light_at_rest(shape, film, bounce)
+    share = np.maximum(own + thrown, np.float32(MIN_REST_LIGHT))
+    matt = expected_light(light_vectors(film.lights, shape.seen, shape.pixel), shape.slope)
+    flat = np.asarray(flat / share, np.float32)
+    return Surface(shape.seen, shape.slope, flat, share, thrown, matt, shape.seen, shape.tilt)
+
+
+def light_at_rest(
+    shape: RestShape, film: Film, bounce: NodeCall, cells: int = DEFAULT_MAX_CELLS
+) -> tuple[F4, F4]:
+    """Return r of F5 in its two parts, K x H x W each: light of the LEDs, and from film to film."""
+    own = shape.light(film)
+    thrown = np.zeros_like(own)
+    for _ in range(REST_ROUNDS if film.albedo > 0 else 0):
+        seen = own + thrown
+        thrown = bounce(seen, shape.seen, film, shape.pixel, slope=shape.slope, cells=cells)
+    return own, thrown

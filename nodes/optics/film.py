@@ -85,7 +85,15 @@ def is_affine(film: Film) -> bool:
     return film.refraction == 1 and film.camera == 0 and not film.harmonics.any()
 
 
-def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | None = None) -> Array:
+def predict(
+    film: Film,
+    n: Array,
+    x: Array,
+    y: Array,
+    z: Array,
+    rest: Array | None = None,
+    lift: Array | None = None,
+) -> Array:
     """Return the light relative to the film at rest, equation F1, without bounced light: K x N.
 
     Parameters
@@ -94,10 +102,11 @@ def predict(film: Film, n: Array, x: Array, y: Array, z: Array, rest: Array | No
     n : 3 x N, unit normals
     x, y, z : of length N in mm, where the film is
     rest : K x N, as `rest_below` gives it, where it is known
+    lift : N in mm, how high the film is above its place at rest; None: `z`, at rest it is a plane
     """
     if rest is None:
         rest = rest_below(film, x, y, z)
-    touched = touch_gain(film, z)
+    touched = touch_gain(film, z if lift is None else lift)
     made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
     for k, direct in enumerate(_reflected(film, n, x, y, z)):
         b = film.diffuse[k]
@@ -168,6 +177,7 @@ def turned(
     place: Place,
     uneven: float = 0.0,
     rest: Array | None = None,
+    lift: Array | None = None,
 ) -> Array:
     """Return normals that explain the light better: one Gauss-Newton step.
 
@@ -183,16 +193,17 @@ def turned(
     uneven
         Standard deviation of the film's brightness, as a share; the light of each LED has the
         standard deviation `LIGHT_NOISE_SHARE`.
-    rest : as for `predict`
+    rest, lift : as for `predict`
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)
     if rest is None:
         rest = rest_below(film, *place)
-    before = predict(film, n, *place, rest)
+    lift = place[2] if lift is None else lift
+    before = predict(film, n, *place, rest, lift)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
-    by_s, by_t = _changes(film, n, tangents, place, rest)
-    weight = lit_share(film, light, place[2]) / np.maximum(light, FULL_MATT_LIGHT) ** 2
+    by_s, by_t = _changes(film, n, tangents, place, rest, lift)
+    weight = lit_share(film, light, lift) / np.maximum(light, FULL_MATT_LIGHT) ** 2
     share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
 
@@ -219,6 +230,7 @@ def _changes(
     tangents: tuple[Array, Array],
     place: Place,
     rest: Array,
+    lift: Array,
 ) -> tuple[Array, Array]:
     """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
 
@@ -227,7 +239,7 @@ def _changes(
     by_normal = list(_reflected(film, n, *place, turning=True))
     differences = [np.stack([(along * by).sum(0) for by in by_normal]) for along in tangents]
     shine = np.stack([emitted(film, k, place) + 0 * plane for k, plane in enumerate(rest)])
-    scale = touch_gain(film, place[2]) * (1 - film.diffuse[:, None]) * shine / rest
+    scale = touch_gain(film, lift) * (1 - film.diffuse[:, None]) * shine / rest
     s, t = (scale * change for change in differences)
     if film.harmonics.any():
         by_s, by_t = (_shades_change(film, n, along) for along in tangents)
@@ -256,7 +268,7 @@ def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
     coat = film._replace(gain=1.0, emission=0.0, diffuse=dark, harmonics=plain)
     squares = []
     for kind in (coat, coat._replace(refraction=1.0)):
-        by_s, by_t = _changes(kind, n, tangents, place, rest_below(kind, *place))
+        by_s, by_t = _changes(kind, n, tangents, place, rest_below(kind, *place), place[2])
         squares.append((weight * (by_s * by_s + by_t * by_t)).sum(0))
     coated, matt = squares
     sharper = np.sqrt(np.where(matt > 0, coated / np.where(matt > 0, matt, 1), 1))

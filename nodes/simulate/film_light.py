@@ -24,8 +24,9 @@ def film_light(
     film: Film,
     pixel: PixelSize,
     shadow: Labels | None = None,
+    rest: Height | None = None,
 ) -> Light:
-    """Return the light of a film relative to the film at rest (equation F1).
+    """Return the light of a film relative to a plane film at rest (equation F1).
 
     Where something stands between a place and an LED, the light that the gel diffuses is left:
     s (b - (1 - b) w) of equation F1.
@@ -37,12 +38,13 @@ def film_light(
     film : the LEDs' and the film's properties
     pixel : mm per px
     shadow : H x W, the LEDs that something keeps off, as `cast_shadows` gives them
+    rest : H x W in mm, the seen height of the film at rest; None: a plane
     """
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)
     y = np.repeat(places(rows, np.float32(pixel)), columns)
     p, q = slope.reshape(2, -1)
-    seen = height.ravel()
+    seen, low = height.ravel(), None if rest is None else rest.ravel()
     made = np.empty((len(film.lights), height.size), np.float32)
 
     def light(part: slice) -> None:
@@ -50,10 +52,12 @@ def film_light(
         n = np.stack([-p[part] * upright, -q[part] * upright, upright])
         z = seen[part] / (1 + np.float32(film.camera) * seen[part])
         nearer = 1 - np.float32(film.camera) * z
-        made[:, part] = predict(film, n, x[part] * nearer, y[part] * nearer, z)
+        lift = z if low is None else seen[part] - low[part]
+        place = x[part] * nearer, y[part] * nearer, z
+        made[:, part] = predict(film, n, *place, None, lift)
         if shadow is not None:
             left = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
-            left = touch_gain(film, z)[None] * left[:, None]
+            left = touch_gain(film, lift)[None] * left[:, None]
             dark = shadow.ravel()[None, part] >> np.arange(len(left))[:, None] & 1
             made[:, part] = np.where(dark > 0, left, made[:, part])
 
@@ -70,7 +74,7 @@ def _launch(run: Launch) -> None:
     run.kernel(
         "film_light", (height * -(-width // stretch),),
         inputs["slope"], inputs["height"], *film, inputs["pixel"],
-        inputs.get("shadow"), run.outputs["film_light"],
+        inputs.get("shadow"), inputs.get("rest"), run.outputs["film_light"],
         count, height, width,
         local=run.alone,
     )  # fmt: skip

@@ -5,14 +5,12 @@ from typing import Literal
 
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.graph.extras import need
+from tactograph.graph import node
 from tactograph.nodes import F8
+from tactograph.nodes.files.mesh_file import rasterised, read_mesh
 from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, turned
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
-PAIRS_AT_ONCE = 1 << 21
-"""Pairs of a triangle and a pixel that are processed at once; this bounds the memory."""
 
 
 @node
@@ -47,7 +45,7 @@ def shape_mesh(
         If the file cannot be read or holds no triangles, or trimesh is not installed.
     """
     image.check_pixels()
-    vertices, triangles = _read(file)
+    vertices, triangles = read_mesh(file, "shape_mesh")
     vertices = _laid_down(vertices, up)
     if length_mm is not None:
         vertices = vertices * (length_mm / np.ptp(vertices[:, :2], axis=0).max())
@@ -57,26 +55,7 @@ def shape_mesh(
     columns = (x + image.offset_mm[0]) / image.pixel_size_mm + (image.width_px - 1) / 2
     rows = (y + image.offset_mm[1]) / image.pixel_size_mm + (image.height_px - 1) / 2
     corners = np.stack([columns, rows, vertices[:, 2] - base], axis=1)[triangles]
-    return shape(_rasterised(corners, image.height_px, image.width_px), image.pixel_size_mm)
-
-
-def _read(file: Path) -> tuple[F8, np.ndarray]:
-    need("mesh", "shape_mesh", "trimesh")
-    # trimesh takes long to load; only this node needs it.
-    import trimesh
-
-    if not file.is_file():
-        raise InputError(f"there is no file {file}; give a mesh")
-    try:
-        mesh = trimesh.load_mesh(file)
-    except Exception as error:
-        # trimesh's readers raise whatever their parsers raise.
-        raise InputError(f"{file} is no mesh that trimesh can read: {error}") from None
-    triangles = np.asarray(getattr(mesh, "faces", ()))
-    if triangles.size == 0:
-        raise InputError(f"{file} holds no triangles; give a surface mesh")
-    used, triangles_used = np.unique(triangles, return_inverse=True)
-    return np.asarray(mesh.vertices, float)[used], triangles_used.reshape(triangles.shape)
+    return shape(rasterised(corners, image.height_px, image.width_px), image.pixel_size_mm)
 
 
 def _laid_down(vertices: F8, up: Up) -> F8:
@@ -92,46 +71,3 @@ def _laid_down(vertices: F8, up: Up) -> F8:
     # Right, down, towards the camera is a left-handed frame; the mesh must not be mirrored.
     laid = vertices @ np.stack([right, np.cross(right, towards), towards], axis=1)
     return np.asarray(laid - (laid.min(0) + laid.max(0)) / 2)
-
-
-def _rasterised(corners: F8, rows: int, columns: int) -> F8:
-    """Return the highest point above each pixel's centre; corners T x 3 x (column, row, z)."""
-    # Triangles seen edge-on cover nothing.
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    corners = corners[np.abs(_cross(b - a, c - a)) > 0]
-    height = np.zeros(rows * columns)
-    low = np.clip(np.ceil(corners[:, :, :2].min(1)), 0, (columns, rows)).astype(np.int64)
-    high = np.clip(np.floor(corners[:, :, :2].max(1)), -1, (columns - 1, rows - 1)).astype(np.int64)
-    box = np.maximum(high - low + 1, 0)
-    pairs = box[:, 0] * box[:, 1]
-    ends = np.cumsum(pairs)
-    first = 0
-    while first < len(corners):
-        begun = ends[first] - pairs[first]
-        last = max(int(np.searchsorted(ends, begun + PAIRS_AT_ONCE, side="right")), first + 1)
-        part = slice(first, last)
-        _raise_to(height, corners[part], low[part], box[part, 0], pairs[part], columns)
-        first = last
-    return height.reshape(rows, columns)
-
-
-def _raise_to(
-    height: F8, corners: F8, low: np.ndarray, wide: np.ndarray, pairs: np.ndarray, columns: int
-) -> None:
-    """Raise the pixels inside each triangle to its height, by barycentric interpolation."""
-    triangle = np.repeat(np.arange(len(corners)), pairs)
-    nth = np.arange(len(triangle)) - np.repeat(np.cumsum(pairs) - pairs, pairs)
-    column = low[triangle, 0] + nth % wide[triangle]
-    row = low[triangle, 1] + nth // wide[triangle]
-    a, b, c = (corners[triangle, i] for i in range(3))
-    area = _cross(b - a, c - a)
-    at = np.stack([column, row], axis=1)
-    u, v = _cross(b[:, :2] - at, c[:, :2] - at), _cross(c[:, :2] - at, a[:, :2] - at)
-    u, v = u / area, v / area
-    inside = (u >= 0) & (v >= 0) & (u + v <= 1)
-    z = u * a[:, 2] + v * b[:, 2] + (1 - u - v) * c[:, 2]
-    np.maximum.at(height, (row * columns + column)[inside], z[inside])
-
-
-def _cross(a: F8, b: F8) -> F8:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

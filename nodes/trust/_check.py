@@ -1,6 +1,6 @@
-"""The outcome of one check of a touch."""
+"""What the checks of a touch share."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,25 +16,6 @@ MIN_LEDS = 3
 """Two LEDs fit any light, so that their slope may be any."""
 MAX_CELLS = 2500
 """More cells tell no more of medians; of larger images every n-th is looked at."""
-
-
-class Check(NamedTuple):
-    """Evidence against a touch, and its possible cause.  The larger check is the worse one."""
-
-    figure: float
-    """0: nothing; 1: the limit that right touches stay below."""
-    cause: str = ""
-    """Observation and remedy, for a message; facts stand for {}."""
-    facts: tuple[object, ...] = ()
-
-    def __str__(self) -> str:
-        return self.cause.format(*self.facts)
-
-
-def worst(figures: dict[str, float], *facts: object) -> Check:
-    """Return the largest of these figures by cause; facts stand for {0}, {1}, ... in each."""
-    cause = max(figures, key=figures.__getitem__)
-    return Check(figures[cause], cause, facts)
 
 
 def quarter_of(values: F4, quarter: int, least: int = MIN_CELLS) -> float:

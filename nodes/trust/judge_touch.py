@@ -1,60 +1,42 @@
-"""One verdict on a touch, from all that can be checked without knowing the truth.
+"""One verdict on a touch, from all that can be checked without knowing the truth."""
 
-Long because each check says in words what may be wrong and what to look at.
-"""
+from typing import Annotated
 
-import math
-from typing import Annotated, NamedTuple
-
+import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import LightPositions, Metrics, Misfit, Uneven
-from tactograph.nodes.trust._check import Check
-from tactograph.nodes.trust._curl_check import check_curl
-from tactograph.nodes.trust._light_check import check_light
-from tactograph.nodes.trust._line_check import check_lines
-from tactograph.nodes.trust._rest_check import check_rest
+from tactograph.nodes import F8, Metrics
+from tactograph.nodes.trust._light_evidence import RIM_SHARE
+from tactograph.nodes.trust.check_ranks import (
+    CHECK_FIGURES,
+    CheckRanks,
+    Ranked,
+    figures_of,
+    of_all_checks,
+    p_values,
+)
 from tactograph.nodes.trust.film_on_rims import RimShare
-from tactograph.nodes.trust.light_departure import light_error
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
-TRUST_POWER = 4
-"""Power of the joint figure in the trust: 0.94 at half its limit, 0.5 at it, 0.06 at twice."""
-REFUSED_FIGURE = 1.5
-"""Figure that two checks alone must exceed to refuse a touch; three need to fail only."""
-JOINT_POWER = 8
-"""Power with which figures add up: checks that are all near their limits say more than one."""
 MAX_RIM_SHARE = 0.25
 """Share from which on there is a warning; soft presses and a real sensor's balls stay below it."""
-FORMER_MAPS = ("curl", "light", "drift", "departure", "slope", "used", "matt", "shadow", "pixel")
-"""Inputs that `touch_evidence` takes now."""
-
-
-class FilmErrors(NamedTuple):
-    """The LEDs, and the film's departure from its model."""
-
-    lights: LightPositions | None = None
-    misfit: Misfit | None = None
-    uneven: Uneven | None = None
-
-
-@node(
-    former=dict.fromkeys(("lights", "misfit", "uneven"), "give the calibration as 'film'")
-    | dict.fromkeys(FORMER_MAPS, "give touch_evidence as 'evidence'")
-    | {"flat": "give added_light as 'added'"}
-    | dict.fromkeys(("height", "rims"), "give film_on_rims' share as 'rim_share'")
+NOT_CHECKED = (
+    "this touch is not checked, because the calibration does not say what right touches look like "
+    "('tactograph run rank_checks calibration=FILE' adds it)"
 )
+
+
+@node
 def judge_touch(
     evidence: TouchEvidence,
-    film: FilmErrors | None = None,
+    ranks: CheckRanks | None = None,
     rim_share: RimShare | None = None,
     added: Annotated[float, Port(unit="1")] | None = None,
     lines: LineChanges | None = None,
     *,
-    least: Annotated[float, Interval(ge=0, le=1)] = 0.5,
-    rim_height: Annotated[float, Interval(ge=0, le=1)] = 0.1,
+    false_alarms: Annotated[float, Interval(gt=0, lt=1)] = 0.01,
     force: bool = False,
     filled: bool = False,
     rims_measured: bool = False,
@@ -62,21 +44,17 @@ def judge_touch(
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
     Three checks need no truth: the *light* against what the slopes predict, the *curl* of the
-    slopes, and the film at *rest* against the flat frame.  The figure f of each is 1 at the limit
-    below which right touches of rendered and real sensors stay.  The trust is
-    1 / (1 + sqrt(sum of f^8)).
+    slopes, and the film at *rest* against the flat frame.  The trust is the share of right touches
+    of this sensor that look as suspicious as this one, or more so (`check_ranks`).
 
     Parameters
     ----------
     evidence : what `touch_evidence` found
-    film
-        The calibration: the LEDs, K x 3 in mm, its misfit, and the standard deviation of the
-        film's brightness; without that it is known.
+    ranks : what right touches of this sensor look like, from the calibration
     rim_share : what `film_on_rims` found
     added : what `added_light` found
     lines : what `line_changes` found; a part of the check of the light
-    least : trust below which there is a warning
-    rim_height : error of the height beside rims in shadow, as a share of the greatest height
+    false_alarms : share of right touches that may be doubted
     force : go on where all checks fail
     filled : whether an object fills the frame: then no film at rest is looked for
     rims_measured
@@ -85,39 +63,35 @@ def judge_touch(
     Returns
     -------
     dict
-        ``trust``, 0 to 1, and the figures ``check_light``, ``check_curl`` and ``check_rest``;
-        also ``rim_share``, where it is given.
+        ``trust``, 0 to 1, and the same of each check alone, ``check_curl``, ``check_light`` and
+        ``check_rest``; also ``rim_share``, where it is given.  Without `ranks` nothing is checked,
+        and a warning says so.
 
     Raises
     ------
     InputError
-        If all three checks fail, or clearly all that are made (`REFUSED_FIGURE`), unless `force`.
+        If all checks fail, unless `force`.
     """
-    lights, misfit, uneven = film or FilmErrors()
-    curl, film_at_rest, light = evidence.read()
-    checks = {"curl": check_curl(curl)}
-    if not filled:
-        checks["rest"] = check_rest(evidence.level, film_at_rest, lights, added or 0.0)
-    if light.steep >= 0:
-        rim_error, brightness_error = 0.0, math.hypot(light_error(misfit, 0.0), uneven or 0.0)
-        if lights is not None and light.shaded:
-            tallest = max(film_at_rest.highest, -film_at_rest.lowest)
-            tall = tallest / _nearest(lights)
-            rim_error = rim_height * tall / light_error(misfit, uneven or 0.0)
-        checks["light"] = check_light(light, rim_error, brightness_error)
-    if lines is not None:
-        checks["light"] = max(check_lines(lines), checks.get("light", Check(0.0)))
-    joint = sum(check.figure**JOINT_POWER for check in checks.values()) ** (1 / JOINT_POWER)
-    trust = 1 / (1 + joint**TRUST_POWER)
-    least_refused = REFUSED_FIGURE if len(checks) < 3 else 1
-    if all(check.figure > least_refused for check in checks.values()) and not force:
-        raise InputError(f"{_causes(checks)}: no height follows; `force`=true goes on all the same")
-    if trust < least:
-        warn(f"{_causes(checks)}; the height may be wrong")
-    figures = {"trust": trust} | {f"check_{n}": check.figure for n, check in checks.items()}
+    at_light = evidence.read()[2].steep >= 0
+    on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
+    row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
+    known = None if ranks is None else ranks[row].astype(np.float64)
+    figures: Metrics = {}
+    if known is None or known[-1, -1] < 0:
+        warn(NOT_CHECKED)
+    else:
+        p = p_values(figures_of(evidence, added or 0.0, lines), known[:-1])
+        made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
+        trust, alone, why = _verdict(p, known, made, false_alarms)
+        if trust < false_alarms:
+            causes = _said(why, evidence, added or 0.0)
+            if max(alone) < false_alarms and not force:
+                raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
+            warn(f"{causes}; the height may be wrong")
+        figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(made, alone, strict=True)}
     if rim_share is not None:
         figures["rim_share"] = rim_share
-        if rim_share > MAX_RIM_SHARE and not rims_measured:
+        if on_rims and not rims_measured:
             warn(
                 f"{rim_share:.0%} of the touch hangs on rims that light does not measure: steeper "
                 "than a cell shows, or in the shadow of several LEDs. It may stand higher "
@@ -126,13 +100,36 @@ def judge_touch(
     return figures
 
 
-def _causes(checks: dict[str, Check]) -> str:
-    """Reasons of the failed checks, the worst first."""
-    worst_first = sorted(checks.values(), reverse=True)
-    failed = [check for check in worst_first if check.figure > 1]
-    return ", and ".join(map(str, failed or worst_first[:1]))
+def _verdict(
+    p: F8, known: F8, made: list[str], false_alarms: float
+) -> tuple[float, list[float], list[str]]:
+    """The trust, that in each check alone, and the causes of those that fail, the worst first."""
+    found = list(zip(p.tolist(), CHECK_FIGURES.values(), strict=True))
+    worst = [min((f for f in found if f[1].check == check), key=lambda f: f[0]) for check in made]
+    alone = [of_all_checks(least, known) for least, _ in worst]
+    order = sorted(zip(alone, [figure.cause for _, figure in worst], strict=True))
+    return order[0][0], alone, [cause for share, cause in order if share < false_alarms]
 
 
-def _nearest(lights: LightPositions) -> float:
-    """The distance of the nearest LED from the middle of the film, in mm."""
-    return min(math.hypot(*led) for led in lights.tolist())
+def _said(causes: list[str], evidence: TouchEvidence, added: float) -> str:
+    """The causes with the facts of this touch."""
+    light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
+    apart = change - change.mean()
+    one, other = int(np.abs(change).argmax()), int(np.abs(apart).argmax())
+    together = np.abs(apart).max() < np.abs(change.mean())
+    has_rims = light.shaded > RIM_SHARE * max(light.steep, 1)
+    facts = {
+        "rims": "; walls and rims need the graph precise" if has_rims else "",
+        "bright": "brighter" if light.brighter > 0 else "darker",
+        "excess": abs(light.brighter),
+        "led": "all LEDs are" if together else f"LED {one + 1} is",
+        "sense": _sense(change.mean() if together else change[one]),
+        "number": other + 1,
+        "sense_apart": _sense(apart[other]),
+        "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
+    }
+    return ", and ".join(cause.format(**facts) for cause in causes)
+
+
+def _sense(change: float) -> str:
+    return f"{'brighter' if change > 0 else 'darker'} by {abs(change):.0%}"

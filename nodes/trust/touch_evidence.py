@@ -1,4 +1,8 @@
-"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures."""
+"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures.
+
+Long because the curl, the light and the film at rest are looked at in one node, so that a device is
+waited for once.
+"""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -50,7 +54,7 @@ def touch_evidence(
     *,
     max_dimming: Annotated[float, Interval(gt=0, le=1)] = 0.3,
 ) -> TouchEvidence:
-    """Return the figures of a touch that speak for it or against it (T1 to T4).
+    """Return the figures of a touch that speak for it or against it (T1 to T5).
 
     Parameters
     ----------

@@ -2,13 +2,13 @@
 
 from tactograph.graph import node
 from tactograph.nodes import ZeroError
-from tactograph.nodes.trust._rest_check import MIN_CALM
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
+MIN_CALM = 0.2
+"""Share of the image at rest with less of which zero is a guess."""
 
-@node(
-    former=dict.fromkeys(("light", "height", "drift", "film"), "give touch_evidence as 'evidence'")
-)
+
+@node
 def zero_error(evidence: TouchEvidence) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 

@@ -12,6 +12,7 @@ from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.layer_files import layer_files, write_layer
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
+from tactograph.nodes.files.result_view import view_stated
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
 from tactograph.nodes.stream.layer_kinds import layers_of
@@ -88,6 +89,7 @@ def write_result(
             "grid": grid,
             "pixel_size_mm": float(touch.pixel),
             "pixel_sides_mm": pixel_sides(lens, float(touch.pixel)),
+            **view_stated(touch.view),
             "metrics": {**(metrics or {}), **(touch.metrics or {})},
         }
         write_result_file(target, about)

@@ -110,6 +110,9 @@ from tactograph.nodes.files.image_files import (
     lights_of as lights_of,
     read_numbers as read_numbers,
 )
+from tactograph.nodes.files.result_view import (
+    refuse_view as refuse_view,
+)
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
     UsedCalibration as UsedCalibration,

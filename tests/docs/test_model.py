@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.nodes.trust import _curl_check, _light_check, _line_check, _rest_check
-
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "model.md").read_text()
 ROW = re.compile(r"^\| ((?:[A-Z]\d(?:, )?)+) \| .+", re.MULTILINE)
@@ -18,20 +16,6 @@ SOURCES = [
     path for part in ("nodes", "kernels", "rings") for path in sorted((ROOT / part).rglob("*.*"))
 ]
 
-LIMITS = {
-    "T1": (
-        _light_check.MAX_MEDIAN, _light_check.MAX_QUARTILE, _light_check.MAX_REST,
-        _light_check.MAX_SHADOW_LIGHT,
-    ),
-    "T2": (_curl_check.MAX_MEDIAN, _curl_check.MAX_QUARTILE, _curl_check.MAX_PART_SHARE),
-    "T3": (
-        _rest_check.MAX_LEVEL, _rest_check.MAX_KEPT_LEVEL, _rest_check.MAX_SPREAD,
-        _rest_check.MAX_SHAPE, _rest_check.MAX_DARK_SHARE, _rest_check.MAX_DEPTH,
-        _rest_check.MAX_TILT, _rest_check.MAX_ADDED,
-    ),
-    "T4": (_light_check.DIRTY_CELLS,),
-    "T5": (_line_check.MAX_ROW_CHANGE,),
-}  # fmt: skip
 BLOCKS = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
 STATED = set(re.findall(r"^([A-Z]\d) ", "".join(BLOCKS), re.MULTILINE))
 """The labels of the equations: each begins a line of a text block."""
@@ -60,10 +44,3 @@ def test_what_code_cites_is_on_the_page() -> None:
             for found in CITED.finditer(path.read_text()):
                 cited = {label for label in found.groups() if label}
                 assert cited <= STATED, f"{path} cites equations {cited}"
-
-
-@pytest.mark.parametrize("label", LIMITS)
-def test_the_limits_of_the_checks_are_those_of_the_code(label: str) -> None:
-    (block,) = (block for block in BLOCKS if block.startswith(label))
-    for limit in LIMITS[label]:
-        assert f"/ {limit:g}" in block, f"equation {label} lacks the limit {limit:g}"

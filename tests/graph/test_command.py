@@ -148,7 +148,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("resolve", "papre"), "did you mean 'paper'?"),
         (("explain", "paper", "x=1"), "has no parameter 'x'"),
         (("explain", "paper", "--device", "abacus"), "no OpenCL device's name contains 'abacus'"),
-        (("draw", "paper", "--out", "x.pdf"), "the name has to end in .dot, .mmd or .svg"),
+        (("draw", "paper", "--out", "x.pdf"), "the name has to end in .mmd or .svg"),
         (("nodes", "flat_feild"), "did you mean 'flat_field'?"),
     ],
 )
@@ -357,7 +357,7 @@ def test_each_shipped_graph_is_verified_explained_and_drawn(tactograph: Command,
     explained = tactograph("explain", name, "--backend", "numpy")
     assert explained.code == 0, explained.err
     assert read_graph(name).hash in explained.out
-    assert tactograph("draw", name, "--backend", "numpy").out.startswith(f'digraph "{name}"')
+    assert tactograph("draw", name, "--backend", "numpy").out.startswith("flowchart TB\n")
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -445,6 +445,14 @@ def test_check_takes_a_value_that_is_not_given_to_be_right(about: Command) -> No
         assert done.code == 0, done.err
 
 
+def test_explain_speaks_of_boxes_and_with_all_of_nodes(tactograph: Command) -> None:
+    boxes = tactograph("explain", "reconstruct", "--backend", "numpy").out
+    nodes = tactograph("explain", "reconstruct", "--backend", "numpy", "--all").out
+    assert "4 x rough_pass: 31 nodes" in boxes
+    assert "rough.2.matt" not in boxes
+    assert "rough.2.matt" in nodes
+
+
 def test_explain_says_why_each_step_runs_where_it_does_and_what_is_left_out(about: Command) -> None:
     done = about("explain", SLOPES)
     assert done.code == 0, done.err
@@ -467,9 +475,7 @@ def test_explain_prints_brackets_as_such(about: Command, monkeypatch: pytest.Mon
     assert "tactograph[vkfft]" in " ".join(about("explain", SLOPES).out.split())
 
 
-@pytest.mark.parametrize(
-    ("suffix", "start"), [(".dot", "digraph"), (".mmd", "flowchart TB"), (".svg", "<svg ")]
-)
+@pytest.mark.parametrize(("suffix", "start"), [(".mmd", "flowchart TB"), (".svg", "<svg ")])
 def test_draw_writes_a_file(tactograph: Command, tmp_path: Path, suffix: str, start: str) -> None:
     file = tmp_path / f"plan{suffix}"
     done = tactograph("draw", "paper", "--out", file)

@@ -40,7 +40,7 @@ def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
     words = ("live", "--with", "ros2", "--set", "publish.points_step=5")
     done = tactograph("resolve", *words)
     assert read_graph(write(done.out)).nodes["publish"].settings["points_step"] == 5
-    assert tactograph("draw", *words).out.startswith('digraph "live_ros2"')
+    assert "publish_ros2" in tactograph("draw", *words).out
     assert "namespace=TEXT" in tactograph("run", *words, "--help").out
 
 

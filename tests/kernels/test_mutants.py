@@ -26,7 +26,9 @@ from tests.kernels.pairwise import pairwise
 
 SUFFIX = ".mutants.toml"
 FILES = {
-    file.name.removesuffix(SUFFIX): file for file in sorted((ROOT / "kernels").rglob(f"*{SUFFIX}"))
+    file.name.removesuffix(SUFFIX): file
+    for house in ("kernels", "rings")
+    for file in sorted((ROOT / house).rglob(f"*{SUFFIX}"))
 }
 MUTANTS: dict[str, dict[str, list[str]]] = {
     name: tomllib.loads(file.read_text(encoding="utf-8")) for name, file in FILES.items()

@@ -6,7 +6,7 @@ import pytest
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 
-MAX_INPUTS, MAX_PARAMS = 12, 10
+MAX_INPUTS, MAX_PARAMS = 13, 10
 
 
 def arguments(name: str) -> tuple[int, int]:

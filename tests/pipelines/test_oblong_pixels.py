@@ -54,7 +54,7 @@ def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, gr
     about = json.loads((folder / graph / "result.json").read_text())
     assert about["pixel_sides_mm"] == pytest.approx([PIXEL_MM, LENGTH_MM], rel=1e-5)
     for name in ("height.npy", "height.tiff"):
-        with pytest.raises(InputError, match=r"0\.1 x 0\.1081 mm.*save\.grid=metric"):
+        with pytest.raises(InputError, match=r"0\.1 x 0\.1081 mm.*grid 'metric'"):
             read_pixel_size(height=folder / graph / name)
 
 

@@ -52,8 +52,8 @@ def test_a_right_calibration_is_used_without_a_word(reconstruct: Reconstruct) ->
 
 
 READERS = {"read_calibration", "read_press_calibration"}
-REPLAYING = {"stitch"}
-"""Graphs that read it by another graph, and repeat what that says."""
+REPLAYING = {"stitch", "rank_checks"}
+"""Graphs that read it by another graph and repeat what that says, or that make no touch of it."""
 CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(name).params]
 
 

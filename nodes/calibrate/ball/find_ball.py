@@ -11,6 +11,7 @@ from scipy import ndimage, optimize
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, F8, Light, PixelSize
+from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import (
     CONTACT_SHARES,
     MAX_CONTACT_DIAGONALS,
@@ -23,6 +24,7 @@ from tactograph.nodes.calibrate.ball._ball_search import (
     search_ball,
     share_of,
 )
+from tactograph.nodes.optics.rest_shape import RestShape
 
 MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
@@ -53,18 +55,20 @@ class Ball(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Pixels to fit: x and y of length N, light and lit K x N."""
+    """Pixels to fit: x and y of length N, light and lit K x N; the film if it is no plane."""
 
     x: F8
     y: F8
     light: F8
     lit: F8
+    beneath: BallOnShape | None = None
 
 
 @node
 def find_ball(
     light: Light,
     pixel: PixelSize,
+    shape: RestShape | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     center_px: tuple[float, float] | None = None,
@@ -86,6 +90,9 @@ def find_ball(
     ----------
     light : K x H x W, K from 3; relative to the film at rest, or as captured
     pixel : mm per px
+    shape
+        The film at rest if it is no plane.  Then the contact ends where the ball does not rise
+        above it, and its radius is that of a ball as deep in a plane through the film there.
     radius_mm : the ball's radius
     center_px : x, y of the ball's centre, if known; it may lie outside the image
     contact_px : radius of the contact circle in px, if known
@@ -116,12 +123,13 @@ def find_ball(
         _check_place(light, circle)
         return _ball(circle, _goodness(light, circle, radius))
     first = search_ball(light, radius, center_px, contact_px)
-    circle = _refine(light, first, radius, center_px, contact_px)
+    beneath = None if shape is None else BallOnShape(shape, radius_mm)
+    circle = refined(light, first, radius, center_px, contact_px, beneath)
     goodness = _goodness(light, circle, radius)
     smallest = CONTACT_SHARES[-1] * radius
     if contact_px is None and (goodness < MIN_GOODNESS or circle.radius < smallest):
         first = search_ball(light, radius, center_px, None, SHALLOW_SHARES)
-        shallow = _refine(light, first, radius, center_px, None)
+        shallow = refined(light, first, radius, center_px, None, beneath)
         better = _goodness(light, shallow, radius)
         if better > max(goodness, MIN_SHALLOW_GOODNESS):
             circle, goodness = shallow, better
@@ -217,20 +225,28 @@ def _explained(normal: F8, right: F8) -> F8:
     return np.sum(np.linalg.solve(damped, right[..., None])[..., 0] * right, axis=-1)
 
 
-def _refine(
+def refined(
     light: F4,
     seed: Circle,
     radius: float,
     center: tuple[float, float] | None,
     contact: float | None,
+    beneath: BallOnShape | None,
+    near: bool = False,
 ) -> Circle:
-    """Return the circle near `seed` that explains the light best, with subpixel accuracy."""
+    """Return the circle near `seed` that explains the light best, with subpixel accuracy.
+
+    A seed that is `near` needs the last descent alone.
+    """
     reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     circle = seed.on(shrink)
     limit = radius / shrink
     samples = _sample(reduced, circle, FOLD_KNOTS[-1])
+    samples = samples._replace(beneath=beneath)
     place = [] if center is not None else [0, 1]
     size = [] if contact is not None else [2]
+    if near:
+        return _descend(samples, circle, limit, place + size, 0.03).on(1 / shrink)
     # The search finds the centre to about a tenth of the contact radius.
     circle = _descend(samples, circle, limit, place, 0.1)
     if size:
@@ -285,9 +301,12 @@ def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
     """Return the residual sum of squares of a ball in a film that folds evenly around it."""
     dx, dy = samples.x - circle.x, samples.y - circle.y
     r = np.hypot(dx, dy)
+    normal = [dx / radius, dy / radius, rise_of(r, radius)]
+    if samples.beneath is not None:
+        normal, r = samples.beneath.seen(samples.x, samples.y, circle, radius)
     # A pixel on the rim mixes ball and film by area.
     inside = np.clip(circle.radius - r + 0.5, 0, 1)
-    ball = [inside, inside * dx / radius, inside * dy / radius, inside * rise_of(r, radius)]
+    ball = [inside, *(inside * part for part in normal)]
     away = np.maximum(r, 1e-9)
     turns = np.stack([np.ones_like(r), dx / away, dy / away])
     hats = [np.interp(r / circle.radius, FOLD_KNOTS, hat) for hat in np.eye(len(FOLD_KNOTS))]

@@ -15,6 +15,7 @@ from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_ba
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MARKING_ADVICE = (
@@ -41,6 +42,7 @@ def find_balls(
     names: list[str],
     pixel: PixelSize,
     marks: Marks | None = None,
+    shape: RestShape | None = None,
     *,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
 ) -> FoundBalls:
@@ -59,6 +61,7 @@ def find_balls(
     marks
         M x 3 in px, balls that were marked by hand, as `read_balls` gives them: where a press has
         some, these are its balls, and none are searched for.
+    shape : the film at rest if it is no plane
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
         None: every press is one of a single ball.
@@ -71,12 +74,17 @@ def find_balls(
     Raises
     ------
     InputError
-        If no press shows its ball; if the balls of a grid overlap.
+        If no press shows its ball; if the balls of a grid overlap, or lie on a film that is no
+        plane.
     """
     if not names:
         none = np.zeros(len(radius), np.float32)
         circles = np.zeros((len(radius), 3), np.float32)
         return FoundBalls(circles, none, radius, none.astype(np.int32), names)
+    if shape is not None and (pitch_mm is not None or marks is not None):
+        raise InputError(
+            "a grid of balls is for film that is flat at rest: press single balls, one a press"
+        )
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)
         return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
@@ -87,7 +95,7 @@ def find_balls(
         center = None if x is None or y is None else (x, y)
         try:
             ball = find_ball(
-                press, pixel, radius_mm=float(size), center_px=center, contact_px=contact
+                press, pixel, shape, radius_mm=float(size), center_px=center, contact_px=contact
             )
         except InputError as error:
             reason = str(error).partition("; ")[0]

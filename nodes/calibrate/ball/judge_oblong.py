@@ -10,6 +10,7 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MAX_OBLONG_SHARE = 0.03
@@ -29,6 +30,7 @@ def judge_oblong(
     of: BallPress,
     pixel: PixelSize,
     radius: BallRadii | None = None,
+    shape: RestShape | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
 ) -> list[str]:
@@ -41,8 +43,12 @@ def judge_oblong(
         is used.
     circle, goodness, of, radius : B x 3 in px, B, B, and B in mm: as `find_balls` returns them
     pixel : mm per px
+    shape
+        The film at rest if it is no plane: then contacts are no circles, and nothing is told.
     radius_mm : the radius of all balls, where `radius` is not given
     """
+    if shape is not None:
+        return []
     if radius is None:
         radius = np.full(len(circle), radius_mm, np.float32)
     presses = cut(light, flat.shape[1])

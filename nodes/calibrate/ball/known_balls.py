@@ -7,7 +7,10 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
+from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 
@@ -27,6 +30,7 @@ def known_balls(
     radius: BallRadii,
     of: BallPress,
     pixel: PixelSize,
+    shape: RestShape | None = None,
 ) -> KnownBalls:
     """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`sheet`).
 
@@ -36,12 +40,26 @@ def known_balls(
     circle : B x 3: x, y and contact radius in px; a radius of 0 gives an empty mask
     radius, of : length B: the balls' radii in mm, and the press that each is in
     pixel : mm per px
+    shape
+        The film at rest if it is no plane: then heights are those above the plane, and slope and
+        height beside the balls are its own.
     """
     rows = flat.shape[1]
     slope = np.zeros((2, *light.shape[1:]), np.float32)
     mask, height = np.zeros(light.shape[1:], np.uint8), np.zeros(light.shape[1:], np.float32)
+    if shape is not None:
+        sheets = light.shape[1] // rows
+        slope[:], height[:] = (
+            np.tile(shape.slope, (1, sheets, 1)),
+            np.tile(shape.height, (sheets, 1)),
+        )
     for c, r, press in zip(circle, radius, of, strict=True):
-        ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
+        if shape is None:
+            ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
+        elif c[2] > 0:
+            ball = BallOnShape(shape, float(r)).known(Circle(*map(float, c)))
+        else:
+            continue
         inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)
         slope[:, at][:, inside] = ball.slope[:, inside]
         mask[at][inside] = 1

@@ -19,6 +19,7 @@ from tactograph.nodes import (
     Blur,
     Dark,
     Film,
+    Height,
     LabelTurn,
     Lens,
     Light,
@@ -37,6 +38,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.calibration_file import FileKind, free_for
 from tactograph.nodes.stored import Stored
+from tactograph.nodes.trust.check_ranks import NO_RANKS, CheckRanks
 
 MIN_LED_HEIGHT_MM = 1e-3
 """Height of the lowest LED that a sensor can have."""
@@ -103,6 +105,19 @@ class Calibration(NamedTuple):
         Stored(0, 3.2, plain=0.0),
         "radians by which leaving LEDs out must turn a normal; 0 where labels cost nothing",
     ] = 0.0
+    rest: (
+        Annotated[
+            Height,
+            Stored(-1e3, 1e3, plain=0.0),
+            "mm, height that each pixel sees of the film at rest; 0: a plane",
+        ]
+        | None
+    ) = None
+    ranks: Annotated[
+        CheckRanks,
+        Stored(-1, 1e6, plain=-1.0),
+        "figures of right touches, by quantiles: what a touch is compared with; -1: not known",
+    ] = NO_RANKS
 
 
 def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:

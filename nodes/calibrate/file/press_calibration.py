@@ -10,6 +10,7 @@ from tactograph.nodes import Dark, Lens, Light, Mask, Metrics, Misfit, PixelSize
 from tactograph.nodes.files.calibration_file import FileKind, free_for
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 from tactograph.nodes.stored import Stored
+from tactograph.nodes.trust.check_ranks import NO_RANKS, CheckRanks
 
 
 class PressCalibration(NamedTuple):
@@ -38,6 +39,11 @@ class PressCalibration(NamedTuple):
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
+    ranks: Annotated[
+        CheckRanks,
+        Stored(-1, 1e6, plain=-1.0),
+        "figures of right presses, by quantiles: what a press is compared with; -1: not known",
+    ] = NO_RANKS
 
 
 PRESS_CALIBRATION = FileKind(

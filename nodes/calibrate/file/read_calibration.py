@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from tactograph.graph import node
+from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays, record_of
 from tactograph.nodes.files.image_files import Lights
@@ -15,6 +15,7 @@ def read_calibration(
     file: Path,
     lights: Lights | None = None,
     filled: bool = False,
+    wanted: Wanted = EVERYTHING,
 ) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
@@ -36,13 +37,20 @@ def read_calibration(
         If the file is missing, damaged, of another version or holds a pickle; if an array is
         missing, empty, misshapen, not finite or outside the range of any sensor; if an LED is
         not above the film, or no slope follows from the LEDs' light; if the calibration was made
-        from lights of another order.
+        from lights of another order; if its film is no plane at rest and a graph takes it for one.
     """
     arrays = read_arrays(file, CALIBRATION_KIND)
     about = read_about(file)
     check_use(file, about, lights)
     said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
     record = record_of(Calibration, {**arrays, **said})
+    if record.rest is None or not record.rest.any():
+        record = record._replace(rest=None)
+    elif "rest" not in wanted:
+        raise InputError(
+            f"{file}: its film is no plane at rest, for which this graph takes it; use "
+            "reconstruct, precise, paper or see_touch"
+        )
     if filled:
         film = record.film
         film = film._replace(gain=1.0, uneven=math.hypot(film.uneven, film.gain - 1))

@@ -53,7 +53,7 @@ def read_press_calibration(
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    said = quality, about.doubts, arrays["area"], lens, about.serial
+    said = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
     return PressCalibration(film, dark, size, reflectance, misfit, *said)
 
 

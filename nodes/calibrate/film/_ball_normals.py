@@ -16,24 +16,24 @@ BALL_RINGS, BALL_SECTORS = 3, 8
 
 
 class BallNormals(NamedTuple):
-    """True and found normals, 3 x N; the light without bounces, K x N; positions x, y, z."""
+    """True and found normals, 3 x N; the light without bounces, K x N; places, and their lift."""
 
     truth: F8
     found: F8
     direct: F8
     place: tuple[F8, F8, F8]
+    lift: F8
 
 
 def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNormals:
     """Find the normal of every sample from its light; `uneven` as in `Film`."""
     film = fitted.film
-    truth, x, y, z = balls.seen(fitted.shifts, film.camera)
-    direct = balls.light - balls.thrown(fitted.shifts, film)
-    place = x, y, np.maximum(z, film.contact)
+    truth, place, lift = balls.touched_place(fitted.shifts, film)
+    direct = balls.direct(fitted.shifts, film)
     n, rest = truth, rest_below(film, *place)
     for _ in range(NORMAL_STEPS):
-        n = turned(film, direct, n, place, uneven, rest)
-    return BallNormals(truth, n, direct, place)
+        n = turned(film, direct, n, place, uneven, rest, lift)
+    return BallNormals(truth, n, direct, place, lift)
 
 
 class NormalError(NamedTuple):

@@ -1,5 +1,10 @@
-"""Samples of balls pressed into a film, to which a film's model is fitted."""
+"""Samples of balls pressed into a film, to which a film's model is fitted.
 
+Long because a sample holds the light that its film throws on itself, on a film of any shape.
+"""
+
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,15 +13,23 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall
 from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
+from tactograph.nodes.calibrate.ball.ball_surface import (
+    MAX_SQUARED_RADIUS,
+    away_on,
+    ball_height,
+    sunk,
+)
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film._light_pattern import MEDIAN_OF_SQUARES
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, ball_height, sunk
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.light.untouched_film import light_at_rest
 from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
 from tactograph.nodes.optics.sheet import cut
 
 FITTED_RADIUS_SHARE = 0.95
@@ -30,8 +43,8 @@ FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
 LIFT_SHARE = 0.02
 """Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
-MAX_SQUARED_RADIUS = 1 + 1e-6
-"""Tolerance, relative to the squared radius, for a ray that meets a ball."""
+WIDER_ON_SHAPE = 1.5
+"""How much farther than on a plane a contact may reach from a ball's middle."""
 RIM_STEP_MM = 0.5
 """mm by which the film is widened, to differentiate a bounce by the film's rim."""
 MAX_NOISE_RATIO = 1.5
@@ -49,6 +62,21 @@ class _Press(NamedTuple):
     bounced: F4
     by_lift: F4
     by_rim: F4
+
+
+class _AtRest(NamedTuple):
+    """Light of a film that is no plane at rest, over a plane, K x H x W each.
+
+    That of the LEDs, and from film to film for an albedo of 1.
+    """
+
+    own: F4
+    bounced: F4
+
+    def share(self, albedo: float) -> F4:
+        """Return r of equation F5."""
+        share = self.own + np.float32(albedo) * self.bounced
+        return np.maximum(share, np.float32(MIN_REST_LIGHT))
 
 
 class _Thrown(NamedTuple):
@@ -77,6 +105,7 @@ def sample_balls(
     edges: bool = False,
     fine: bool = False,
     bounce: NodeCall = film_bounce,
+    shape: RestShape | None = None,
 ) -> Balls:
     """Choose samples of the balls, spread evenly over each.
 
@@ -104,40 +133,60 @@ def sample_balls(
     bounce
         `film_bounce`, on a device if there is one.  For a film that does not light itself, a few
         calls on the host take less time than to compile the kernels.
+    shape
+        The film at rest if it is no plane; it ends with the frame.
     """
+    if shape is not None:
+        film = film._replace(rim=0.0)
     rows, columns = flat.shape[1:]
     x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
     throw = bounce if lights_itself(film) else film_bounce
+    scale = _scales(circle, (rows, columns), pixel, shape)
     if rim is not None:
-        circle = np.column_stack([circle[:, :2], rim / pixel])
+        circle = np.column_stack([circle[:, :2], rim / scale])
     thrown = {}
+
+    @cache
+    def at_rest(coated: bool, cells: int) -> _AtRest | None:
+        kind = film if coated else film._replace(refraction=1.0)
+        return None if shape is None else _rest_of(shape, kind, cells, fine, throw)
+
     for i in np.unique(of):
         balls = circle[of == i], radius[of == i], moved[of == i]
-        thrown[i] = _thrown_on(presses[i], sigma, balls, film, pixel, fine, throw)
+        thrown[i] = _thrown_on(presses[i], sigma, balls, film, pixel, fine, throw, shape, at_rest)
+    resting = at_rest(film.refraction > 1, _cells(film, fine))
     if edges:
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
         edge = np.empty(len(of))
         for number, i in enumerate(of):
-            seen = thrown[i].light, masks[i], thrown[i].bounced
+            light = thrown[i].light
+            if resting is not None:
+                light = light * resting.share(film.albedo)
+            seen = light, masks[i], thrown[i].bounced
             placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(*seen, *placed, film, pixel)
-        moved = moved_with(moved, radius, circle[:, 2] * pixel, edge)
-        circle = np.column_stack([circle[:, :2], edge / pixel])
+            edge[number] = _edge(*seen, *placed, film, pixel, shape)
+        moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
+        circle = np.column_stack([circle[:, :2], edge / scale])
     parts: list[tuple[NDArray[Any], ...]] = []
     for number, i in enumerate(of):
         u0, v0, contact = circle[number].astype(np.float64)
         reach = min(
             FITTED_RADIUS_SHARE * contact,
-            radius[number] / pixel * np.sin(np.arctan(MAX_SAMPLE_SLOPE)),
+            radius[number] / scale[number] * np.sin(np.arctan(MAX_SAMPLE_SLOPE)),
         )
+        around = reach if shape is None else WIDER_ON_SHAPE * reach
         yy, xx = np.mgrid[
-            max(0, int(v0 - reach)) : min(rows, int(v0 + reach) + 2),
-            max(0, int(u0 - reach)) : min(columns, int(u0 + reach) + 2),
+            max(0, int(v0 - around)) : min(rows, int(v0 + around) + 2),
+            max(0, int(u0 - around)) : min(columns, int(u0 + around) + 2),
         ].reshape(2, -1)
-        within = np.hypot(xx - u0, yy - v0) < reach
+        away = np.hypot(xx - u0, yy - v0)
+        if shape is not None:
+            placed = circle[number], float(radius[number]), moved[number]
+            away = _away(shape, x[xx], y[yy], *placed, film.camera) / scale[number]
+        within = away < reach
         if bare is not None:
             within &= bare[i * rows + yy, xx] > 0
         inside = np.flatnonzero(within)
@@ -153,18 +202,25 @@ def sample_balls(
         np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    centre, beneath = (circle[:, :2].astype(np.float64) - middle) * pixel, None
+    if shape is not None and resting is not None:
+        _, *under, base = shape.at(*centre.T)
+        centre, place = np.stack(under, axis=1), shape.at(u, v)
+        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
+        beneath = Beneath(*place, resting.bounced[:, row, column].astype(np.float64), base)
     every = Balls(
         u=u.astype(np.float64),
         v=v.astype(np.float64),
         light=values.astype(np.float64),
         ball=ball,
-        centre=(circle[:, :2].astype(np.float64) - middle) * pixel,
-        rim=circle[:, 2].astype(np.float64) * pixel,
+        centre=centre,
+        rim=circle[:, 2].astype(np.float64) * scale,
         radius=radius.astype(np.float64),
         bounced=bounced,
         by_lift=by_lift,
         by_rim=by_rim,
         sector=sector,
+        beneath=beneath,
     )
     return every if most is None else thinned(every, most)
 
@@ -199,14 +255,15 @@ def _edge(
     shift: F8,
     film: Film,
     pixel: float,
+    shape: RestShape | None,
 ) -> float:
     """The radius of a ball's contact in mm, from the light around it."""
     x, y, contact = (float(part) for part in circle)
-    around = int(MAX_EDGE_RATIO * contact) + 2
+    around = int(MAX_EDGE_RATIO * (1 if shape is None else WIDER_ON_SHAPE) * contact) + 2
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
     u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
-    centre = _centre(circle, radius, shift, press.shape[1:], pixel)
+    centre = _centre(circle, radius, shift, press.shape[1:], pixel, shape)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
     # Film under markers counts as dark, so that `contact_edge` ignores it.
     seen, bounced = (
@@ -216,17 +273,81 @@ def _edge(
             film.albedo * thrown[:, rows, columns],
         )
     )
-    return contact_edge(across, down, seen, bounced, centre, radius, contact * pixel, film)
+    beneath = None
+    if shape is not None:
+        base = shape.at(*_seen_at(circle, press.shape[1:], pixel))[3]
+        beneath = Beneath(*shape.at(across, down), bounced, base)
+    scale = _scales(circle[None], press.shape[1:], pixel, shape)[0]
+    rim = float(contact * scale)
+    return contact_edge(across, down, seen, bounced, centre, radius, rim, film, beneath)
+
+
+def _seen_at(circle: F4 | F8, size: tuple[int, ...], pixel: float) -> tuple[F8, F8]:
+    """Where the camera sees the middles of balls, u and v in mm."""
+    rows, columns = size
+    x, y = np.atleast_2d(circle)[:, :2].astype(np.float64).T
+    return (x - (columns - 1) / 2) * pixel, (y - (rows - 1) / 2) * pixel
+
+
+def _scales(circle: F4 | F8, size: tuple[int, ...], pixel: float, shape: RestShape | None) -> F8:
+    """The size of a pixel in mm on the film under each ball."""
+    scale = np.full(len(circle), pixel, np.float64)
+    return (
+        scale if shape is None else scale * (1 - shape.camera * _base(shape, circle, size, pixel))
+    )
+
+
+def _base(shape: RestShape, circle: F4 | F8, size: tuple[int, ...], pixel: float) -> F8:
+    return shape.at(*_seen_at(circle, size, pixel))[3]
+
+
+def _away(
+    shape: RestShape, u: F4, v: F4, circle: F4, radius: float, shift: F8, camera: float
+) -> F8:
+    """How far samples count as from the middle of a ball, in mm (`away_on`)."""
+    at_u, at_v = u.astype(np.float64), v.astype(np.float64)
+    size = shape.height.shape
+    centre = _centre(circle, radius, shift, size, shape.pixel, shape)
+    base = float(_base(shape, circle, size, shape.pixel)[0])
+    return away_on(at_u, at_v, shape.at(at_u, at_v)[3], base, centre, radius, camera)
+
+
+def _cells(film: Film, fine: bool) -> int:
+    """How fine the light from film to film is found that samples get."""
+    return FINE_CELLS if fine or film.refraction == 1 else DEFAULT_MAX_CELLS
+
+
+def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4 | None:
+    """Return the light that film which is no plane throws on itself at rest, for an albedo of 1."""
+    if shape is None:
+        return None
+    return _rest_of(shape, film._replace(rim=0.0), DEFAULT_MAX_CELLS, False, bounce).bounced
+
+
+def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall) -> _AtRest:
+    """The light of the film at rest; what it throws on itself in turn with what falls on it."""
+    if film.albedo == 0 and not fine:
+        film = film._replace(albedo=USUAL_ALBEDO)
+    own, thrown = light_at_rest(shape, film, bounce, cells)
+    return _AtRest(own, thrown / np.float32(film.albedo or 1))
 
 
 def _centre(
-    circle: F4, radius: float, shift: F8, size: tuple[int, ...], pixel: float
+    circle: F4,
+    radius: float,
+    shift: F8,
+    size: tuple[int, ...],
+    pixel: float,
+    shape: RestShape | None,
 ) -> tuple[float, float, float]:
     """A ball's centre in mm, moved by `shift`; it may lie outside an image of H x W pixels."""
     x, y, contact = (float(part) for part in circle)
     rows, columns = size
     u, v = (x - (columns - 1) / 2) * pixel, (y - (rows - 1) / 2) * pixel
     deep = float(sunk(radius, contact * pixel))
+    if shape is not None:
+        _, (u,), (v,), (base,) = shape.at(*_seen_at(circle, size, pixel))
+        deep = float(sunk(radius, contact * pixel * (1 - shape.camera * base)) - base)
     return float(u + shift[0]), float(v + shift[1]), float(shift[2] - deep)
 
 
@@ -238,6 +359,8 @@ def _thrown_on(
     pixel: float,
     fine: bool,
     bounce: NodeCall,
+    shape: RestShape | None,
+    at_rest: Callable[[bool, int], _AtRest | None],
 ) -> _Press:
     """The light from film to film on a press with these balls (circles, radii and shifts)."""
     if fine and film.albedo == 0:
@@ -249,20 +372,27 @@ def _thrown_on(
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
-        height = np.zeros(size)
+        height = np.zeros(size) if shape is None else shape.height.astype(np.float64)
+        resting = at_rest(film.refraction > 1, cells)
         lifted = shifts + lift * radius[:, None] * np.array([0, 0, 1])
         for each, r, shift in zip(circle, radius, lifted, strict=True):
-            cx, cy, cz = _centre(each, r, shift, size, pixel)
+            cx, cy, cz = _centre(each, r, shift, size, pixel, shape)
             z = ball_height(u, v[:, None], (cx, cy, cz), r, film.camera)
             nearer = 1 - film.camera * z
             away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
-            height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, 0))
+            low = 0 if shape is None else height
+            height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, low))
         seen = (height / (1 - film.camera * height)).astype(np.float32)
-        light = bounce(press, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
+        on_plane = press if resting is None else press * resting.share(film.albedo)
+        light = bounce(on_plane, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
         # Balls are not film at rest, although little light is reflected onto their tops.
-        shown = np.where(seen > 0, press, 1 + light)
+        if shape is None or resting is None:
+            shown = np.where(seen > 0, press, 1 + light)
+        else:
+            around = (resting.own + light) / resting.share(USUAL_ALBEDO)
+            shown = np.where(seen > shape.seen, press, around)
         drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
-        level = (drift_gain(drift, size) - 1) * press
+        level = (drift_gain(drift, size) - 1) * on_plane
         whole, taken = light / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
         return _Thrown(whole, whole - taken)
 
@@ -271,28 +401,37 @@ def _thrown_on(
     bounced = on_matt = thrown(matt, FINE_CELLS)
     by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).left - on_matt.left) / LIFT_SHARE
     if film.refraction == 1:
-        by_rim = thrown(wider, FINE_CELLS).left - bounced.left
+        by_rim = np.zeros_like(press)
+        if shape is None:
+            by_rim = thrown(wider, FINE_CELLS).left - bounced.left
     else:
         bounced = thrown(film, DEFAULT_MAX_CELLS)
         by_lift *= bounced.left.mean() / on_matt.left.mean()
-        by_rim = thrown(wider, DEFAULT_MAX_CELLS).left - bounced.left
+        by_rim = np.zeros_like(press)
+        if shape is None:
+            by_rim = thrown(wider, DEFAULT_MAX_CELLS).left - bounced.left
         bounced = thrown(film, FINE_CELLS) if fine else bounced
     if film.albedo > 0:
-        press = _levelled(press, sigma, bounced, film.albedo)
+        resting = at_rest(film.refraction > 1, _cells(film, fine))
+        press = _levelled(press, sigma, bounced, film.albedo, resting)
     return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
-def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float) -> F4:
+def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest | None) -> F4:
     """Level a press again, with the known light from film to film not taken for drift.
 
     For a film of this albedo, the press minus the light from film to film then is the LEDs'
     light.  For another albedo, `left` accounts for what would have been taken for drift.
     """
-    known = coarsen(np.float32(albedo) * thrown.whole)
+    taken = np.float32(albedo) * (thrown.whole - thrown.left)
+    light = np.float32(albedo) * thrown.whole
+    if resting is not None:
+        share = resting.share(albedo)
+        taken, light = taken / share, (light - np.float32(albedo) * resting.bounced) / share
+    known = coarsen(light)
     drift = film_drift(
         coarsen(press), sigma, bounced=known, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS
     )
-    taken = np.float32(albedo) * (thrown.whole - thrown.left)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - taken, np.float32)
 
 

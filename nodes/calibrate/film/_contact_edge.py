@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8, Film
-from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, ball_height
+from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
+from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Beneath
 from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.rest_shape import rest_share
 
 MIN_EDGE_RATIO, MAX_EDGE_RATIO = 0.8, 1.25
 """Radii between which the edge is searched for, relative to the known one."""
@@ -22,6 +24,7 @@ def contact_edge(
     radius: float,
     rim: float,
     film: Film,
+    beneath: Beneath | None = None,
 ) -> float:
     """Return the radius in mm of a ball's contact that fits the light best.
 
@@ -37,21 +40,30 @@ def contact_edge(
     centre, radius : of the ball, in mm
     rim : approximate radius of the contact, in mm
     film : the film's model
+    beneath : the film at rest if it is no plane; the light is relative to a plane
     """
     cx, cy, cz = centre
     away = np.hypot(u - cx, v - cy)
+    if beneath is not None:
+        away = away_on(u, v, beneath.z, float(beneath.base[0]), centre, radius, film.camera)
     ring = (away > MIN_EDGE_RATIO * rim) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
     if not away.size:
         return rim
+    at_rest: F8 | float = 1.0
+    if beneath is not None:
+        below = beneath.only(ring)
+        at_rest = rest_share(film, below.n, below.x, below.y, below.z)
+    lift = None if beneath is None else np.full_like(u, film.contact)
     z = ball_height(u, v, (cx, cy, cz), radius, film.camera)
     x, y = u * (1 - film.camera * z), v * (1 - film.camera * z)
     n = np.stack([x - cx, y - cy, np.maximum(z - cz, 0)])
     n /= np.sqrt((n * n).sum(0))
-    on_ball = predict(film, n, x, y, np.maximum(z, film.contact)) + thrown
+    high = np.maximum(z, film.contact) if beneath is None else z
+    on_ball = predict(film, n, x, y, high, None, lift) + thrown
     # Both the far side of a ball and its shadow are dark.
     lit = light > MIN_WEIGHT_LIGHT
-    inside, outside = (_departure(light - model, lit) for model in (on_ball, 1 + thrown))
+    inside, outside = (_departure(light - model, lit) for model in (on_ball, at_rest + thrown))
     order = np.argsort(away)
     beyond = np.concatenate([[0.0], np.cumsum((inside - outside)[order])])
     edges = np.concatenate([[MIN_EDGE_RATIO * rim], away[order]])

@@ -9,6 +9,7 @@ from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.coat import MIN_COSINE
 from tactograph.nodes.optics.film import rest_light
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
 
 MAX_INDEPENDENT_REST = 20
 """Most independent values per LED that the flat frame counts as where it departs from the model,
@@ -24,6 +25,12 @@ def rest_left(rest: Rest, now: Fitted) -> F8:
 def _rest_model(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the light of the film at rest: K x M."""
     model = np.log(rest_light(now.film, rest.x, rest.y)) + now.leds[:, 3:4]
+    if rest.beneath is not None:
+        n, *place = rest.beneath
+        light = rest_share(now.film, n, *place)
+        if rest.bounced is not None:
+            light = light + now.film.albedo * rest.bounced
+        model += np.log(np.maximum(light, MIN_REST_LIGHT))
     # Cosines of emission from LEDs that face the middle of the film.
     lx, ly, lz = now.film.lights.T[..., None].astype(np.float64)
     high = np.sqrt(lx * lx + ly * ly + lz * lz)
@@ -34,7 +41,8 @@ def _rest_model(rest: Rest, now: Fitted) -> F8:
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
-    model, without = _rest_model(rest, now), UNKNOWNS_OF_TOUCH_ALONE
+    model = _rest_model(rest, now)
+    without = () if rest.beneath else UNKNOWNS_OF_TOUCH_ALONE
     by = differences(now, names, without, model, lambda _, other: _rest_model(rest, other))
     return np.asarray(by.mean(axis=1, keepdims=True) - by)
 
@@ -43,4 +51,7 @@ def rest_spread(left: F8, rest: Rest) -> float:
     """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
     noise = LIGHT_DEVIATION / rest.block
     residual = float(np.sqrt(np.square(left).mean()))
+    if rest.beneath is not None:
+        # The light of a film of known shape measures the LEDs: a model that leaves more is wrong.
+        residual = min(residual, LIGHT_DEVIATION)
     return float(np.hypot(noise, residual * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))

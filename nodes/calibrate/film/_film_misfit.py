@@ -128,9 +128,10 @@ def unevenness(held: list[Held], pixel: float) -> float:
     for part in held:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
-        direct = seen - balls.thrown(part.fitted.shifts, film)
+        direct = balls.on_plane(seen, film) - balls.thrown(part.fitted.shifts, film)
         lit = direct > film.diffuse[:, None] + MIN_DIRECT_LIGHT
-        left, direct = np.where(lit, balls.light - seen, 0), np.where(lit, direct, 0)
+        left = np.where(lit, balls.on_plane(balls.light - seen, film), 0)
+        direct = np.where(lit, direct, 0)
         brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_DIRECT_LIGHT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
@@ -142,15 +143,15 @@ def unevenness(held: list[Held], pixel: float) -> float:
 def _led_tilt(part: Held, others: F8, uneven: float) -> float:
     """Mean square effect of other LED positions on `tilt`."""
     film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % PIXEL_STRIDE == 0)
-    truth, x, y, z = some.seen(part.fitted.shifts, film.camera)
-    z = np.maximum(z, film.contact)
-    light, outward = predict(film, truth, x, y, z), _outward(truth)
+    truth, place, lift = some.touched_place(part.fitted.shifts, film)
+    light, outward = predict(film, truth, *place, None, lift), _outward(truth)
     tilts = []
     for away in others:
         # A place that the whole fit allows may be under the film for the LED of a part.
         most = MAX_APPROACH_SHARE * film.lights[:, 2:]
         lights = film.lights + most / np.maximum(-away[:, 2:], most) * away
-        n = turned(film._replace(lights=cast(F4, lights)), light, truth, (x, y, z), uneven)
+        other = film._replace(lights=cast(F4, lights))
+        n = turned(other, light, truth, place, uneven, None, lift)
         tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
     return float(np.square(tilts).mean())
 
@@ -166,9 +167,9 @@ def _outward(normal: F8) -> F8:
 def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
     film = held.fitted.film
-    truth, solved, direct, place = ball_normals(held.balls, held.fitted, uneven)
-    left = direct - predict(film, solved, *place)
-    gain = touch_gain(film, place[2])
+    truth, solved, direct, place, lift = ball_normals(held.balls, held.fitted, uneven)
+    left = direct - predict(film, solved, *place, None, lift)
+    gain = touch_gain(film, lift)
     matt, diffuse = gain * direct_share(film)[:, None], gain * film.diffuse[:, None]
     left, shown = left / matt, (direct - left - diffuse) / matt
     return solved - truth, left - brighter(left, shown, uneven) * shown, truth

@@ -75,7 +75,7 @@ class Trial(NamedTuple):
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film = fitted.film
-        direct = balls.light - balls.thrown(fitted.shifts, film)
+        direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
         return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, SINGLE_BALL_UNEVENNESS, weight)
 

@@ -2,17 +2,43 @@
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple, Self, cast
+from typing import NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8, Film
+from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
 from tactograph.nodes.calibrate.lights.light_fit import positions
 from tactograph.nodes.optics.film import at_rest, predict
+from tactograph.nodes.optics.rest_shape import rest_share
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
+
+
+@dataclass(frozen=True)
+class Beneath:
+    """The film at rest that N samples see, where it is no plane, and under the P balls' middles.
+
+    `n` is 3 x N, `bounced` K x N the light from film to film for an albedo of 1; `base` is P.
+    """
+
+    n: F8
+    x: F8
+    y: F8
+    z: F8
+    bounced: F8
+    base: F8
+
+    def only(self, chosen: NDArray[np.bool_]) -> Self:
+        """Return the film under some of the samples."""
+        of_samples = "n", "x", "y", "z", "bounced"
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in of_samples})
+
+    def light(self, film: Film) -> F8:
+        """Return r of equation F5, K x N: the film at rest over a plane."""
+        return rest_share(film, self.n, self.x, self.y, self.z) + film.albedo * self.bounced
 
 
 @dataclass(frozen=True)
@@ -22,7 +48,8 @@ class Balls:
     `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
     `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
     samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
-    `by_rim` (the film's rim).  `sector` numbers slices of a ball.
+    `by_rim` (the film's rim).  `sector` numbers slices of a ball.  `beneath` is the film at rest
+    if it is no plane.
     """
 
     u: F8
@@ -36,6 +63,7 @@ class Balls:
     by_lift: F8
     by_rim: F8
     sector: NDArray[np.intp]
+    beneath: Beneath | None = None
 
     @property
     def held_by(self) -> NDArray[np.intp]:
@@ -50,13 +78,16 @@ class Balls:
     def only(self, chosen: NDArray[np.bool_]) -> Self:
         """Return some of the samples; balls without samples remain."""
         of_samples = "u", "v", "light", "ball", "bounced", "by_lift", "by_rim", "sector"
-        return replace(self, **{name: getattr(self, name)[..., chosen] for name in of_samples})
+        some = {name: getattr(self, name)[..., chosen] for name in of_samples}
+        beneath = None if self.beneath is None else self.beneath.only(chosen)
+        return replace(self, **some, beneath=beneath)
 
     def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
         """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
         radius = self.radius[self.ball]
         cx, cy = (self.centre + shifts[:, :2])[self.ball].T
-        cz = (shifts[:, 2] - sunk(self.radius, self.rim))[self.ball]
+        low = shifts[:, 2] - sunk(self.radius, self.rim)
+        cz = (low if self.beneath is None else low + self.beneath.base)[self.ball]
         z = ball_height(self.u, self.v, (cx, cy, cz), radius, camera)
         x, y = self.u * (1 - camera * z), self.v * (1 - camera * z)
         n = np.stack([x - cx, y - cy, z - cz]) / radius
@@ -68,6 +99,22 @@ class Balls:
         whole = self.bounced + self.by_lift * shifts[self.ball, 2] + self.by_rim * film.rim
         return np.asarray(film.albedo * whole)
 
+    def on_plane(self, light: F8, film: Film) -> F8:
+        """Return light relative to the film at rest as that relative to a plane, K x N."""
+        return light if self.beneath is None else light * self.beneath.light(film)
+
+    def direct(self, shifts: F8, film: Film) -> F8:
+        """The samples' light from the LEDs, K x N, relative to a plane."""
+        return self.on_plane(self.light, film) - self.thrown(shifts, film)
+
+    def touched_place(self, shifts: F8, film: Film) -> tuple[F8, tuple[F8, F8, F8], F8]:
+        """Normals, places and lift for F1: film on a ball is touched, however low its rim is."""
+        n, x, y, z = self.seen(shifts, film.camera)
+        lift = np.maximum(z, film.contact)
+        if self.beneath is None:
+            return n, (x, y, lift), lift
+        return n, (x, y, z), np.full_like(z, film.contact)
+
     def by_ball(self, left: F8, right: F8) -> F8:
         """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
         ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
@@ -77,24 +124,6 @@ class Balls:
                 for i, j in pairwise(ends)
             ]
         )
-
-
-def sunk(radius: Any, rim: Any) -> F8:
-    """Return the depth of balls' centres below the film at rest, from their contact radii."""
-    return np.asarray(np.sqrt(np.maximum(radius**2 - rim**2, 0)))
-
-
-def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera: float) -> F8:
-    """Return the height in mm at which the ray through u, v on the film at rest meets a ball.
-
-    If the ray misses the ball, it is the height where the ray comes closest.
-    """
-    cx, cy, cz = centre
-    du, dv = u - cx, v - cy
-    a = 1 + camera**2 * (u**2 + v**2)
-    b = camera * (u * du + v * dv) + cz
-    c = du * du + dv * dv + cz * cz - radius**2
-    return np.asarray((b + np.sqrt(np.maximum(b * b - a * c, 0))) / a)
 
 
 class Fitted(NamedTuple):
@@ -121,10 +150,9 @@ def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
     `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
     """
     film, shifts = fitted.film, fitted.shifts
-    n, x, y, z = balls.seen(shifts, film.camera)
-    # Film on a ball is touched, however low its rim is.
-    own_light = predict(film, n, x, y, np.maximum(z, film.contact), rest)
-    return np.asarray(own_light + balls.thrown(shifts, film))
+    n, place, lift = balls.touched_place(shifts, film)
+    shown = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
+    return np.asarray(shown if balls.beneath is None else shown / balls.beneath.light(film))
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

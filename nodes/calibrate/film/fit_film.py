@@ -32,7 +32,8 @@ from tactograph.nodes.calibrate import (
     BallPress,
     BallRadii,
 )
-from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
+from tactograph.nodes.calibrate.ball.ball_surface import sunk
+from tactograph.nodes.calibrate.film._ball_samples import bounced_at_rest, grain, sample_balls
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film._film_search import (
@@ -46,12 +47,13 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted, sunk
+from tactograph.nodes.calibrate.film.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart, matt_film
 from tactograph.nodes.optics.radiosity import cell_grid
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
 MIN_CAP_SHARE = 0.02
@@ -79,6 +81,7 @@ class FilmEvidence(NamedTuple):
     strength: Annotated[F4, Port("K", "1")]
     noise: Noise
     pixel: PixelSize
+    shape: RestShape | None = None
 
 
 class FilmFit(NamedTuple):
@@ -105,6 +108,7 @@ def fit_film(
     noise: Noise,
     pixel: PixelSize,
     bare: SheetMask | None = None,
+    shape: RestShape | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
     without: tuple[FilmPart, ...] = (),
@@ -131,6 +135,9 @@ def fit_film(
     noise : (shot, read), a captured light I has the variance shot * I + read
     pixel : mm per px
     bare : S x W on the sheet, 0 where a marker covers the film: such pixels are left out
+    shape
+        The film at rest if it is no plane.  Then the pupil is where `shape` has it, the film ends
+        with the frame, and there are no harmonics, which would take its shape for light.
     camera_mm : height of the pupil above the film, if known
     without : parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``
 
@@ -142,23 +149,26 @@ def fit_film(
         the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg`` of
         the one chosen, in degrees between normals; and the inputs, for `judge_radius`.
     """
-    evidence = FilmEvidence(light, flat, circle, radius, of, kept, lights, strength, noise, pixel)
+    inputs = light, flat, circle, radius, of, kept, lights, strength, noise, pixel, shape
+    evidence = FilmEvidence(*inputs)
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
     def samples(film: Film, **options: Any) -> Balls:
         given = light, flat, circle, radius, of, film, noise, pixel
-        return sample_balls(*given, bare=bare, bounce=bounce, **options)
+        return sample_balls(*given, bare=bare, bounce=bounce, shape=shape, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
     width = pixel * flat.shape[2]
-    trial = Trial(balls, rest_of(flat, pixel), SHIFT_DEVIATION_PX * pixel, width, samples)
+    closed: set[str] = set(without) | ({"camera", "harmonics"} if shape is not None else set())
+    glow = None if "bounce" in closed else bounced_at_rest(shape, matt_film(lights), bounce)
+    rest = rest_of(flat, pixel, shape, glow)
+    trial = Trial(balls, rest, SHIFT_DEVIATION_PX * pixel, width, samples)
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
     tall = balls.radius - sunk(balls.radius, balls.rim)
-    closed: set[str] = set(without)
     if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
@@ -173,6 +183,8 @@ def fit_film(
         film = film._replace(wrap=0.0)
     if abs(film.emission) < MIN_EMISSION:
         film = film._replace(emission=0.0)
+    if shape is not None:
+        film = film._replace(rim=0.0)
     plain = not best.parts and best.degree is None and camera_mm is None
     if plain and not film.emission:
         # A matt film under points keeps the LED positions that were fitted to all pixels.

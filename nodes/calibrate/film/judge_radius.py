@@ -30,6 +30,7 @@ from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.rest_shape import RestShape
 
 RADIUS_FACTORS = (0.5, 0.6, 0.7, 0.78, 0.86, 0.93, 1.0, 1.07, 1.16, 1.28, 1.45, 1.7, 2.0)
 """First trial radii, relative to the given one; finer ones follow between the best two."""
@@ -55,10 +56,12 @@ ratio of what they leave on the balls up to which it cannot."""
 MIN_DIFFUSE, GEL_DIFFUSE = 0.05, (0.2, 0.65)
 """Share of diffused light below which a gel has none, and the range of real gels: a radius too
 large by a third or more takes it for curvature.  0.3 to 0.5 on two real sensors."""
-DIFFUSE_SHARE, SHADOW_SHARE, SHADOW_MARGIN = (0.03, 0.3), 0.04, 0.02
-"""Share of diffused light that a radius or pixel size wrong by 2 to 16 % looks like, as no film
-without a gel and hardly a clear gel has it; the share of the light that has to lie within a margin
-above it for a shadow that measures it."""
+MIN_DIFFUSE_SHARE, SHADOW_SHARE, SHADOW_MARGIN = 0.03, 0.04, 0.02
+"""Share of diffused light that a radius or pixel size wrong by 2 % looks like; the share of the
+light that has to lie within a margin above it for a shadow that measures it."""
+MOST_OF_PLAIN_GELS = 0.3
+"""Share from which on one-shot sensors' clear gels begin, whose presses are too shallow to throw
+shadows."""
 DARKEST_QUANTILE, MAX_DARKENING = 0.005, 0.88
 """Quantile of the light that the gel's diffused share may exceed at most by the inverse of this."""
 GAMMA_EXPONENTS = (1 / 1.5, 1 / 1.15, 1.15, 1.5)
@@ -132,17 +135,18 @@ def judge_radius(
     InputError
         If the light contradicts the radius and `force` is not set.
     """
-    light, flat, circle, radius, of, kept, lights, strength, noise, pixel = evidence
+    light, flat, circle, radius, of, kept, lights, strength, noise, pixel, shape = evidence
     used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
         most=None,
         fine=True,
+        shape=shape,
     )
     first, left = float(radius[used[0]]), _left(fitted)
     # A distance that is given is compared with that of every radius.
     enough = left if led_distance_mm is None else np.inf
-    trials = try_radii(balls, flat, pixel, lights, strength, left=enough)
+    trials = try_radii(balls, flat, pixel, lights, strength, left=enough, shape=shape)
     given, doubt = as_given(trials), doubt_of_radius(trials, first, left, RADIUS_INPUTS)
     if doubt.sentence and not film.camera:
         doubt = doubt._replace(sentence=doubt.sentence + CAMERA_ADVICE)
@@ -150,7 +154,7 @@ def judge_radius(
     if doubt.is_clear and not force:
         raise InputError(doubt.sentence + FORCE_ADVICE)
     if not doubts and not lights_itself(film) and given.pattern >= MIN_PATTERN:
-        gammas = try_gammas(balls, flat, pixel, lights, strength)
+        gammas = try_gammas(balls, flat, pixel, lights, strength, shape)
         doubts += doubt_of_pattern(trials, gammas, first, RADIUS_INPUTS)
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
@@ -160,7 +164,9 @@ def judge_radius(
         is_plain = _is_noise(given, left)
         diffuse = given.diffuse if is_plain else float(film.diffuse.mean())
         advice = RADIUS_INPUTS, ", or give `led_distance_mm`=MM"
-        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice)
+        # A grid's pitch confirms the pixel.
+        most = MOST_OF_PLAIN_GELS if np.bincount(of[used]).max() > 1 else 1.0
+        doubts += doubt_of_diffuse(diffuse, balls.light, first, *advice, most=most)
     quality = fitted | {"light_departure_percent": 100 * given.departure}
     if (best := _best(trials)).departure < EQUAL_DEPARTURE * left:
         quality["light_radius_mm"] = first * best.factor
@@ -176,13 +182,14 @@ def try_radii(
     factors: tuple[float, ...] = RADIUS_FACTORS,
     rounds: int = FINER_ROUNDS,
     left: float = np.inf,
+    shape: RestShape | None = None,
 ) -> list[Tried]:
     """Fit the plain film to balls of other radii, by `factors`, and near the best one.
 
     Where the residual of the given radius is mostly noise, and that of the film chosen is `left`,
     no other can be preferred: only those that may explain the light as well are tried.
     """
-    rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
+    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = _start(lights, strength, len(balls.centre), width)
     deepest = min(float((balls.rim / balls.radius).max()), 1.0)
 
@@ -200,10 +207,15 @@ def try_radii(
 
 
 def try_gammas(
-    balls: Balls, flat: F4, pixel: float, lights: F4, strength: F4
+    balls: Balls,
+    flat: F4,
+    pixel: float,
+    lights: F4,
+    strength: F4,
+    shape: RestShape | None = None,
 ) -> dict[float, float]:
     """Return a plain film's residuals for light raised to powers, by power (`light_pattern`)."""
-    rest, width = rest_of(flat, pixel), pixel * flat.shape[2]
+    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     left = {}
     for power in GAMMA_EXPONENTS:
         start = _start(lights, strength**power, len(balls.centre), width)
@@ -247,7 +259,12 @@ def doubt_of_pattern(
 
 
 def doubt_of_diffuse(
-    diffuse: float, light: F8, radius: float, which: str = "", advice: str = ""
+    diffuse: float,
+    light: F8,
+    radius: float,
+    which: str = "",
+    advice: str = "",
+    most: float = MOST_OF_PLAIN_GELS,
 ) -> list[str]:
     """Return a doubt if light that the gel seems to diffuse may be a wrong radius or pixel size.
 
@@ -257,8 +274,7 @@ def doubt_of_diffuse(
     darkest = float(np.quantile(light, DARKEST_QUANTILE))
     is_shaded = float((light < diffuse + SHADOW_MARGIN).mean()) > SHADOW_SHARE
     is_too_dark = darkest < MAX_DARKENING * diffuse
-    low, high = DIFFUSE_SHARE
-    if diffuse < low or not (is_too_dark or (diffuse < high and not is_shaded)):
+    if diffuse < MIN_DIFFUSE_SHARE or not (is_too_dark or (diffuse < most and not is_shaded)):
         return []
     without = radius / np.sqrt(1 - diffuse)
     return [

@@ -15,6 +15,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     samples_for,
     unreached,
 )
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
@@ -43,6 +44,7 @@ def calibrate_lights(
     lit: SheetLabels,
     pixel: PixelSize,
     slants: Annotated[F4, Port("K 2", "1", low=-1, high=1)] | None = None,
+    shape: RestShape | None = None,
 ) -> LightsFit:
     """Fit the LEDs' positions to the light of known shapes and to the fall-off over the film.
 
@@ -66,6 +68,8 @@ def calibrate_lights(
     slants
         L_x / L_z and L_y / L_z of each LED, from which the search starts; else it starts from the
         objects' light.
+    shape
+        The film at rest if it is no plane: light relative to it is n.v over that of its own normal.
 
     Returns
     -------
@@ -84,14 +88,14 @@ def calibrate_lights(
     if not presses:
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
     most = samples_for(len(presses))
-    objects = [sample(press, pixel, most) for press in presses]
+    objects = [sample(press, pixel, most, shape) for press in presses]
     dark = unreached(objects)
     if dark:
         raise InputError(
             f"LED {dark[0]} reaches only {dark[1]} pixels of the calibration object "
             f"({MIN_PIXELS} are needed): is it on?"
         )
-    rest, width = rest_of(flat, pixel), pixel * light.shape[2]
+    rest, width = rest_of(flat, pixel, shape), pixel * light.shape[2]
     placed = place_leds(objects, rest, width, slants=slants)
     left = [
         residual_of(there, placed.leds, shift, placed.flat)

@@ -19,6 +19,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     sample,
     unreached,
 )
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
     SheetHeight,
     SheetLabels,
@@ -63,6 +64,7 @@ def choose_presses(
     lit: SheetLabels,
     pixel: PixelSize,
     names: list[str],
+    shape: RestShape | None = None,
 ) -> ChosenPresses:
     """Leave out the pixels of presses that are inconsistent with the others.
 
@@ -81,6 +83,7 @@ def choose_presses(
         2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
     names : the presses' names, for messages
+    shape : the film at rest if it is no plane
 
     Returns
     -------
@@ -99,7 +102,7 @@ def choose_presses(
     kept[pressed] = 1
     if len(presses) > 1:
         captured = cut(image, flat.shape[1])
-        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH) for i in pressed}
+        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in pressed}
         spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in pressed}
         why = {i: reason for i, reason in spoilt.items() if reason}
         usable = [i for i in pressed if i not in why]
@@ -109,7 +112,7 @@ def choose_presses(
                 + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
             )
         agreed = _consensus(
-            [objects[i] for i in usable], rest_of(flat, pixel), pixel * light.shape[2]
+            [objects[i] for i in usable], rest_of(flat, pixel, shape), pixel * light.shape[2]
         )
         residual[usable] = agreed.residual
         why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}

@@ -19,6 +19,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 MIN_AMBIENT = 0.01
@@ -55,6 +56,7 @@ def find_ambient(
     mask: SheetMask,
     height: SheetHeight,
     pixel: PixelSize,
+    shape: RestShape | None = None,
     *,
     taken: Path | None = None,
 ) -> WithoutAmbient:
@@ -75,6 +77,7 @@ def find_ambient(
     slope, mask, height
         2 x S x W, S x W, S x W in mm: of the presses, as `known_balls` returns them.
     pixel : mm per px
+    shape : the film at rest if it is no plane
     taken : the image with all LEDs off, if one was taken; then nothing is estimated
 
     Returns
@@ -102,10 +105,10 @@ def find_ambient(
         for press in presses:
             light = flat_field(press.light, rest_light, dark)
             there = press._replace(light=light, lit=label_lit(light))
-            objects.append(sample(there, pixel, MAX_SAMPLES_EACH))
+            objects.append(sample(there, pixel, MAX_SAMPLES_EACH, shape))
         if unreached(objects):
             return np.inf
-        rest = rest_of(rest_light, pixel)
+        rest = rest_of(rest_light, pixel, shape)
         placed = place_leds(objects, rest, pixel * flat.shape[2])
         return misfit_of(objects, rest, placed)
 

@@ -30,6 +30,8 @@ OTHER_PLACES = 8
 """Number of sampled LED positions, and of the least certain directions that they span."""
 MIN_INVERSE_HEIGHT_RATIO = 0.25
 """Smallest 1 / L_z of a sampled LED, relative to its own, so that it stays above the film."""
+MIN_OVER = 1e-3
+"""Least irradiance of the film at rest, in units of L_z, that is divided by."""
 MAX_STEPS, MIN_COST_GAIN = 60, 1e-9
 """Most steps of the descent, and the relative gain of the cost below which it ends."""
 DERIVATIVE_STEP = 1.5e-8
@@ -65,11 +67,13 @@ def place_leds(
 ) -> Placed:
     """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
-    Slants K x 2, if given, are where the search for the LEDs starts.
+    Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
+    LEDs alone, without objects, if it is no plane.
     """
-    count, flat = len(objects[0].light), rest is not None
+    flat = rest is not None
+    count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
     if start is None:
-        leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
+        leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
         if slants is not None:
             leds[:, :2] = slants
     else:
@@ -80,10 +84,10 @@ def place_leds(
         return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
 
     def residual(unknown: F8) -> F8:
-        return _all_residuals(objects, rest, *split(unknown))
+        return all_residuals(objects, rest, *split(unknown))
 
     def jacobian(unknown: F8) -> F8:
-        return _jacobian(objects, rest, *split(unknown))
+        return jacobian_of(objects, rest, *split(unknown))
 
     solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
     return Placed(*split(solution), flat)
@@ -91,7 +95,7 @@ def place_leds(
 
 def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed) -> float:
     """The minimum of the cost that `place_leds` reaches."""
-    return huber(_all_residuals(objects, rest, placed.leds, placed.shifts))
+    return huber(all_residuals(objects, rest, placed.leds, placed.shifts))
 
 
 def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width_mm: float) -> F4:
@@ -103,7 +107,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width
     effects add up exactly.
     """
     leds, flat = placed.leds, rest is not None
-    slopes = _jacobian(objects, rest, leds, placed.shifts)
+    slopes = jacobian_of(objects, rest, leds, placed.shifts)
     on_objects = np.concatenate(
         [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
@@ -208,7 +212,7 @@ def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: 
     return unknown
 
 
-def _all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
+def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
     left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
@@ -238,11 +242,18 @@ def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
 
 
-def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
+def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, then moved to a distance of a few image widths."""
+    if not objects and rest is not None:
+        return _distant_over(rest, k, width_mm)
     normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
-    if flat:
+    if objects[0].beneath is not None:
+        gain = 1.0
+        below = np.hstack([o.beneath[0][:, o.lit[k]] for o in objects if o.beneath is not None])
+        left = normal - light * below
+        a, *_ = np.linalg.lstsq(left[:2].T, -left[2], rcond=None)
+    elif flat:
         gain = 1.0
         a, *_ = np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)
     else:
@@ -252,6 +263,23 @@ def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
     return np.array([*a, 0.2 / width_mm, np.log(gain)])
 
 
+def _distant_over(rest: Rest, k: int, width_mm: float) -> F8:
+    """A distant LED by the light of a film of known shape, if all together shine from above."""
+    assert rest.beneath is not None  # a plane alone tells no LEDs
+    nx, ny, nz = rest.beneath[0]
+    light = np.exp(rest.logarithm[k] - np.log(np.exp(rest.logarithm).mean(axis=0))) * nz
+    (a, b, c), *_ = np.linalg.lstsq(np.stack([nx, ny, nz], axis=1), light, rcond=None)
+    c = max(float(c), MIN_OVER)
+    return np.array([a / c, b / c, 0.2 / width_mm, np.log(c)])
+
+
+def _over(beneath: tuple[F8, F8, F8, F8], a: float, b: float, c: float) -> F8:
+    """The irradiance of the film at rest by an LED, in units of L_z."""
+    (nx, ny, nz), x, y, z = beneath
+    dx, dy, dz = a - c * x, b - c * y, 1 - c * z
+    return np.asarray((nx * dx + ny * dy + nz * dz) * (dx * dx + dy * dy + dz * dz) ** -1.5)
+
+
 def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
     """The residual of one LED, computed in units of L_z, which stay finite for a distant LED."""
     (nx, ny, nz), (a, b, c, log_strength) = normal, led
@@ -259,6 +287,10 @@ def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
     model = (nx * dx + ny * dy + nz * dz) * irradiance_ratio(at_rest, plan + dz * dz)
+    if flat and there.beneath is not None:
+        model /= irradiance_ratio(at_rest, 1.0) * np.maximum(
+            _over(there.beneath, a, b, c), MIN_OVER
+        )
     return np.where(there.lit[k] & (model > DIM_LIGHT), there.light[k] - model, 0)
 
 
@@ -270,17 +302,20 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     for k, (a, b, c, log_strength) in enumerate(leds):
         square = (a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1
         model[k] = log_strength - 1.5 * np.log(square)
+        if rest.beneath is not None:
+            model[k] = log_strength + np.log(np.maximum(_over(rest.beneath, a, b, c), MIN_OVER))
     # The mean of a block is `block` times less noisy than a pixel.
     left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.
     return [left.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
 
 
-def _jacobian(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
+def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """The Jacobian by differences; an LED affects only its own light, a shift its own object."""
     count, flat = len(leds), rest is not None
     sizes = [o.light.shape[1] for o in objects]
-    starts = shifts.size + np.concatenate([[0], np.cumsum(np.multiply(sizes, count))])
+    ends = np.cumsum(np.multiply(sizes, count), dtype=int)
+    starts = shifts.size + np.concatenate([[0], ends])
     at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
     jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
     jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_erosion, map_coordinates
 from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, MIN_PIXELS
 from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import cut
 
 FLAT_BLOCKS = 32
@@ -39,6 +40,7 @@ class Object:
     """Samples of a known shape: N positions, the light there (K x N) and whether it counts.
 
     `reach` is the number of pixels that each LED reaches, including the samples' neighbours.
+    `beneath` are normal, x, y and z of the film at rest that the same pixels see; None: a plane.
     """
 
     rows: NDArray[np.intp]
@@ -50,6 +52,7 @@ class Object:
     normal: F4
     height: F4
     reach: NDArray[np.intp]
+    beneath: tuple[F8, F8, F8, F8] | None = None
 
     def moved(self, shift: F8) -> tuple[F8, F8]:
         """Unit normals 3 x N and heights N of the shape moved by `shift` = (x, y, z) in px, mm."""
@@ -65,12 +68,18 @@ class Object:
 
 @dataclass(frozen=True)
 class Rest:
-    """The flat frame: logarithm of block means, minus its mean over the LEDs; K x N."""
+    """The flat frame: logarithm of block means, minus its mean over the LEDs; K x N.
+
+    x and y are where blocks are seen on a plane, `beneath` normal, x, y and z of film that is none,
+    and `bounced` the light, K x N, that it throws on itself with an albedo of 1.
+    """
 
     logarithm: F8
     x: F8
     y: F8
     block: int
+    beneath: tuple[F8, F8, F8, F8] | None = None
+    bounced: F8 | None = None
 
 
 def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
@@ -79,7 +88,9 @@ def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -
     return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
 
 
-def sample(press: Press, pixel: float, most: float = MAX_SAMPLES) -> Object:
+def sample(
+    press: Press, pixel: float, most: float = MAX_SAMPLES, shape: RestShape | None = None
+) -> Object:
     """Choose about `most` samples of an object, spread evenly over it."""
     light, slope, mask, height, lit = press
     p, q = slope
@@ -95,7 +106,9 @@ def sample(press: Press, pixel: float, most: float = MAX_SAMPLES) -> Object:
     x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
     y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
     reach = reached.sum(axis=1) * stride * stride
-    return Object(rows, columns, values, reached, x, y, np.stack([-p * nz, -q * nz]), height, reach)
+    normal = np.stack([-p * nz, -q * nz])
+    beneath = None if shape is None else shape.at(x, y)
+    return Object(rows, columns, values, reached, x, y, normal, height, reach, beneath)
 
 
 def samples_for(presses: int) -> float:
@@ -115,17 +128,30 @@ def is_uniform(flat: Light) -> bool:
     return all(np.ptp(plane) == 0 for plane in flat)
 
 
-def rest_of(flat: Light, pixel: float) -> Rest | None:
-    """Reduce the flat frame to blocks; None if it is uniform, because none was taken."""
+def rest_of(
+    flat: Light, pixel: float, shape: RestShape | None = None, bounced: Light | None = None
+) -> Rest | None:
+    """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
+
+    `shape` is that of a film that is no plane, and `bounced` the light that it throws on itself.
+    """
     if is_uniform(flat):
         return None
     count, rows, columns = flat.shape
     block = max(1, min(columns // FLAT_BLOCKS, rows))
     down, across = rows // block, columns // block
-    cut = flat[:, : down * block, : across * block].reshape(count, down, block, across, block)
-    means = np.log(np.maximum(cut.mean(axis=(2, 4), dtype=np.float64), 1e-6))
+
+    def blocks(light: Light) -> F8:
+        cut = light[:, : down * block, : across * block]
+        whole = cut.reshape(count, down, block, across, block)
+        return np.asarray(whole.mean(axis=(2, 4), dtype=np.float64))
+
+    means = np.log(np.maximum(blocks(flat), 1e-6))
     middle = (block - 1) / 2
     x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
     y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
     gx, gy = np.meshgrid(x, y)
-    return Rest((means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel(), block)
+    logarithm, x, y = (means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel()
+    thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
+    beneath = None if shape is None else shape.at(x, y)
+    return Rest(logarithm, x, y, block, beneath, thrown)

@@ -36,7 +36,7 @@ MIN_ANGLE_DEG = 5.0
 RING_SLANT_DEG = 15.0
 """Range of the slants of LEDs that stand in one ring."""
 MAX_LED_WIDTHS = 100.0
-"""Widths of the image; no LED of a sensor is farther from its film."""
+"""Widths of the image, beyond which light is parallel."""
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
 """Albedo and refraction of a coat next to the largest that `fit_film` allows."""
 
@@ -72,6 +72,7 @@ def rate_calibration(
     pixel: PixelSize | None = None,
     radius: Judged | None = None,
     others: list[str] | None = None,
+    bend: list[str] | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -93,6 +94,7 @@ def rate_calibration(
         Residuals that noise explains raise no warning of a poor fit.
     pixel : mm per px
     radius : `judge_radius`: its figures, those of the fit among them, and its doubts
+    bend : as `judge_bend` returns it; named in place of what it causes
     others : the doubts of other nodes
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
@@ -142,7 +144,8 @@ def rate_calibration(
             "smaller ball"
         )
     poorest = int(np.argmax(mismatch))
-    if mismatch[poorest] > max(MAX_LIGHT_MISMATCH, MAX_NOISE_RATIO * grain[poorest]):
+    is_poor = mismatch[poorest] > max(MAX_LIGHT_MISMATCH, MAX_NOISE_RATIO * grain[poorest])
+    if is_poor:
         doubts.append(
             f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
             "above a matt film: check the order of the images, the ball's radius, its contact and "
@@ -155,10 +158,13 @@ def rate_calibration(
     if pixel is not None and albedo is not None:
         # A coat of the largest index trades off against the albedo under it, whatever the radius.
         is_open = refraction is not None and refraction > MAX_REFRACTION
-        contradiction = _of_scale(lights, pixel * mask.shape[1], 0.0 if is_open else albedo)
+        is_explained = not radius_doubts and not is_poor
+        scale = pixel * mask.shape[1], 0.0 if is_open else albedo
+        contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not force:
-            raise InputError(contradiction[0] + FORCE_ADVICE)
+            raise InputError((bend or contradiction)[0] + FORCE_ADVICE)
         doubts += contradiction
+    doubts = [*(bend or []), *doubts]
     for doubt in doubts:
         warn(doubt)
     known = mask > 0
@@ -215,15 +221,18 @@ def _note_order(lights: LightPositions) -> None:
         )
 
 
-def _of_scale(lights: LightPositions, width_mm: float, albedo: float) -> list[str]:
+def _of_scale(
+    lights: LightPositions, width_mm: float, albedo: float, is_explained: bool
+) -> list[str]:
     """A doubt if only a wrong radius of the ball, or pixel size, explains the film.
 
     Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
-    lights itself.
+    lights itself.  Parallel light is lawful, as telecentric lamps give it, where it explains the
+    light and no other radius does so better.
     """
     distance = np.linalg.norm(lights, axis=1)
     farthest = int(np.argmax(distance))
-    if distance[farthest] > MAX_LED_WIDTHS * width_mm:
+    if distance[farthest] > MAX_LED_WIDTHS * width_mm and not is_explained:
         return [
             f"LED {farthest + 1} is found {distance[farthest] / 1000:,.4g} m from the film, more "
             f"than {MAX_LED_WIDTHS:.0f} widths of the image: check the ball's radius, the pixel "

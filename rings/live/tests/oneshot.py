@@ -9,6 +9,7 @@ from tactograph.graph import Provenance
 from tactograph.nodes.calibrate.colour.fit_reflectance_map import fit_reflectance_map
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
+from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.stream.colour_planes import planes_of
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
@@ -63,3 +64,4 @@ def calibrated(file: Path) -> None:
     write_press_calibration(
         flat, PIXEL_MM, fit.reflectance, quality, "", file=file, provenance=made
     )
+    rank_checks(file=file)

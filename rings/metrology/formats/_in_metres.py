@@ -12,6 +12,8 @@ from tactograph.sdk.unstable import square_pixel
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""
+MAX_PIXEL_M = 1e-3
+"""Side of a pixel above which a file in metres holds other units: no such surface is measured."""
 NOT_METRES = "its lengths are not in metres, so it holds no height map"
 
 
@@ -43,6 +45,11 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a {file.suffix} file: {reason}") from None
+    if max(width, length) > MAX_PIXEL_M:
+        raise InputError(
+            f"{file}: says {width / METRES_PER_MM:.4g} mm per px; are its lengths in mm, where "
+            "metres belong? Write it again in metres"
+        )
     height, *stated = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
     side = square_pixel(width / METRES_PER_MM, length / METRES_PER_MM)
     return HeightFile(height, side, stated[0] if stated else None)

@@ -73,3 +73,12 @@ def test_a_file_cut_short_is_one_line(tmp_path: Path, height: F4, kind: str, end
     file.write_bytes(file.read_bytes()[:end])
     with pytest.raises(InputError, match=rf"cannot be read as a .{kind} file"):
         read_height_file(file)
+
+
+def test_millimetres_where_metres_belong_are_asked_about(tmp_path: Path) -> None:
+    import x3pio
+
+    file = tmp_path / "height.x3p"
+    x3pio.write(file, np.ones((1, 4, 5)), x_scale=0.027, y_scale=0.027)
+    with pytest.raises(InputError, match="27 mm per px; are its lengths in mm"):
+        read_height_file(file)

@@ -55,8 +55,8 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
     for wrong, message in (
         ({"known_um": None}, "a known step needs both: known=SCAN known_um=DEPTH"),
         ({"known": None}, "a known step needs both: known=SCAN known_um=DEPTH"),
-        ({"scale": (1.1, 0.01)}, "known: a known step tells the scale: give known= or scale="),
-        ({"known_um": (60, 0.2)}, "/known: its step is 13. um deep, not 60: check known_um="),
+        ({"scale": (1.1, 0.01)}, "known: a known step tells the scale: give known or scale"),
+        ({"known_um": (60, 0.2)}, "/known: its step is 13. um deep, not 60: check known_um"),
         ({"known_crop": (0, 0, 40, 20)}, "/known: .* show a groove or ridge|/known: its step is"),
         ({"known_crop": (0, 0, 99, 20)}, "/known has only 96 x 64 pixels"),
     ):

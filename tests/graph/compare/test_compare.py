@@ -27,10 +27,10 @@ nodes:
   score:  {op: watched, in: {image: more, truth: frames.truth}}
 outputs: {score: score}
 """
-VARIANT = "format: 1\nextends: first.yaml\npatch: [{set: frames, with: {count: 2}}]"
-FAILING = (
-    "format: 1\nextends: first.yaml\npatch: [{replace: more, op: failing, in: {image: light}}]"
-)
+# The toy source reads no capture, so a variant has to state it: params that no node takes are gone.
+EXTENDED = "format: 1\nextends: first.yaml\nparams: {capture: {kind: text}}\n"
+VARIANT = EXTENDED + "patch: [{set: frames, with: {count: 2}}]"
+FAILING = EXTENDED + "patch: [{replace: more, op: failing, in: {image: light}}]"
 
 
 @dataclass

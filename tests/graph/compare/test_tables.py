@@ -51,10 +51,15 @@ def test_repeats_are_one_line() -> None:
     assert second.figures["error"].count == 1
 
 
-@pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1", "trust"])
+@pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1"])
 def test_figures_that_should_be_high(name: str) -> None:
     assert what_is_better(name) == "higher"
     assert what_is_better("rmse_px") == "nearer to zero"
+
+
+def test_a_verdict_on_the_input_is_no_score() -> None:
+    lines = make_lines([row("x", trust=0.97, check_rest=0.1), row("y", trust=0.4, check_rest=0.9)])
+    assert not any(is_best(x, name, lines) for x in lines for name in ("trust", "check_rest"))
 
 
 def test_the_best_is_sought_within_a_capture() -> None:

@@ -201,7 +201,7 @@ def test_a_variant_of_a_file_lies_over_another_graph(write: Write) -> None:
 
 
 def test_a_variant_with_a_base_lies_over_no_other_graph(write: Write) -> None:
-    with pytest.raises(InputError, match=r"variants.oneshot.base: a graph of its own"):
+    with pytest.raises(InputError, match=r"variants.oneshot.base: a whole graph"):
         with_overlays(read_graph("live"), ["replay_oneshot"])
 
 
@@ -276,7 +276,7 @@ def test_a_group_comes_from_a_file_and_is_changed_where_it_is_used(write: Write)
         ("outputs: {height: raw}", "outputs: {height: row}", "round.group.yaml:8:11: outputs.hei"),
         ("{set: slope", "{set: slpoe", "graph.yaml:9:9: groups.other.patch[0]: set: the group"),
         ("round.group.yaml}", "other.group.yaml}", "graph.yaml:5:11: groups.plain.extends: "),
-        ("round.group.yaml}", "round}", "groups.plain.extends: 'round' is no file of a group"),
+        ("round.group.yaml}", "round}", "groups.plain.extends: 'round' is not the file of a group"),
         ("round.group.yaml}", "round.group.yaml, nodes: {}}", "groups.plain.nodes: unknown key"),
     ],
 )
@@ -332,7 +332,7 @@ def test_what_shows_a_stream_fits_every_live_graph(graph: str, overlay: str) -> 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "live", "replay", "ros2", "record"])
 def test_the_drift_is_followed_in_every_graph_of_flashed_lights(graph: str) -> None:
     followed = with_overlays(read_graph(graph), ["follow_drift"])
-    assert followed.nodes["drift_2"].inputs["before"] == "previous.drift_2"
+    assert followed.entry("drift_2").inputs["before"] == "previous.relight.drift_2"
     make_plan(*_to_plan(followed), device=None)
 
 
@@ -340,7 +340,7 @@ def test_the_drift_is_followed_in_every_graph_of_flashed_lights(graph: str) -> N
 def test_a_source_fits_both_kinds_of_sensor(overlay: str) -> None:
     flashed = with_overlays(read_graph("reconstruct"), [overlay])
     colours = with_overlays(read_graph("gelsight_mini"), [overlay])
-    assert flashed.nodes["frames"].op == colours.nodes["frames"].op != "read_capture"
+    assert flashed.entry("frames").op == colours.entry("frames").op != "read_capture"
 
 
 def _to_plan(graph: Graph) -> tuple[Graph, dict[str, object]]:

@@ -293,7 +293,9 @@ def test_a_small_file_does_not_become_a_graph_without_end(depth: int) -> None:
 
 def test_groups_lie_in_one_another_as_deep_as_anybody_needs_but_not_deeper() -> None:
     assert len(read_graph(nested(50, times=1)).nodes) == 2
-    with pytest.raises(GraphError, match=r"groups.g151.nodes.u0.group: more than 50 groups lie in"):
+    with pytest.raises(
+        GraphError, match=r"groups.g151.nodes.u0.group: groups are nested more than 50 deep"
+    ):
         read_graph(nested(200, times=1))
 
 

@@ -22,10 +22,10 @@ def changed(graph: Graph, name: str, **what: Any) -> Graph:
 def test_only_what_differs_is_written() -> None:
     base = read_graph("paper")
     graph = changed(base, "shadow", settings={"threshold": 4.5})
-    graph = changed(graph, "raw", backend="numpy")
+    graph = changed(graph, "integrate.raw", backend="numpy")
     assert changes_between(base, graph, DEFAULTS) == [
         {"set": "shadow", "with": {"threshold": 4.5}},
-        {"backend": "raw", "to": "numpy"},
+        {"backend": "integrate.raw", "to": "numpy"},
     ]
     same = changed(base, "shadow", settings={"threshold": 3.0})
     assert changes_between(base, same, DEFAULTS) == []
@@ -47,18 +47,21 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
 def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
     base = read_graph("reconstruct")
     graph = base
-    for name in uses_of(base, "pass"):
+    for name in uses_of(base, "rough_pass"):
         settings = {**base.nodes[f"{name}.label"].settings, "dark": 0}
         graph = changed(graph, f"{name}.label", settings=settings)
-    graph = changed(graph, "pass_2.bounce", neutral=True)
+    graph = changed(graph, "rough.2.bounce", neutral=True)
     changes = changes_between(base, graph, {})
-    assert changes == [{"set": "pass.label", "with": {"dark": 0}}, {"neutral": "pass_2.bounce"}]
+    assert changes == [
+        {"set": "rough_pass.label", "with": {"dark": 0}},
+        {"neutral": "rough.2.bounce"},
+    ]
     saved = write_variant(tmp_path / "v.yaml", "reconstruct", changes, "lit")
     assert saved.nodes == graph.nodes
-    graph = changed(graph, "pass_3.label", settings={"steepest": 4.0, "dark": 1})
+    graph = changed(graph, "rough.3.label", settings={"steepest": 4.0, "dark": 1})
     assert [change.get("set") for change in changes_between(base, graph, {})][:2] == [
-        "pass_1.label",
-        "pass_2.label",
+        "rough.1.label",
+        "rough.2.label",
     ]
 
 

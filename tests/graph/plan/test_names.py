@@ -194,8 +194,8 @@ outputs: {{a: a}}
 
 def test_a_record_is_read_whole() -> None:
     draft = bound("paper", sinks=False)
-    reads = draft.tasks["coarse"].reads
-    assert reads["index.axes"] == Value("index", "axes")
+    reads = draft.tasks["look_up.coarse"].reads
+    assert reads["index.axes"] == Value("look_up.index", "axes")
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_a_node_that_gives_more_than_a_record_feeds_it() -> None:
     """A calibration holds a film among other things."""
     draft = bound("reconstruct", sinks=False)
     reads = draft.tasks["matt"].reads
-    assert reads["film.diffuse"] == Value("cal", "diffuse")
+    assert reads["film.diffuse"] == Value("take.cal", "diffuse")
     assert not any(name.startswith("film.flat.") or name == "film.lut_light" for name in reads)
 
 

@@ -98,9 +98,9 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     ("graph", "names"),
     [
         # It would keep the host from it, and the device is idle once the sizes are there.
-        ("precise", ("pass_1.mean", "rest", "pass_1.rises", "pass_1.raw")),
+        ("precise", ("first.pass.mean", "first.rest", "first.pass.rises", "first.pass.raw")),
         # The device checks the touch while the host looks for contacts.
-        ("reconstruct", ("download height.as_seen", "told", "contact")),
+        ("reconstruct", ("download height.as_seen", "judge.told", "measure.contact")),
     ],
     ids=["sizes are waited for after the host's own work", "the touch is checked meanwhile"],
 )

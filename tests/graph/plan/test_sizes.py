@@ -80,7 +80,7 @@ def test_a_size_that_a_node_does_not_take_is_refused_unless_it_is_taken_out() ->
         plan = planned(name)
         message = r"shadow: K = 3: the shadow test needs 4 to 8 LEDs"
         with pytest.raises(InputError, match=message) if refused else nullcontext():
-            plan.sizes.bind({}, plan.tasks["frames"], "image", (3, 4, 5))
+            plan.sizes.bind({}, plan.tasks["take.frames"], "image", (3, 4, 5))
 
 
 def test_sizes_of_a_node_are_known_as_soon_as_its_sources_have_spoken(write: Write) -> None:

@@ -126,9 +126,9 @@ def test_a_function_called_by_itself_names_its_own_arguments() -> None:
         ("calibrate", "film", "dark", "dark="),
         ("calibrate", "rest_taken", "smooth_px", "--set rest_taken.smooth_px="),
         ("calibrate_camera", "fit", "marks.pattern", "pattern="),
-        ("reconstruct", "sigma", "noise", "calibration="),
-        ("reconstruct", "sigma", "image", "capture="),
-        ("reconstruct", "sigma", "nothing", None),
+        ("reconstruct", "take.sigma", "noise", "calibration="),
+        ("reconstruct", "take.sigma", "image", "capture="),
+        ("reconstruct", "take.sigma", "nothing", None),
     ],
 )
 def test_what_feeds_nodes_of_shipped_graphs(

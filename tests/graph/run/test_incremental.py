@@ -290,7 +290,7 @@ def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     graph, cache = read_graph("reconstruct"), Cache(megabytes=64)
     pipeline = open_pipeline(graph, given, sinks=False, cache=cache)
     next(pipeline.items())
-    for node, settings in (("level", {"degree": 1}), ("pass_2.label", {"steepest": 3.0})):
+    for node, settings in (("level", {"degree": 1}), ("rough.2.label", {"steepest": 3.0})):
         pipeline.set(node, **settings)
         found = pipeline.again()
     expected = next(open_pipeline(pipeline.plan.graph, given, sinks=False).items())

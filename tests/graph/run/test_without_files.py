@@ -169,7 +169,7 @@ def test_names_of_own_nodes_are_their_own() -> None:
         load(data(), nodes=[flat_field])
     with pytest.raises(InputError, match="two are called 'brightened'"):
         load(data(), nodes=[brightened, brightened])
-    with pytest.raises(InputError, match="is no node; decorate"):
+    with pytest.raises(InputError, match="is not a node; decorate"):
         load(data(), nodes=[len])  # type: ignore[list-item]
     with pytest.raises(GraphError, match="no node is called 'brightened'"):
         load(data())

@@ -1,8 +1,6 @@
-"""Pictures of a plan: DOT, Mermaid and SVG."""
+"""Pictures of a plan: Mermaid and SVG."""
 
 import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from typing import NamedTuple, Self
 from xml.etree import ElementTree
@@ -15,8 +13,8 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.show.draw_mermaid import to_mermaid
 from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.draw_text import to_dot, to_mermaid
 from tactograph.graph.show.sketch import Edge, Sketch, fold
 from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
@@ -36,11 +34,11 @@ def folded(plan: Plan) -> Sketch:
 
 def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
-    dot, mermaid = to_dot(every_step(plan)), to_mermaid(every_step(plan))
+    mermaid = to_mermaid(every_step(plan))
     assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
     for step in plan.steps:
-        assert dot.count(f'\n  "{step.name}" [label=') == 1
-    assert dot.count(" -> ") == mermaid.count(" -->|") == len(edges(plan))
+        assert mermaid.count(f'"{step.name}<br/>') == 1
+    assert mermaid.count(" -->|") == len(edges(plan))
 
 
 def grouped() -> Plan:
@@ -66,19 +64,6 @@ def grouped() -> Plan:
 
 def test_the_nodes_of_a_use_are_drawn_together() -> None:
     plan = grouped()
-    assert [
-        line.split(" [")[0].strip() for line in to_dot(every_step(plan)).splitlines()[3:12]
-    ] == [
-        '"shape"',
-        '"ball"',
-        'subgraph "cluster_use" { label="use"; color="#999999"; fontsize=10;',
-        '"use.b"',
-        'subgraph "cluster_use.a" { label="use.a"; color="#999999"; fontsize=10;',
-        '"use.a.n"',
-        "}",
-        "}",
-        '"shape" -> "ball"',
-    ]
     mermaid = to_mermaid(every_step(plan))
     assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
         ('use_use["use"]', ""), ('use_use_a["use.a"]', ""), ("", "end"), ("", "end"),
@@ -95,9 +80,10 @@ def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None
 
 
 def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
-    dot = to_dot(folded(planned(write(SLOPES), device)))
-    colours = set(re.findall(r'fillcolor="(#\w+)"', dot))
-    assert len(colours) == 2
+    mermaid = to_mermaid(folded(planned(write(SLOPES), device)))
+    used = {*re.findall(r":::(\w+)", mermaid)}
+    colours = dict(re.findall(r"classDef (\w+) fill:(#\w+)", mermaid))
+    assert len({colours[backend] for backend in used}) == 2
 
 
 @pytest.mark.parametrize("name", shipped_names())
@@ -105,19 +91,6 @@ def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
     steps = {step.name for step in plan.steps}
     assert all({a, b} <= steps for a, b, _ in edges(plan))
-
-
-@pytest.mark.parametrize("name", ['we"ird.yaml', "back\\slash.yaml", "two words.yaml"])
-def test_the_name_of_the_file_breaks_no_quotes(write: Write, name: str) -> None:
-    first = to_dot(folded(planned(write(SLOPES, name), None))).splitlines()[0]
-    assert re.fullmatch(r'digraph "(?:[^"\\]|\\.)*" \{', first)
-
-
-@pytest.mark.skipif(shutil.which("dot") is None, reason="graphviz is not here")
-def test_graphviz_takes_the_dot_file(device: OpenCL) -> None:
-    dot = to_dot(folded(planned("paper", device)))
-    done = subprocess.run(["dot", "-Tsvg"], input=dot, capture_output=True, text=True, check=True)
-    assert "<svg" in done.stdout
 
 
 class Box(NamedTuple):
@@ -149,23 +122,37 @@ def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> Non
 def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     boxes = {box.name: box for box in folded(plan).boxes}
-    assert boxes["pass_1"].label == "pass: 6 nodes"
+    assert boxes["rough"].label == "4 x rough_pass: 31 nodes"
     assert not [name for name in boxes if "." in name]
     assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
-    outside = [name for name in plan.tasks if "." not in name]
-    assert boxes.keys() == {*outside, *plan.graph.uses}
+    assert boxes.keys() == {name.partition(".")[0] for name in plan.tasks}
     for drawn_as in (
-        to_dot(folded(plan)),
         to_mermaid(folded(plan)),
         to_svg(folded(plan)),
     ):
-        assert "pass: 6 nodes" in drawn_as
+        assert "4 x rough_pass: 31 nodes" in drawn_as
 
 
 def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
-    names = [box.name for box in folded(planned("precise", device)).boxes]
-    assert "pass_1" not in names
-    assert {"pass_1.label", "gloss", "pass_2"} <= {*names}
+    flat = {"op": "rest_at_border", "in": {"height": "height"}}
+    last = {"op": "rest_at_border", "in": {"height": "more"}}
+    group = {"inputs": {"height": {}, "more": {}}, "nodes": {"first": flat, "last": last}}
+    nodes = {
+        "ball": {"op": "shape_ball", "with": {"radius_mm": 5.0}},
+        "use": {"group": "two", "in": {"height": "ball.height", "more": "between"}},
+        "between": {"op": "rest_at_border", "in": {"height": "use.first"}},
+    }
+    graph = {"format": 1, "groups": {"two": group}, "nodes": nodes}
+    plan = make_plan(read_graph({**graph, "outputs": {"h": "use.last"}}), {}, device=device)
+    names = [box.name for box in folded(plan).boxes]
+    assert names == ["ball", "use.first", "between", "use.last"]
+
+
+def test_an_opened_use_shows_the_uses_in_it(device: OpenCL) -> None:
+    sketch = sketch_of(planned("reconstruct", device))
+    names = {box.name for box in fold(sketch, ["rough", "rough.2"]).boxes}
+    assert {"take", "rough.1", "rough.2.label", "rough.4"} <= names
+    assert not {"rough", "rough.2", "rough.1.label"} & names
 
 
 @pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
@@ -192,8 +179,8 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
 
 def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
-    svg = to_svg(folded(plan), {"pass_1.label": 2.0, "pass_1.slope": 1.0, "label": 8.0})
-    assert "pass: 6 nodes, 3 ms" in svg
+    svg = to_svg(folded(plan), {"rough.1.label": 2.0, "rough.2.matt": 1.0, "label": 8.0})
+    assert "4 x rough_pass: 31 nodes, 3 ms" in svg
     assert "label_lights, 8 ms" in svg
 
 

@@ -180,7 +180,7 @@ def say(file: Path, **about) -> None:
 SPOIL = {
     "there is no such calibration": lambda f: f.unlink(),
     "damaged": lambda f: f.write_bytes(f.read_bytes()[:500]),
-    "the calibration is": lambda f: f.write_bytes(b""),
+    "this calibration cannot be used": lambda f: f.write_bytes(b""),
     "it holds a pickle": lambda f: np.savez(f, about=np.array([{}], dtype=object)),
     "not a calibration": lambda f: np.savez(f, height=np.zeros(3)),
     "calibration format 99": lambda f: change(

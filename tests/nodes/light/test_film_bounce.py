@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate.film.balls_on_film import ball_height
+from tactograph.nodes.calibrate.ball.ball_surface import ball_height
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.coat import let_in
 from tactograph.nodes.optics.film import matt_film

@@ -6,6 +6,7 @@ from hypothesis import given, settings, strategies as st
 
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.files.flat_graph import split_reference
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.nodes import F4
 from tactograph.nodes.error.error_as_seen import error_as_seen
@@ -124,7 +125,7 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
     nodes = read_graph(name).nodes
     for entry in nodes.values():
         if entry.op == "as_seen":
-            maker, _, port = entry.inputs["height"].partition(".")
+            maker, port = split_reference(entry.inputs["height"], nodes)
             made = find_node(nodes[maker].op)
             assert made.outputs[port or made.name].port.low < 0, entry.inputs
 

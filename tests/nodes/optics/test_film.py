@@ -123,7 +123,7 @@ def test_light_changes_with_the_normal_as_its_derivatives_say(name: str) -> None
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     place = X, Y, Z
     lit = predict(film, N, *place) > film.diffuse[:, None] + 0.05
-    found = _changes(film, N, tangents, place, rest_below(film, *place))
+    found = _changes(film, N, tangents, place, rest_below(film, *place), Z)
     for along, change in zip(tangents, found, strict=True):
         before, after = (
             predict(film, n / np.linalg.norm(n, axis=0), *place)

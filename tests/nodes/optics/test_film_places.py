@@ -88,7 +88,7 @@ def test_a_film_that_reaches_the_camera_is_refused() -> None:
         lambda: film_places(high, None, CAMERA),
         lambda: on_even_grid(high, [], None, CAMERA),
     ):
-        with pytest.raises(InputError, match="pupil is 65 mm above it; check camera_mm"):
+        with pytest.raises(InputError, match="pupil is 65 mm above it; check its height"):
             call()
 
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from tactograph.graph import InputError
-from tactograph.nodes.simulate import shape_mesh as module
+from tactograph.nodes.files import mesh_file as module
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_mesh import shape_mesh
 

@@ -20,8 +20,8 @@ BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""
 MAX_LATENCY_S = 5.0
 """Upper end of the last bin, which also counts longer latencies."""
-MIN_TRUST = 0.5
-"""Heights with less trust count as doubtful."""
+MIN_TRUST = 0.01
+"""Heights with less trust count as doubtful, as `judge_touch` has it."""
 WARM_UP_S = 2.0
 """Time left out at the start, in which kernels are compiled and caches filled."""
 
@@ -178,7 +178,7 @@ class Statistics:
             turn = np.hypot.reduce([self._contact[f"pose_turn_{axis}_deg"] for axis in "xyz"])
             parts.append(f"moved {way} mm, turned {turn:.1f} deg")
         if self._contact.get("trust", 1.0) < MIN_TRUST:
-            parts.append(f"doubtful (trust {self._contact['trust']:.2f})")
+            parts.append(f"doubtful (trust {self._contact['trust']:.2g})")
         faults = sum(self._state.faults.values())
         parts += [f"{self._state.dropped} dropped", f"{faults} faults"]
         parts.append(f"{figures['memory_mib']:.0f} MiB")

@@ -61,7 +61,7 @@ def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
 
 def test_doubtful_heights_are_counted_and_told(capsys: pytest.CaptureFixture[str]) -> None:
     statistics, unjudged = Statistics(every_s=1e-9), Statistics()
-    for trust in (0.94, 0.13, 0.5, 0.07, 0.9):  # the first begins the time between two lines
+    for trust in (0.94, 0.003, 0.5, 0.007, 0.9):  # the first begins the time between two lines
         judged = {"contacts": 0.0, "trust": trust}
         statistics.take(STILL, time.monotonic(), LiveState(), None, contact=judged)
     assert statistics.figures()["doubtful_percent"] == 40

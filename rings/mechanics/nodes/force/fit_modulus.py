@@ -16,7 +16,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
 from tactograph.sdk.nodes import find_contact
-from tactograph.sdk.unstable import MAX_CONTACTS
+from tactograph.sdk.unstable import MAX_CONTACTS, refuse_view
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""
@@ -122,6 +122,7 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
         )
     presses = []
     for folder in folders:
+        refuse_view(folder / "height.tiff")
         one = read_height_file(folder / "height.tiff")
         if one.pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")

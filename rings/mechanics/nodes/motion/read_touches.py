@@ -28,6 +28,7 @@ from tactograph.sdk.unstable import (
     PRESS_CALIBRATION,
     check_heights,
     is_of_kind,
+    refuse_view,
     warning_kind,
 )
 
@@ -100,6 +101,8 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
     results = [every[n] for n in _spread(len(every), most, folder, advice)]
     files = [result / "height.npy" for result in results]
+    for file in files:
+        refuse_view(file)
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, height, size in zip(results, heights, pixels, strict=True):

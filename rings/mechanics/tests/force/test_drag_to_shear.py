@@ -144,7 +144,7 @@ def test_a_contact_of_fewer_than_two_markers_has_no_figures() -> None:
 @pytest.mark.parametrize("graph", ["reconstruct_markers", "live_markers", "gelsight_mini_markers"])
 def test_the_overlay_fits_films_with_markers(graph: str) -> None:
     sheared = with_overlays(read_graph(graph), ["force", "shear"])
-    assert "shear" in sheared.nodes["figures"].inputs
+    assert "shear" in sheared.nodes[sheared.in_full("figures")].inputs
 
 
 @pytest.mark.parametrize(
@@ -154,4 +154,4 @@ def test_a_grip_has_slip_and_forces_under_the_same_numbers(graph: str) -> None:
     grip = with_overlays(read_graph(graph), ["grip"])
     names = {grip.nodes[node].inputs["contact"] for node in ("slip", "force", "shear")}
     assert names == {"follow.contact"}
-    assert {"slip", "force", "shear", "pose"} <= {*grip.nodes["figures"].inputs}
+    assert {"slip", "force", "shear", "pose"} <= {*grip.nodes[grip.in_full("figures")].inputs}

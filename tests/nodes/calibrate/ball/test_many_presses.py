@@ -143,8 +143,8 @@ def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
     ("given", "why"),
     [
         ({}, r"one: the ball's radius is not known; give `radius_mm`"),
-        ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but ball_radius_mm names 3 radii"),
-        ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "ball_center_px and ball_contact_px are for"),
+        ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but `radius_mm` has 3 radii"),
+        ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "`center_px` and `contact_px` are for"),
     ],
 )
 def test_balls_that_do_not_fit_the_presses_are_refused(tmp_path: Path, given, why: str) -> None:

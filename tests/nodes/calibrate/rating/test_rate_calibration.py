@@ -89,10 +89,20 @@ def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
 FAR_AWAY = LIGHTS * np.float32(1e4)
 
 
+OTHER_RADIUS = Judged({}, ["another radius explains the light better"])
+
+
 @pytest.mark.parametrize(("size", "found"), [(1.0, "800"), (1e-6, "0.0008")])
-def test_leds_at_infinity_are_blamed_on_the_radius_and_refused(size: float, found: str) -> None:
+def test_leds_at_infinity_are_blamed_on_a_radius_that_is_doubted(size: float, found: str) -> None:
+    given = {"pixel": 3.0 * size, "albedo": 0.0}
     with pytest.raises(InputError, match=f"LED 1 is found {found} m from the film.*ball's radius"):
-        told(GOOD, FAR_AWAY * np.float32(size), pixel=3.0 * size, albedo=0.0)
+        told(GOOD, FAR_AWAY * np.float32(size), radius=OTHER_RADIUS, **given)
+    with pytest.raises(InputError, match="m from the film"):
+        told(POOR, FAR_AWAY * np.float32(size), **given)
+
+
+def test_parallel_light_that_explains_the_ball_is_lawful() -> None:
+    assert not told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0)
 
 
 def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
@@ -101,8 +111,8 @@ def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> 
 
 
 def test_what_is_forced_is_doubtful() -> None:
-    (note,) = told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True)
-    assert "LED 1 is found 800 m from the film" in note
+    notes = told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True, radius=OTHER_RADIUS)
+    assert "LED 1 is found 800 m from the film" in notes[-1]
 
 
 def test_a_large_held_out_error_leads() -> None:

@@ -1,0 +1,90 @@
+"""Print the numbers that remain in the rooms that judge, each with its reason: `docs/constants.md`.
+
+python benchmarks/constants.py [--write]
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "constants.md"
+ROOMS = {
+    "The trust in a touch": ("nodes/trust/*.py",),
+    "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
+    "Stated errors": ("nodes/error/*.py",),
+    "Doubts of a calibration": ("nodes/**/judge_*.py", "rings/*/nodes/**/judge_*.py"),
+    "The fit of a film": ("nodes/calibrate/film/*.py",),
+}
+HEAD = """# Numbers that are set
+
+Physics, the statistics of a sensor's own presses, and touches that are drawn from its calibration
+give nearly all that judges. What is set by hand in the rooms that judge stands here, with its
+reason. `python benchmarks/constants.py --write` makes this page of the code.
+"""
+
+
+COLUMNS = "| constant | value | reason |\n| --- | --- | --- |\n"
+
+
+class Constant(NamedTuple):
+    """Names, the value as it is written, how many numbers that holds, and the reason."""
+
+    names: str
+    value: str
+    numbers: int
+    reason: str
+
+
+def constants(file: Path) -> Iterator[Constant]:
+    """The constants of a file that hold numbers; the next docstring below is the reason."""
+    body = ast.parse(file.read_text()).body
+    for place, statement in enumerate(body):
+        if not isinstance(statement, ast.Assign | ast.AnnAssign) or statement.value is None:
+            continue
+        targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+        named = [each.id for each in ast.walk(ast.Tuple(targets)) if isinstance(each, ast.Name)]
+        held = [each for each in ast.walk(statement.value) if is_number(each)]
+        if not held or not all(name.isupper() for name in named):
+            continue
+        said = next((text for each in body[place + 1 :] if (text := docstring(each))), "")
+        value = " ".join(ast.unparse(statement.value).split())
+        yield Constant(", ".join(named), value, len(held), " ".join(said.split()))
+
+
+def is_number(node: ast.AST) -> bool:
+    number = isinstance(node, ast.Constant) and isinstance(node.value, int | float)
+    return number and not isinstance(node.value, bool)
+
+
+def docstring(statement: ast.stmt) -> str:
+    if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
+        return str(statement.value.value)
+    return ""
+
+
+def page() -> str:
+    """The whole page."""
+    parts, seen = [HEAD], set[Path]()
+    for title, patterns in ROOMS.items():
+        files = sorted({file for each in patterns for file in ROOT.glob(each)} - seen)
+        seen |= {*files}
+        rows = [(file, each) for file in files for each in constants(file)]
+        count = sum(each.numbers for _, each in rows)
+        parts.append(f"\n## {title}: {count}\n\n{COLUMNS}")
+        for file, (names, value, _, reason) in rows:
+            shown = value if len(value) < 60 else f"{value[:57]}..."
+            cells = (f"`{names}` in `{file.relative_to(ROOT)}`", f"`{shown}`", reason)
+            parts.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
+    return "".join(parts)
+
+
+if __name__ == "__main__":
+    if "--write" in sys.argv:
+        PAGE.write_text(page())
+    else:
+        print(page(), end="")

@@ -1,0 +1,61 @@
+"""Iteration: a group used several times in a row, each turn given what the one before made.
+
+``rough: {group: pass, repeat: 4, carry: {height: height}}`` is four uses, ``rough.1`` to
+``rough.4``, in a group of their own, so that all that holds of uses holds of turns.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tactograph.graph.declare.ports import CONDITION_INPUT
+from tactograph.graph.disk.strict_yaml import Place
+from tactograph.graph.errors import GraphError
+from tactograph.graph.files.flat_graph import Graph, Group, Param, Use
+
+Turns = Sequence[Mapping[str, Any]]
+"""What each turn is given, beside what all are given."""
+
+
+def in_turns(use: Use, turns: Turns | None, carry: Mapping[str, str] | None) -> Use:
+    """The use as it is, or of all turns if it is to be repeated.
+
+    `carry` names, by input of a turn, the output of the one before that it reads.
+
+    Raises GraphError if one of both is missing.
+    """
+    if not turns and not carry:
+        return use
+    if not turns or not carry:
+        stated, missing = ("repeat", "carry") if turns else ("carry", "repeat")
+        raise GraphError(f"{use.where(stated)}: '{stated}' needs '{missing}'")
+    name = f"{len(turns)} x {use.group}"
+    given = {each: each for each in use.inputs if each != CONDITION_INPUT}
+    values = [{**use.settings, **turn} for turn in turns]
+    passed = {v[1:] for turn in values for v in turn.values() if _is_param(v)}
+    uses: dict[str, Use] = {}
+    for index, settings in enumerate(values):
+        carried = {port: f"{index}.{made}" for port, made in carry.items()} if index else {}
+        places = _of_turn(use.places, index, turns[index], carried)
+        uses[str(index + 1)] = Use(use.group, {**given, **carried}, settings, places)
+    params = {each: Param("") for each in passed}
+    body = Graph(name, "", params, (), {}, {}, places=use.places, uses=uses)
+    return replace(
+        use,
+        group=name,
+        settings={each: f"${each}" for each in passed},
+        turns=Group({each: Param("") for each in given}, body),
+    )
+
+
+def _is_param(value: Any) -> bool:
+    return isinstance(value, str) and value.startswith("$")
+
+
+def _of_turn(
+    places: Mapping[str, Place], index: int, turn: Mapping[str, Any], carried: Mapping[str, str]
+) -> dict[str, Place]:
+    """Places of a turn's keys, as of a use of its own."""
+    own = {f"with.{key}": f"repeat[{index}].{key}" for key in turn}
+    own |= {f"in.{port}": f"carry.{port}" for port in carried}
+    return {**places, **{key: places.get(at, places[""]) for key, at in own.items()}}

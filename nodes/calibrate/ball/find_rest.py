@@ -1,0 +1,304 @@
+"""Find the film at rest, where it is no plane, from presses at several places.
+
+Long because it searches for a bend, fits it together with LEDs and balls, and says how sure it is.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.graph import InputError, Port, node
+from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
+from tactograph.nodes.calibrate.ball._ball_search import Circle
+from tactograph.nodes.calibrate.ball.find_ball import refined
+from tactograph.nodes.calibrate.ball.find_balls import find_balls
+from tactograph.nodes.calibrate.lights.light_fit import (
+    Placed,
+    all_residuals,
+    huber,
+    huber_weight,
+    jacobian_of,
+    place_leds,
+)
+from tactograph.nodes.calibrate.lights.light_samples import Object, Press, Rest, rest_of, sample
+from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
+from tactograph.nodes.calibrate.tables.label_lit import label_lit
+from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
+"""Bends that the search tries: half the diagonal of the frame over the radius."""
+BEND_STEP = 0.01
+"""Step of bend, by half the diagonal, and of slope for derivatives."""
+FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-3
+"""Most rounds of least squares, and the relative gain of the cost below which they end."""
+MAX_SAMPLES = 1500
+"""Samples of each ball."""
+SAMPLED_SHARE = 0.8
+"""Share of a contact's radius whose pixels are samples, whatever the film's shape."""
+INDEPENDENT_SAMPLES = 200
+"""Most independent samples that a ball, or the flat frame under an LED, counts as, because what a
+model leaves is smooth."""
+MIN_PRESSES = 2
+"""Fewest presses that tell of a bend."""
+MAX_SLANT = 0.98
+"""Largest sine of the film's slant."""
+
+
+class Bend(NamedTuple):
+    """A film's curvatures xx, xy, yy in 1/mm and slopes x, y in the middle; their covariance."""
+
+    unknowns: F8
+    covariance: F8
+    cost: float
+    samples: float
+    """Independent samples that tell of it."""
+
+
+class FoundRest(NamedTuple):
+    """The film at rest: its height at the camera's resolution, its shape, and figures."""
+
+    height: Annotated[F4, Port("R C", "mm", low=-1, high=5)] | None
+    shape: RestShape | None
+    quality: Metrics
+
+
+class _Trial(NamedTuple):
+    """Balls and LEDs on a film of some shape."""
+
+    circles: list[Circle]
+    objects: list[Object]
+    rest: Rest | None
+    placed: Placed
+
+
+class _Presses(NamedTuple):
+    """What the search looks at: presses of one ball each, K x H x W, and the film at rest."""
+
+    light: list[F4]
+    flat: F4
+    circles: list[Circle]
+    radii: list[float]
+    pixel: float
+    camera: float
+
+    @property
+    def half(self) -> float:
+        """Half the diagonal of the frame in mm."""
+        return float(np.hypot(*self.flat.shape[1:])) * self.pixel / 2
+
+    def shape(self, unknowns: F8) -> RestShape:
+        size = self.flat.shape[1], self.flat.shape[2]
+        return bent(size, self.pixel, self.camera, unknowns)
+
+
+@node
+def find_rest(
+    light: SheetLight,
+    flat: Light,
+    even: Annotated[F4, Port("K R C", "1")],
+    radius: Radii,
+    known: KnownCircles,
+    names: list[str],
+    pixel: PixelSize,
+    even_pixel: PixelSize,
+    factor: int,
+    given: RestShape | None = None,
+    *,
+    rest: Path | None = None,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+) -> FoundRest:
+    """Return the film's shape at rest as given, or, where ``rest=find`` asks for it, as found.
+
+    Parameters
+    ----------
+    light, flat : K x S x W presses relative to the film at rest, and K x H x W
+    even : K x R x C, the film at rest at the camera's resolution
+    radius, known, names : of the presses, as for `find_balls`
+    pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
+    factor : pixels of `even` along a pixel of `flat`
+    given : as `read_rest` returns it
+    rest : ``find`` searches for a bend (`find_bend`)
+    camera_mm : height of the pupil above height 0
+
+    Returns
+    -------
+    The height R x C in mm that each pixel sees, and the shape on the pixels of `flat`; None for a
+    plane.  Where it was found, ``rest_radius_x_mm`` and ``rest_radius_y_mm``, and how well the
+    film's height is known, ``rest_deviation_um``, root mean square over the frame.
+
+    Raises
+    ------
+    InputError
+        If fewer than two presses show a ball.
+    """
+    if given is not None or not wants_search(rest):
+        shape = None if given is None else given.binned(factor)
+        return FoundRest(None if given is None else given.height, shape, {})
+    ball = find_balls(light, flat, radius, known, names, pixel)
+    if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
+        raise InputError(
+            f"`rest`=find needs presses at {MIN_PRESSES} places or more: one in the middle, "
+            "others near the border"
+        )
+    camera = 0.0 if camera_mm is None else 1 / camera_mm
+    bend, _ = find_bend(light, flat, ball.circle, ball.radius, ball.of, pixel, camera)
+    size = even.shape[1], even.shape[2]
+    whole = bent(size, even_pixel, camera, bend.unknowns)
+    deviation = _deviation(bend, flat.shape[1:], pixel)
+    figures = {"rest_deviation_um": UM_PER_MM * deviation}
+    for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
+        figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
+    return FoundRest(whole.height, whole.binned(factor), figures)
+
+
+def _deviation(bend: Bend, size: tuple[int, ...], pixel: float) -> float:
+    """Standard deviation of the film's height about its mean, root mean square over the frame."""
+    y, x = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
+    x, y = (part[::8].ravel() for part in np.broadcast_arrays(x[None], y[:, None]))
+    by = np.stack([x * x / 2, x * y, y * y / 2, x, y])
+    by -= by.mean(axis=1, keepdims=True)
+    return float(np.sqrt(np.einsum("an,ab,bn->n", by, bend.covariance, by).mean()))
+
+
+def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> RestShape:
+    """Return a film of the curvatures K and slopes g: x'Kx / (1 + sqrt(1 - |Kx|^2)) + g x.
+
+    A ball and a cylinder of any radius and axis are exact.
+    """
+    xx, xy, yy, gx, gy = unknowns
+
+    def height(x: F8, y: F8) -> F8:
+        kx, ky = xx * x + xy * y, xy * x + yy * y
+        level = np.sqrt(1 - np.minimum(kx * kx + ky * ky, MAX_SLANT**2))
+        return np.asarray((x * kx + y * ky) / (1 + level) + gx * x + gy * y)
+
+    return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
+
+
+def find_bend(
+    light: SheetLight,
+    flat: Light,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
+    pixel: float,
+    camera: float = 0.0,
+    only_ball: bool = False,
+) -> tuple[Bend, Bend]:
+    """Return the film's bend that explains balls and flat frame best, and none at all.
+
+    Near LEDs light the ball and the film at rest under it from known directions.  So the light of a
+    ball, relative to the film at rest, tells how that slopes under each contact, where the ball
+    leaves the film tells how high it is, and the flat frame ties the places together.  Several
+    bends are tried; then LEDs, balls and bend are fitted at once.
+
+    Parameters
+    ----------
+    light, flat : K x S x W presses relative to the film at rest, and K x H x W
+    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
+    pixel, camera : mm per px at height 0, one over the height of the pupil
+    only_ball : whether the film is a part of a ball, lowest or highest in the middle
+    """
+    sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
+    circles = [Circle(*map(float, circle[b])) for b in found]
+    given = _Presses(
+        [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
+    )
+    trials = []
+    for bend in TRIED_BENDS:
+        k = bend / given.half
+        trial = _placed(given, np.array([k, 0, k, 0, 0]), None)
+        trials.append((_cost(trial), k, trial))
+    plane = Bend(np.zeros(5), np.zeros((5, 5)), trials[0][0], _independent(trials[0][2]))
+    _, k, trial = min(trials, key=lambda each: each[0])
+    return _fitted(given, np.array([k, 0, k, 0, 0]), trial, only_ball), plane
+
+
+def _fitted(given: _Presses, unknowns: F8, trial: _Trial, only_ball: bool) -> Bend:
+    """Least squares of bend, LEDs and balls together."""
+    unit = np.array([1, 1, 1, 0, 0]) / given.half + np.array([0, 0, 0, 1, 1])
+    ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
+    cost = _cost(trial)
+    normal = np.eye(len(ways))
+    for _ in range(FIT_ROUNDS):
+        left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+        by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+        columns = []
+        for way in ways:
+            step = BEND_STEP * unit * way
+            other = _on(given, unknowns + step, trial)
+            after = all_residuals(other.objects, other.rest, trial.placed.leds, trial.placed.shifts)
+            columns.append((after - left) / BEND_STEP)
+        weight = huber_weight(left)
+        whole = np.column_stack([by, *columns])
+        scale = np.sqrt(np.maximum(np.square(whole).sum(axis=0), 1e-30))
+        whole = whole / scale
+        square = whole.T @ (whole * weight[:, None]) + 1e-6 * np.eye(len(scale))
+        change = -np.linalg.solve(square, whole.T @ (weight * left)) / scale
+        normal = (np.linalg.inv(square) / np.outer(scale, scale))[-len(ways) :, -len(ways) :]
+        moved = unknowns + unit * (change[-len(ways) :] @ ways)
+        tried = _placed(given, moved, trial)
+        now = _cost(tried)
+        if now > cost:
+            break
+        gain, cost, unknowns, trial = (cost - now) / cost, now, moved, tried
+        if gain < MIN_COST_GAIN:
+            break
+    spread = (unit * ways).T @ normal @ (unit * ways)
+    return Bend(unknowns, spread * _inflation(trial), cost, _independent(trial))
+
+
+def _inflation(trial: _Trial) -> float:
+    """The variance of a residual, times how many of them count as one."""
+    left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+    return float(np.square(left).mean() * max(left.size / _independent(trial), 1))
+
+
+def _independent(trial: _Trial) -> float:
+    lights = len(trial.placed.leds)
+    each = [min(there.light.shape[1], INDEPENDENT_SAMPLES) for there in trial.objects]
+    return lights * float(sum(each) + (INDEPENDENT_SAMPLES if trial.rest is not None else 0))
+
+
+def _cost(trial: _Trial) -> float:
+    """Huber's loss of a residual, on average."""
+    left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+    return huber(left) / left.size
+
+
+def _placed(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
+    """Balls found anew on a film, and LEDs placed."""
+    trial = _on(given, unknowns, before)
+    start = None if before is None else before.placed
+    width = given.pixel * given.flat.shape[2]
+    return trial._replace(placed=place_leds(trial.objects, trial.rest, width, start))
+
+
+def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
+    """Balls found anew on a film; their samples are the same pixels."""
+    shape = given.shape(unknowns)
+    circles, objects = [], []
+    seeds = given.circles if before is None else before.circles
+    for light, first, seed, radius in zip(
+        given.light, given.circles, seeds, given.radii, strict=True
+    ):
+        on = BallOnShape(shape, radius)
+        circle = refined(light, seed, radius / given.pixel, None, None, on, near=before is not None)
+        y, x = np.indices(light.shape[1:])
+        away = np.hypot(x - first.x, y - first.y)
+        near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
+        ball = on.known(circle, near)
+        press = Press(light, ball.slope, near, ball.height, label_lit(light))
+        circles.append(circle)
+        objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
+    rest = rest_of(given.flat, given.pixel, shape)
+    placed = before.placed if before is not None else None
+    return _Trial(circles, objects, rest, placed)  # type: ignore[arg-type]  # see `_placed`

@@ -1,0 +1,161 @@
+"""Surfaces that are touched and errors of a film's model, drawn by chance."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.slope.height_slopes import height_slopes
+
+FLANK_SLOPES = (0.05, 3.0)
+"""Slopes of an object's flanks, evenly drawn by their logarithms: from film that is as good as at
+rest (`slope_curl`) to the walls that a soft film still covers."""
+REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)
+"""Half an object's width over the image's shorter side; and a fold's over that."""
+SKIRT_SHARE = 0.1
+"""Width over which film leaves an object, over half the object's width."""
+LED_DRIFT, LED_DRIFT_ACROSS = 0.03, 0.01
+"""Standard deviations of an LED's drift since the flat frame, and of its change across the image:
+of LEDs that warm up."""
+HALF_WAY_BLUR = 0.6
+"""Blur of white noise over the distance at which it is half alike, 1 / (2 sqrt(ln 2))."""
+LEAN_SLOPE, LEAST_LEAN = 0.1, 0.3
+"""Slope from which on the model's error counts in full, and its share on level film (H3)."""
+Random = np.random.Generator
+Form = Callable[[Random, F4, F4, float], F4]
+
+
+class Doubts(NamedTuple):
+    """What a calibration leaves open, as its `Misfit` and `Film` have it."""
+
+    level: float
+    width_mm: float
+    light: float
+    uneven: float
+    contact_mm: float
+
+
+class Drawn(NamedTuple):
+    """A surface, the slopes that its light is that of, and the film at rest as LEDs light it."""
+
+    height: Height
+    slope: Slope
+    flat: Light
+
+
+def drawn(
+    rng: Random, number: int, flat: Light, pixel: float, doubts: Doubts, rigid: bool = False
+) -> Drawn:
+    """Return a touch: balls, edges, folds, grooves and dents, shallow and steep, in turn.
+
+    `rigid` objects stand on the film and have walls, which no film covers.
+    """
+    count, *size = flat.shape
+    height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
+    blur = HALF_WAY_BLUR * doubts.width_mm / pixel
+    slope = _leaning(height_slopes(height, pixel).slope, doubts.level * _field(rng, 2, size, blur))
+    errors = doubts.light * _field(rng, count, size, blur)
+    errors = errors + doubts.uneven * _field(rng, 1, size, blur)
+    touched = np.clip(height / np.float32(doubts.contact_mm), 0, 1)
+    gain = (1 + touched * errors) * _drift(rng, count, size)
+    return Drawn(height, slope, np.asarray(flat * gain, np.float32))
+
+
+def _surface(rng: Random, size: list[int], pixel: float, form: Form, rigid: bool) -> Height:
+    """The film over an object of any place and turn, H x W in mm."""
+    side = min(size) * pixel
+    middle = rng.uniform(-0.5, 0.5, 2) * np.array(size[::-1]) * pixel
+    turn = rng.uniform(0, 2 * np.pi)
+    half = side * rng.uniform(*REACH_SHARES)
+    flank = float(np.exp(rng.uniform(*np.log(FLANK_SLOPES))))
+    x, y = np.meshgrid(*(places(count, np.float32(pixel)) for count in size[::-1]))
+    across = (x - middle[0]) * np.cos(turn) + (y - middle[1]) * np.sin(turn)
+    along = (y - middle[1]) * np.cos(turn) - (x - middle[0]) * np.sin(turn)
+    above = flank * form(rng, across, along, half)
+    if rigid:
+        return np.where(above > 0, above + half * rng.uniform(0, 1), 0).astype(np.float32)
+    # Film leaves an object as a soft maximum of both does: it falls by exp(-d / skirt).
+    skirt = flank * SKIRT_SHARE * half
+    risen = skirt * np.logaddexp(0, above / skirt)
+    return cv2.GaussianBlur(risen.astype(np.float32), (0, 0), 1.0)
+
+
+def _ball(_: Random, x: F4, y: F4, half: float) -> F4:
+    """A ball whose flank is 1 where film leaves it; all forms are 0 there."""
+    away = np.hypot(x, y)
+    cap = np.sqrt(np.maximum(2 * half * half - away * away, half * half)) - half
+    return np.asarray(cap - np.maximum(away - half, 0))
+
+
+def _cone(_: Random, x: F4, y: F4, half: float) -> F4:
+    return np.asarray(half - np.hypot(x, y))
+
+
+def _edge(rng: Random, x: F4, y: F4, half: float) -> F4:
+    return np.asarray(half - np.maximum(np.abs(x), np.abs(y) * rng.uniform(*FOLD_SHARES)))
+
+
+def _plateau(rng: Random, x: F4, y: F4, half: float) -> F4:
+    return np.minimum(_edge(rng, x, y, half), half * rng.uniform(*FOLD_SHARES) / 2)
+
+
+def _groove(rng: Random, x: F4, y: F4, half: float) -> F4:
+    period = half * rng.uniform(*FOLD_SHARES)
+    ripple = period / (2 * np.pi) * np.cos(2 * np.pi * x / period)
+    return np.minimum(ripple, 2 * (half - np.maximum(np.abs(x), np.abs(y))))
+
+
+def _ridges(rng: Random, x: F4, y: F4, half: float) -> F4:
+    """Sharp ridges that end on a circle, as those of a thread or a file do."""
+    width = half * rng.uniform(*FOLD_SHARES) / 2
+    ridge = np.abs((x / width) % 2 - 1) * width
+    return np.where(np.hypot(x, y) < half, ridge, half - np.hypot(x, y))
+
+
+def _dents(rng: Random, x: F4, y: F4, half: float) -> F4:
+    places_of = rng.uniform(-1.5, 1.5, (3, 2)) * half
+    small = half * rng.uniform(*FOLD_SHARES) / 2
+    return np.asarray(np.max([_ball(rng, x - u, y - v, small) for u, v in places_of], axis=0))
+
+
+def _nothing(_: Random, x: F4, y: F4, half: float) -> F4:
+    return np.full(x.shape, -1e3 * half)
+
+
+OBJECT_FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents, _ridges, _nothing)
+
+
+def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:
+    """The slopes of normals that err: the more the steeper, as those of the film's model do."""
+    squared = (slope * slope).sum(axis=0)
+    error = error * np.clip(np.sqrt(squared) / LEAN_SLOPE, LEAST_LEAN, 1)
+    return np.asarray(slope + error + slope * (slope * error).sum(axis=0), np.float32)
+
+
+def _field(rng: Random, count: int, size: list[int], blur: float) -> NDArray[Any]:
+    """Fields of deviation 1, count x H x W, whose values are alike over `blur` pixels."""
+    blur = min(blur, max(size) / 2)
+    if blur < HALF_WAY_BLUR:
+        return rng.standard_normal((count, *size), np.float32)
+    # A smooth field needs no more than a value every half of its blur.
+    step = max(1.0, blur / 2)
+    wide, rim = blur / step, int(3 * blur / step) + 1
+    rows, columns = (int(np.ceil(side / step)) + 2 * rim for side in size)
+    white = rng.standard_normal((count, rows, columns), np.float32)
+    planes = [cv2.GaussianBlur(p, (0, 0), wide)[rim:-rim, rim:-rim] for p in white]
+    fine = [cv2.resize(p, size[::-1], interpolation=cv2.INTER_CUBIC) for p in planes]
+    return np.asarray(np.stack(fine) * (2 * np.sqrt(np.pi) * wide))
+
+
+def _drift(rng: Random, count: int, size: list[int]) -> NDArray[Any]:
+    """The LEDs' light over that of the flat frame; every other touch is as fresh as that."""
+    if rng.random() < 1 / 2:
+        return np.ones((count, 1, 1))
+    u, v = (np.linspace(-1, 1, n) * n / size[1] for n in size[::-1])
+    level = rng.normal(1, LED_DRIFT, (count, 1, 1))
+    east, south = rng.normal(0, LED_DRIFT_ACROSS, (2, count, 1, 1))
+    return np.asarray(level + east * u + south * v[:, None])

@@ -1,0 +1,57 @@
+"""Right touches of a calibrated sensor, drawn by chance: what its calibration allows them to be.
+
+All that a calibration does not know is drawn anew for each touch: the object, the LEDs' places and
+the light from film to film within their errors, the errors of the film's model as held-out presses
+have them, and how far LEDs have drifted.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+
+from tactograph.graph import node
+from tactograph.nodes import Film, Height, Light, Slope
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.calibrate.ranks._drawn import Doubts, drawn
+from tactograph.nodes.light.film_bounce import MAX_ALBEDO
+
+
+class DrawnTouch(NamedTuple):
+    """A touch as the camera sees it, the film at rest, and the film as it might be."""
+
+    height: Height
+    slope: Slope
+    flat: Light
+    film: Film
+
+
+@node
+def draw_touches(
+    *,
+    calibration: Path,
+    count: Annotated[int, Interval(ge=1, le=100000)] = 128,
+    seed: Annotated[int, Interval(ge=0)] = 0,
+    rigid: bool = False,
+) -> Iterator[DrawnTouch]:
+    """Yield right touches: balls, edges, folds, grooves, dents and none, shallow and steep.
+
+    Parameters
+    ----------
+    calibration : the ``.npz`` of the sensor
+    count : how many
+    seed : the same touches for the same seed
+    rigid : whether no film covers the objects, so that they have walls
+    """
+    sensor, rng = read_calibration(file=calibration), np.random.default_rng(seed)
+    film, (level, width, light, bounce, _tilt) = sensor.film, sensor.misfit.tolist()
+    doubts = Doubts(level, width, light, film.uneven, film.contact)
+    for number in range(count):
+        chance = rng.normal(size=len(film.others))
+        moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
+        albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
+        possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
+        touch = drawn(rng, number, sensor.flat, float(sensor.pixel_size), doubts, rigid)
+        yield DrawnTouch(*touch, possible)

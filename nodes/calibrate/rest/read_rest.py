@@ -1,0 +1,168 @@
+"""The film at rest where it is no plane: from a height map, a mesh or a form."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Len
+
+from tactograph.graph import InputError, node
+from tactograph.nodes import F4, F8, Height, Lens, Light, PixelSize
+from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.mesh_file import rasterised, read_mesh
+from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
+
+MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
+SEARCH_NAME = "find"
+"""What stands in place of a file where the shape is to be found."""
+RAY_STEPS = 40
+"""Steps that follow a camera's ray to the film: the steeper both are, the more it takes."""
+Pose = Annotated[tuple[float, ...], Len(2, 4)]
+"""x, y in mm, then z in mm, then a turn in degrees from x to y."""
+Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
+
+
+class Resting(NamedTuple):
+    """The height that each pixel sees of the film at rest, and its shape; None for a plane."""
+
+    height: Height | None
+    shape: RestShape | None
+    is_plane: bool
+
+
+@node
+def read_rest(
+    image: Light,
+    pixel: PixelSize,
+    lens: Lens,
+    *,
+    file: Path | None = None,
+    radius_mm: float | None = None,
+    cylinder_mm: Radius | None = None,
+    at_mm: Pose | None = None,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+) -> Resting:
+    """Return the film at rest, as its maker's drawing has it.  Without any it is a plane.
+
+    Parameters
+    ----------
+    image : K x H x W, whose size and pixels it gets
+    pixel : mm per px at height 0
+    lens : length 8; a height map is on the camera's own grid
+    file
+        ``find``: `find_rest` is to find it.  Else the height in mm that each pixel sees, H x W
+        (.npy, .tif and other height maps); or a mesh (.stl, .ply, .obj) in mm from the image's
+        middle: x right, y up, z to the camera, its surface that which the camera sees.
+    radius_mm
+        Radius of a ball that the film is part of.  Above 0 the film rises to its border, as a
+        fingertip does that is seen from within; below 0 it rises to its middle.
+    cylinder_mm : the same of a cylinder; a second number turns its axis from x to y, in degrees
+    at_mm
+        Where a form's lowest point (or highest, below 0), or a mesh's origin, lies: x right, y
+        down, z; for a mesh also a turn from x to y in degrees.
+    camera_mm : height of the pupil above height 0
+
+    Raises
+    ------
+    InputError
+        If more than one is given, the file cannot be read or is of another size, or the film does
+        not fill the frame.
+    """
+    given = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
+    names = [name for name, value in given.items() if value is not None]
+    if wants_search(file) and len(names) == 1:
+        return Resting(None, None, is_plane=False)
+    if len(names) > 1:
+        raise InputError(f"{names[0]} and {names[1]}: the film has one shape at rest; give one")
+    if not names:
+        return Resting(None, None, is_plane=True)
+    camera = 0.0 if camera_mm is None else 1 / camera_mm
+    x, y, z, turn = (*(at_mm or ()), 0.0, 0.0, 0.0, 0.0)[:4]
+    size = image.shape[1], image.shape[2]
+    if file is None:
+        height = by_rays(size, pixel, camera, _form(radius_mm, cylinder_mm, (x, y, z)))
+    elif file.suffix.lower() in MESH_SUFFIXES:
+        height = _by_mesh(file, size, pixel, camera, (x, y, z, turn)).astype(np.float64)
+    else:
+        found = read_height_file(file).height
+        if found.shape != size:
+            raise InputError(
+                f"{file}: is {found.shape[1]} x {found.shape[0]} pixels, but the images are "
+                f"{size[1]} x {size[0]}: give the height that each pixel sees"
+            )
+        even = undistort(np.asarray(found, np.float32)[None], lens)[0]
+        height = (even + np.float32(z)).astype(np.float64)
+    missing = float(1 - np.isfinite(height).mean())
+    if missing > 0:
+        raise InputError(
+            f"{file or names[0]}: {missing:.1%} of the frame sees no film of this shape: check its "
+            "radius or unit, and where it lies (`at_mm`)"
+        )
+    if camera * float(height.max()) >= 1:
+        raise InputError(
+            f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
+            "check `camera_mm`"
+        )
+    shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
+    return Resting(shape.height, shape, is_plane=False)
+
+
+def wants_search(file: Path | None) -> bool:
+    """Return whether `rest` names no file: the film's shape is to be found (`find_rest`)."""
+    return file is not None and file.name == SEARCH_NAME and not file.is_file()
+
+
+def _form(
+    radius_mm: float | None, cylinder_mm: Radius | None, at: tuple[float, float, float]
+) -> Callable[[F8, F8], F8]:
+    """The height of a ball or a cylinder over places in mm from its middle; NaN beside it."""
+    values = (radius_mm,) if cylinder_mm is None else np.ravel(cylinder_mm).tolist()
+    radius, angle = float(values[0] or 0), np.radians(values[1] if len(values) > 1 else 0.0)
+    if radius == 0:
+        raise InputError("`radius_mm`, `cylinder_mm`: a radius is not 0; leave out a plane's")
+    along = 0.0 if cylinder_mm is None else 1.0
+
+    def height(x: F8, y: F8) -> F8:
+        x, y = x - at[0], y - at[1]
+        square = x * x + y * y - along * (x * np.cos(angle) + y * np.sin(angle)) ** 2
+        inside = np.where(square < radius * radius, radius * radius - square, np.nan)
+        return np.asarray(np.sign(radius) * (abs(radius) - np.sqrt(inside)) + at[2])
+
+    return height
+
+
+def by_rays(size: tuple[int, int], pixel: float, camera: float, form: Callable[[F8, F8], F8]) -> F8:
+    """Return the height at which the ray of each pixel meets a form, by its height over x and y."""
+    v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
+    height = np.zeros(size)
+    for _ in range(RAY_STEPS if camera else 1):
+        nearer = 1 - camera * height
+        height = form(u * nearer, v[:, None] * nearer)
+    return height
+
+
+def _by_mesh(
+    file: Path,
+    size: tuple[int, int],
+    pixel: float,
+    camera: float,
+    at: tuple[float, float, float, float],
+) -> F4:
+    """The height at which each ray meets a mesh; a pinhole sees planes as planes (V1)."""
+    vertices, triangles = read_mesh(file, "read_rest")
+    x, y, z = vertices.T * np.array([[1], [-1], [1]])
+    c, s = np.cos(np.radians(at[3])), np.sin(np.radians(at[3]))
+    x, y, z = c * x - s * y + at[0], s * x + c * y + at[1], z + at[2]
+    if camera and camera * z.max() >= 1:
+        raise InputError(f"{file}: the mesh rises to the pupil; check `camera_mm` and `at_mm`")
+    x, y, z = (part / (1 - camera * z) for part in (x, y, z))
+    rows, columns = size
+    # Zero is where no triangle is, so all lie above it.
+    low = float(z.min()) - 1
+    corners = np.stack([x / pixel + (columns - 1) / 2, y / pixel + (rows - 1) / 2, z - low], axis=1)
+    seen = rasterised(corners[triangles], rows, columns)
+    seen = np.where(seen > 0, seen + low, np.nan)
+    return np.asarray(seen / (1 + camera * seen), np.float32)

@@ -1,0 +1,28 @@
+"""The film's own height, from how high it is above its place at rest, and back."""
+
+from tactograph.graph import node
+from tactograph.nodes import Height
+
+
+@node(neutral="height")
+def add_rest(height: Height, rest: Height | None = None, *, away: bool = False) -> Height:
+    """Add the height of the film at rest, or take it away.
+
+    Parameters
+    ----------
+    height : H x W in mm, above the film at rest; with `away` the film's own
+    rest : H x W in mm, the film at rest; None: a plane
+    away : whether `rest` is subtracted
+    """
+    if rest is None:
+        return height
+    return height - rest if away else height + rest
+
+
+add_rest.opencl(grid="H W", lanes="grid")
+
+
+@add_rest.idle
+def _is_plane(rest: Height | None = None) -> bool:
+    """Return whether the film at rest is a plane: nothing says otherwise."""
+    return True

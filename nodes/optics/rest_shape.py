@@ -1,0 +1,120 @@
+"""The film at rest where it is no plane.
+
+Light stays relative to a plane at height 0 under the same LEDs (N1, F1), which no camera needs to
+see: divided by what the model says of the film at rest, the flat frame is that of the plane::
+
+    flat_plane = flat / r,   r_k = F1(n_rest, P_rest) + B(P_rest)                          (F5)
+
+So every formula holds for the film's absolute height, and none knows of its shape.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from tactograph.nodes import F4, F8, Film
+from tactograph.nodes.optics.difference import difference
+from tactograph.nodes.optics.film import predict
+from tactograph.nodes.optics.near_light import places
+
+MIN_VIEW_SHARE = np.float32(0.1)
+"""Smallest denominator: beyond it the camera sees the film from behind."""
+MIN_REST_LIGHT = 0.02
+"""Least light of the film at rest, over that of a plane, that is divided by: an LED that hardly
+reaches a place tells nothing of it."""
+REST_ROUNDS = 3
+"""Rounds that find what the film at rest throws on itself: a few hundredths of its light."""
+Numbers = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class RestShape:
+    """The film at rest where each pixel sees it, H x W.
+
+    Its height in mm, the height that the camera sees (V1), the slopes of either, 2 x H x W, mm per
+    px at height 0, and one over the height of the pupil.
+    """
+
+    height: F4
+    seen: F4
+    slope: F4
+    tilt: F4
+    pixel: float
+    camera: float
+
+    def places_of(self, x: F8, y: F8) -> tuple[F8, F8]:
+        """Return the places u, v in mm of columns x and rows y."""
+        rows, columns = self.height.shape
+        return (x - (columns - 1) / 2) * self.pixel, (y - (rows - 1) / 2) * self.pixel
+
+    def at(self, u: Numbers, v: Numbers) -> tuple[F8, F8, F8, F8]:
+        """Return normals, 3 x N, and x, y, z in mm of the film at rest seen at places u, v."""
+        rows, columns = self.height.shape
+        where = v / self.pixel + (rows - 1) / 2, u / self.pixel + (columns - 1) / 2
+        z, p, q = (
+            map_coordinates(plane, where, np.float64, order=1, mode="nearest")
+            for plane in (self.height, *self.slope)
+        )
+        n, nearer = np.stack([-p, -q, np.ones_like(p)]), 1 - self.camera * z
+        return n / np.sqrt((n * n).sum(0)), u * nearer, v * nearer, z
+
+    def light(self, film: Film) -> F4:
+        """Return r of F5 without bounces, K x H x W."""
+        u, v = _places(self.height.shape, self.pixel)
+        p, q = self.slope.reshape(2, -1)
+        nz = 1 / np.sqrt(1 + p * p + q * q)
+        nearer = 1 - np.float32(self.camera) * self.height
+        place = (part.ravel() for part in (u * nearer, v * nearer, self.height))
+        light = rest_share(film, np.stack([-p * nz, -q * nz, nz]), *place)
+        return np.asarray(light.reshape(-1, *self.height.shape), np.float32)
+
+    def binned(self, factor: int) -> Self:
+        """Return the means of cells of `factor` x `factor` pixels, of whole cells alone."""
+        if factor == 1:
+            return self
+        rows, columns = (side // factor for side in self.height.shape)
+
+        def means(plane: F4) -> F4:
+            whole = plane[: rows * factor, : columns * factor]
+            return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA))
+
+        slope, tilt = (np.stack([*map(means, pair)]) for pair in (self.slope, self.tilt))
+        side = self.pixel * factor
+        return type(self)(means(self.height), means(self.seen), slope, tilt, side, self.camera)
+
+    def continued(self, factor: int) -> Self:
+        """Return the shape continued to whole cells of `factor` x `factor` pixels."""
+        beyond = [(0, -side % factor) for side in self.height.shape]
+        height = np.pad(self.height, beyond, mode="edge")
+        seen = np.pad(self.seen, beyond, mode="edge")
+        slope, tilt = (np.pad(p, [(0, 0), *beyond], mode="edge") for p in (self.slope, self.tilt))
+        return type(self)(height, seen, slope, tilt, self.pixel, self.camera)
+
+
+def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
+    """Return the film at rest by the height, H x W in mm, that each pixel sees of it.
+
+    `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
+    """
+    by = np.float32(camera)
+    seen = np.asarray(height / (1 - by * height), np.float32)
+    p, q = tilt = np.stack([difference(seen, axis) for axis in (1, 0)]) / np.float32(pixel)
+    u, v = _places(height.shape, pixel)
+    slope = tilt / np.maximum(1 + by * (seen - p * u - q * v), MIN_VIEW_SHARE)
+    high, low, down, away = (np.asarray(each, np.float32) for each in (height, seen, slope, tilt))
+    return RestShape(high, low, down, away, float(pixel), float(camera))
+
+
+def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:
+    """Return r of F5 without bounces, K x N: F1 of untouched film with normals 3 x N."""
+    return np.asarray(predict(film._replace(gain=1.0), n, x, y, z))
+
+
+def _places(shape: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
+    """u, 1 x W, and v, H x 1, in mm."""
+    v, u = (places(side, np.float32(pixel)) for side in shape)
+    return u[None], v[:, None]

@@ -1,0 +1,25 @@
+"""Slopes from those of the film at rest."""
+
+from tactograph.graph import node
+from tactograph.nodes import Slope
+
+
+@node(neutral="slope")
+def slope_from_rest(slope: Slope, tilt: Slope | None = None) -> Slope:
+    """Subtract the slopes of the film at rest: the sum of what is left is height above it.
+
+    Parameters
+    ----------
+    slope : 2 x H x W, of the seen height
+    tilt : 2 x H x W, the same of the film at rest; None: a plane
+    """
+    return slope if tilt is None else slope - tilt
+
+
+slope_from_rest.opencl(grid="H W", lanes="grid")
+
+
+@slope_from_rest.idle
+def _is_plane(tilt: Slope | None = None) -> bool:
+    """Return whether the film at rest is a plane: nothing says otherwise."""
+    return True

@@ -1,0 +1,218 @@
+"""The law of all checks (T6): how rare a figure is among right touches of the same sensor.
+
+A calibration keeps the figures of right touches that were drawn from it (`draw_touches`), as
+quantiles.  The p-value of a figure is the share of right touches that have it as large, or larger.
+Beyond the last fifth of them it falls exponentially, by the mean excess of that fifth: the
+generalised Pareto law of shape 0, to which the tails of normal, chi and exponential figures tend
+(Pickands, "Statistical inference using extreme order statistics", 1975).
+
+Checks depend on one another.  So the least of a touch's p-values is ranked among the least ones
+of the same drawn touches, which is exact whatever the dependence (Westfall and Young,
+"Resampling-based multiple testing", 1993).  In its tail it grows with the p-value, by the number of
+checks that are as good as independent.
+"""
+
+import math
+from enum import IntEnum
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from tactograph.graph import Port
+from tactograph.nodes import F4, F8
+from tactograph.nodes.trust._check import MAX_CELLS, MIN_CELLS
+from tactograph.nodes.trust.light_departure import MIN_ERROR
+from tactograph.nodes.trust.line_changes import LineChanges
+from tactograph.nodes.trust.touch_evidence import TouchEvidence
+
+TAIL_SHARE = 0.2
+"""Share of right touches, the most extreme ones, that determine a tail."""
+RANK_COUNT = 100
+"""Quantiles that are kept: half a per cent, one and a half, ..."""
+QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
+"""Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
+MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
+"""Height that a depth below the film at rest is compared with at least; change of light between
+pixels that is divided by."""
+
+
+class Figure(NamedTuple):
+    """A figure that grows with what contradicts a touch: its check, what it can tell, its cause."""
+
+    check: str
+    resolution: float
+    """Error with which it is measured, the least scale of its tail."""
+    cause: str
+
+
+NO_SURFACE = (
+    "the slopes are those of no surface (check the order of the images, that none is mirrored or "
+    "turned, that all are of one touch, and that nothing moved while the LEDs flashed)"
+)
+LIGHT_OF_NO_SURFACE = (
+    "the light of the touch is that of no surface under this calibration (check the order of the "
+    "images, that all are of this touch and this sensor, and that the camera's gamma, contrast and "
+    "white balance are off{rims})"
+)
+# The unit normal that light of two surfaces adds up to is too short: film that is dark under all
+# LEDs.  So is that of gamma, of other light, and of images that are alike.
+WRONG_BRIGHTNESS = (
+    "the touched film is {bright} by {excess:.1%} than its slopes make it (check that the images "
+    "show one touch and that nothing moved, that they are neither blurred nor averaged with "
+    "others, that gamma and contrast are off, and that other light is kept out)"
+)
+CHECK_FIGURES = {
+    "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
+    "curl_quartile": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
+    "curl_of_part": Figure(
+        "curl",
+        1 / MIN_CELLS,
+        "in a part of the image the slopes are those of no surface (check that the frames are "
+        "whole, that all are of one touch, and that nothing moved while the LEDs flashed)",
+    ),
+    "light_at_rest": Figure(
+        "light",
+        QUANTILE_ERROR,
+        "the light of the film at rest departs from pixel to pixel (check the exposure, and that "
+        "the images are neither compressed nor of fewer gray levels than those of the calibration)",
+    ),
+    "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
+    "light_quartile": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
+    "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
+    "brighter": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
+    "lit_shadows": Figure(
+        "light",
+        MIN_ERROR,
+        "shadows are not dark (keep other light out, or take the calibration and a dark image "
+        "under it)",
+    ),
+    "dirty_cells": Figure(
+        "light",
+        1.0,
+        "in places the film is darker under all LEDs than any slope makes it (check the film and "
+        "the lens for dirt and hairs)",
+    ),
+    "untested": Figure(
+        "light",
+        1 / MIN_CELLS,
+        "only two LEDs light most of the touch, which fits any light (check the exposure, and that "
+        "no LED is dead)",
+    ),
+    "lines": Figure(
+        "light",
+        QUANTILE_ERROR,
+        "rows of the image differ from those beside them as no surface does (check that frames are "
+        "whole and not interlaced, and that no row is dead)",
+    ),
+    "level": Figure(
+        "rest",
+        MIN_ERROR,
+        "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
+        "is kept out)",
+    ),
+    "spread": Figure(
+        "rest",
+        MIN_ERROR,
+        "LED {number} is {sense_apart} than in the calibration, and the others are not (check the "
+        "LED; if the touch reaches all borders, the height's tilt is unknown)",
+    ),
+    "shape": Figure(
+        "rest",
+        MIN_ERROR,
+        "the light of the film at rest is spread otherwise than in the calibration (check the "
+        "order of the images, and that other light is kept out)",
+    ),
+    "dark_share": Figure(
+        "rest",
+        1 / MAX_CELLS,
+        "parts of the image are without light (crop the images to the film, in the calibration "
+        "too, and check that frames are whole)",
+    ),
+    "touched_share": Figure(
+        "rest",
+        SHARE_ERROR,
+        "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
+        "that fills the frame is for reconstruct_filled; or another sensor or light)",
+    ),
+    "depth": Figure(
+        "rest",
+        SHARE_ERROR,
+        "most of the touch lies below the film at rest (check the order of the images, and that "
+        "they are neither mirrored nor turned)",
+    ),
+    "added": Figure(
+        "rest",
+        MIN_ERROR,
+        "{added}, the same everywhere (keep other light out of touch and flat frame; or the "
+        "camera's black level has changed)",
+    ),
+}
+"""All figures of a touch, by name."""
+FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
+CheckRanks = Annotated[F4, Port("3 20 100", "1", low=0, high=3)]
+"""Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
+by `Ranked`.  Below 0: none were drawn."""
+
+
+class Ranked(IntEnum):
+    """What touches are compared with: soft ones, those with walls, or those of graphs that do not
+    look at the light."""
+
+    SOFT = 0
+    RIGID = 1
+    PLAIN = 2
+
+
+NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
+"""Those of a calibration from which no touches were drawn."""
+
+
+def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None) -> F8:
+    """Return the figures of a touch (T1 to T5), in the order of `CHECK_FIGURES`.
+
+    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors.
+    """
+    curl, film, light = evidence.read()
+    change = evidence.level.astype(np.float64) - 1
+    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
+    level, spread = math.sqrt(float(np.square(change).mean())), float(change.std())
+    seen = light.rest, light.middle, light.upper, -light.brighter, light.brighter
+    tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
+    rows = 0.0 if lines is None else _worst_line(lines)
+    more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
+    rest = level, spread, film.shape, film.dark, 1 - film.calm, deep, abs(added)
+    return np.array([*curl, *seen, *more, *rest])
+
+
+def _worst_line(lines: LineChanges) -> float:
+    """How far the worst row departs from the rows beside it, over the worst column (T5)."""
+    across, along, columns = lines
+    worst = float((across / np.maximum(along, np.float32(MIN_CHANGE))).max())
+    return worst / max(float(columns.max() / max(np.median(columns), MIN_CHANGE)), 1.0)
+
+
+def ranked(figures: F8) -> F8:
+    """Return the quantiles that a calibration keeps of N right touches' figures, N x 19."""
+    levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
+    quantiles = np.quantile(figures, levels, axis=0).T
+    least = [p_values(each, quantiles).min() for each in figures]
+    return np.vstack([quantiles, np.quantile(least, levels)])
+
+
+def p_values(figures: F8, quantiles: F8) -> F8:
+    """Return the share of right touches that have each figure as large as this, or larger."""
+    start = quantiles[:, TAIL_START - 1]
+    scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), FIGURE_ERRORS)
+    beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
+    above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANK_COUNT)
+    return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
+
+
+def of_all_checks(least: float, ranks: F8) -> float:
+    """Return the share of right touches whose least p-value is as small as this, or smaller."""
+    drawn = ranks[-1]
+    tail = drawn[RANK_COUNT - TAIL_START - 1]
+    if least < tail:
+        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES)))
+    return float((drawn <= least).mean())

@@ -1,0 +1,25 @@
+"""The page of the numbers that are set is that of the code, and each has its reason."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SPEC = importlib.util.spec_from_file_location("constants", ROOT / "benchmarks" / "constants.py")
+assert SPEC is not None
+assert SPEC.loader is not None
+constants = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(constants)
+
+
+def test_the_page_is_that_of_the_code() -> None:
+    """`python benchmarks/constants.py --write` makes it so."""
+    assert constants.PAGE.read_text() == constants.page()
+
+
+@pytest.mark.parametrize("room", constants.ROOMS)
+def test_a_number_that_is_set_has_its_reason(room: str) -> None:
+    files = {file for each in constants.ROOMS[room] for file in ROOT.glob(each)}
+    bare = [each.names for file in files for each in constants.constants(file) if not each.reason]
+    assert bare == []

@@ -1,0 +1,60 @@
+"""What the checks say of right touches that are drawn from a calibration."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.calibrate.ranks._drawn import OBJECT_FORMS, Doubts, drawn
+from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
+from tactograph.nodes.trust.check_ranks import RANK_COUNT, Ranked
+from tests.fixtures import Calibration
+
+EXACT = Doubts(level=0.0, width_mm=1.0, light=0.0, uneven=0.0, contact_mm=0.05)
+FLAT, PIXEL = np.ones((4, 60, 80), np.float32), 0.1
+
+
+@pytest.mark.parametrize("number", range(len(OBJECT_FORMS)))
+def test_a_drawn_touch_is_a_surface_above_the_film(number: int) -> None:
+    rng = np.random.default_rng(number)
+    soft = drawn(rng, number, FLAT, PIXEL, EXACT)
+    assert soft.height.min() >= 0
+    assert np.isfinite(soft.slope).all()
+    assert np.abs(soft.slope).max() < 10
+    assert np.abs(soft.flat - 1).max() < 0.25
+
+
+def test_walls_are_those_of_rigid_objects() -> None:
+    def steepest(rigid: bool) -> float:
+        rng = np.random.default_rng(2)
+        touches = (drawn(rng, n, FLAT, PIXEL, EXACT, rigid) for n in range(16))
+        return float(np.median([np.abs(np.diff(t.height, axis=1)).max() / PIXEL for t in touches]))
+
+    assert steepest(rigid=True) > 2 * steepest(rigid=False)
+
+
+def test_what_a_calibration_leaves_open_is_drawn() -> None:
+    doubts = EXACT._replace(level=0.02, light=0.01)
+    one, other = (drawn(np.random.default_rng(1), 0, FLAT, PIXEL, d) for d in (EXACT, doubts))
+    assert np.array_equal(one.height, other.height)
+    assert 0.003 < (one.slope - other.slope).std() < 0.06
+
+
+def test_ranks_are_added_to_a_file_and_nothing_else_changes(
+    calibration: Calibration, tmp_path: Path
+) -> None:
+    """The same ones for the same seed; their right touches are rare as often as they say."""
+    file = tmp_path / "cal.npz"
+    shutil.copy(calibration("far28"), file)
+    before = read_calibration(file=file)
+    rank_checks(file=file, count=24, seed=5)
+    after = read_calibration(file=file)
+    assert np.array_equal(before.flat, after.flat)
+    assert before.quality == after.quality
+    assert after.ranks.shape == (len(Ranked), 20, RANK_COUNT)
+    assert not np.array_equal(before.ranks, after.ranks)
+    assert (np.diff(after.ranks, axis=2) >= 0).all()
+    rank_checks(file=file, count=24, seed=5)
+    assert np.array_equal(after.ranks, read_calibration(file=file).ranks)

@@ -1,0 +1,27 @@
+"""A law of checks for tests: right touches whose figures are normal, each of its own size."""
+
+import numpy as np
+
+from tactograph.nodes import F4
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, figures_of, ranked
+from tactograph.nodes.trust.line_changes import LineChanges
+from tactograph.nodes.trust.touch_evidence import TouchEvidence
+
+SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
+    "curl": 0.3, "curl_quartile": 1.0, "curl_of_part": 0.05, "light_at_rest": 0.5, "light": 0.8,
+    "light_quartile": 1.5, "darker": 0.001, "brighter": 0.001, "level": 0.02, "spread": 0.02,
+    "shape": 0.01, "touched_share": 0.2, "depth": 0.1, "lines": 0.5,
+}  # fmt: skip
+
+
+def ranks() -> F4:
+    """Those of 400 right touches, for every kind of them."""
+    drawn = np.abs(np.random.default_rng(1).normal(size=(400, len(SIZES)))) * [*SIZES.values()]
+    return np.asarray(np.stack([ranked(drawn)] * 3), np.float32)
+
+
+def by_name(
+    evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None
+) -> dict[str, float]:
+    """The figures of a touch."""
+    return dict(zip(CHECK_FIGURES, figures_of(evidence, added, lines).tolist(), strict=True))

@@ -1,0 +1,43 @@
+"""How rare the figures of a touch are among those of right ones."""
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F8
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, of_all_checks, p_values, ranked
+
+COUNT = len(CHECK_FIGURES)
+
+
+def trusts(drawn: F8, others: F8) -> F8:
+    known = ranked(drawn)
+    return np.array([of_all_checks(p_values(each, known[:-1]).min(), known) for each in others])
+
+
+def correlated(rng: np.random.Generator, count: int) -> F8:
+    """Figures that depend on one another, as those of a touch do."""
+    alike = rng.normal(size=(count, 1))
+    return np.abs(rng.normal(size=(count, COUNT)) + np.linspace(0, 2, COUNT) * alike) * 10
+
+
+@pytest.mark.parametrize("share", [0.3, 0.1, 0.01])
+def test_right_touches_are_doubted_as_often_as_is_asked_for(share: float) -> None:
+    """However the checks depend on one another."""
+    rng = np.random.default_rng(3)
+    found = [(trusts(correlated(rng, 128), correlated(rng, 1000)) < share).mean() for _ in range(8)]
+    assert 0.5 * share < np.mean(found) < 2 * share
+
+
+def test_what_no_right_touch_shows_is_rarer_the_larger_it_is() -> None:
+    known = ranked(correlated(np.random.default_rng(4), 128))
+    figures = np.median(known[:-1], axis=1)
+    for place in range(COUNT):
+        rarer = [p_values(figures + far * 10 * np.eye(COUNT)[place], known[:-1]) for far in (4, 8)]
+        assert rarer[1][place] < rarer[0][place] < 0.2
+
+
+def test_a_figure_that_no_right_touch_has_is_known_to_its_resolution() -> None:
+    known = ranked(np.zeros((128, COUNT)))
+    half = np.array([figure.resolution for figure in CHECK_FIGURES.values()]) / 2
+    assert (p_values(half, known[:-1]) > 0.1).all()
+    assert (p_values(20 * half, known[:-1]) < 1e-4).all()

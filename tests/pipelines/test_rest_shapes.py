@@ -1,0 +1,113 @@
+"""A film of any shape at rest: its images by a calibration, and heights above it from them."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tactograph.graph import InputError, load
+from tactograph.nodes import BAND_DEVIATIONS, F4
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.light.untouched_film import untouched_film
+from tests.fixtures import RIG_PIXEL_MM, SHARED, Calibration, MadeOnce, Raytraced
+from tests.pipelines.conftest import run
+
+RIG = "near33"
+Curved = Callable[[str], Path]
+
+
+def shape_of(form: str, size: tuple[int, int]) -> F4:
+    """A dome, or a cylinder whose axis is turned: both slope by 0.3 to 0.4 at the border."""
+    y, x = np.mgrid[: size[0], : size[1]].astype(np.float64) * RIG_PIXEL_MM[RIG]
+    x, y = x - x.mean(), y - y.mean()
+    square = x * x + y * y if form == "dome" else (0.94 * y - 0.34 * x) ** 2
+    radius = (2.4 if form == "dome" else 1.8) * np.sqrt((x * x + y * y).max())
+    return (radius - np.sqrt(radius**2 - square)).astype(np.float32)
+
+
+@pytest.fixture
+def curved(calibration: Calibration, made_once: MadeOnce) -> Curved:
+    """The calibration of a rig whose film is no plane."""
+
+    def make(form: str) -> Path:
+        def write(file: Path) -> None:
+            with np.load(calibration(RIG)) as known:
+                arrays = dict(known)
+            arrays["rest"] = shape_of(form, arrays["flat"].shape[1:])
+            np.savez(file, **arrays)
+            cal = read_calibration(file=file)
+            share = untouched_film(cal.flat, cal.film, cal.rest, cal.pixel_size).share
+            assert share is not None
+            arrays["flat"] = cal.flat * share
+            np.savez(file, **arrays)
+
+        return made_once(f"{form}.npz", write)
+
+    return make
+
+
+@pytest.fixture
+def truth(raytraced: Raytraced) -> F4:
+    return np.asarray(np.load(raytraced / RIG / "cat_film" / "truth_height_mm.npy"))
+
+
+@pytest.mark.parametrize("form", ["dome", "cylinder"])
+def test_heights_above_the_film_come_back(form: str, curved: Curved, truth: F4) -> None:
+    heights = np.stack([truth, 0 * truth])
+    images = load("see_touch", calibration=curved(form))(height=heights)["image"]
+    quick = load("reconstruct", calibration=curved(form))(frames=images)
+    assert np.sqrt(np.mean((quick["height"] - heights) ** 2)) < 0.3 * RIG_PIXEL_MM[RIG]
+    careful = load("precise", calibration=curved(form))(frames=images)
+    off = np.abs(careful["height"] - heights)
+    assert np.sqrt(np.mean(off[0] ** 2)) < 0.15 * RIG_PIXEL_MM[RIG]
+    assert off[1].max() < 2e-3
+    assert np.mean((off <= BAND_DEVIATIONS * careful["error"])[0, truth > 0.02]) > 0.8
+
+
+def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth: F4) -> None:
+    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    found = [
+        load("reconstruct", calibration=curved("dome"), backend=backend)(frames=images)["height"]
+        for backend in ("numpy", "opencl")
+    ]
+    np.testing.assert_allclose(*found, atol=2e-4)
+
+
+def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> None:
+    """As well as on a plane, whose light they were made of."""
+    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    found = load("paper", calibration=curved("dome"))(frames=images)["height"]
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 3 * RIG_PIXEL_MM[RIG]
+
+
+@pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat", "check_calibration"])
+def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
+    graph: str, curved: Curved, raytraced: Raytraced
+) -> None:
+    with pytest.raises(InputError, match="no plane at rest"):
+        run(graph, calibration=curved("dome"), capture=raytraced / RIG / "cat_film")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rig", "quick_um", "careful_um"), [("dome_ideal", 3.0, 1.5), ("dome", 8.0, 4.0)]
+)
+def test_a_ray_traced_dome_is_calibrated_and_measured(
+    rig: str, quick_um: float, careful_um: float, tmp_path: Path
+) -> None:
+    scene = SHARED / "data/raytraced" / rig
+    if not scene.is_dir():
+        pytest.skip("the ray-traced domes are not here")
+    for press in ("calibration", "calibration_off", "calibration_left"):
+        shutil.copytree(scene / press, tmp_path / "presses" / press)
+    file, rest = tmp_path / "cal.npz", np.load(scene / "rest_height_mm.npy")
+    given = {"capture": tmp_path / "presses", "flat": scene / "flat", "ball_radius_mm": 6.0}
+    given |= {"rest": scene / "rest_height_mm.npy", "pixel_size_mm": 5 / 70}
+    run("calibrate", file, **given, **({"camera_mm": 65.0} if rig == "dome" else {}))
+    for shape in ("sphere_film", "corner_film", "cat_film"):
+        above = np.load(scene / shape / "truth_height_mm.npy") - rest
+        for graph, most in (("reconstruct", quick_um), ("precise", careful_um)):
+            found = run(graph, capture=scene / shape, calibration=file)["height"]
+            assert 1e3 * np.sqrt(np.mean((found - above) ** 2)) < most, (shape, graph)
