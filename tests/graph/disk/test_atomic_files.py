@@ -12,6 +12,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.atomic_files import atomic_file, atomic_files
+from tactograph.graph.errors import WriteError
 
 
 def test_files_appear_when_the_block_is_done(tmp_path: Path) -> None:
