@@ -9,7 +9,7 @@ CONSTRAINTS ?= constraints.txt
 # Tests start Python a hundred times: keep what it compiles.
 test test-all lint: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo demo-live test test-all test-lerobot ready lint constraints dist docs ablation clean
+.PHONY: demo demo-live test test-all test-oldest oldest test-lerobot ready lint constraints dist docs ablation clean
 
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TESTED_WITH = $(addprefix -c ,$(CONSTRAINTS))
@@ -62,9 +62,24 @@ test: $(VENV)/.tested
 	$(PYTEST) -m 'not slow and not realtime'
 
 # The rest: all cases, types, ROS 2, browser, simulators, the site, and what needs a quiet machine.
-test-all: $(VENV)/.tested-all lint
+test-all: $(VENV)/.tested-all lint test-oldest
 	$(PYTEST) -m 'slow and not realtime'
 	$(BIN)/python -m pytest -m realtime
+
+# The lowest versions that pyproject.toml allows, in an environment of their own; tests of
+# what packages give: arrays, files, commands, kernels.
+OLDEST = .venv-oldest
+OLDEST_TESTS = tests/graph/run tests/graph/files tests/graph/test_command.py tests/graph/compare \
+    tests/graph/batch tests/nodes/capture tests/nodes/write tests/nodes/files tests/nodes/height
+test-oldest:
+	@$(MAKE) --no-print-directory VENV=$(OLDEST) CONSTRAINTS=tests/oldest.txt $(OLDEST)/.tested
+	$(subst $(BIN),$(OLDEST)/bin,$(PYTEST)) -m 'not slow and not realtime' $(OLDEST_TESTS)
+
+# What 'make test-oldest' installs: again whenever a bound of pyproject.toml moves.
+oldest: $(VENV)/.tested
+	$(PIP) uv
+	$(BIN)/uv pip compile pyproject.toml --extra test --resolution lowest-direct \
+	    --python-version 3.11 --no-header --no-annotate --upgrade --quiet -o tests/oldest.txt
 
 # Types are read from the packages of some extras.
 $(VENV)/.linted: $(VENV)/.tested
@@ -108,4 +123,4 @@ ablation: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph PYTHON=$(BIN)/python sh benchmarks/ablation.sh out/ablation
 
 clean:
-	rm -rf $(VENV) $(DEMO) build dist *.egg-info
+	rm -rf $(VENV) $(OLDEST) $(DEMO) build dist *.egg-info

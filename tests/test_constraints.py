@@ -5,6 +5,7 @@ import tomllib
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
 
 from tests.fixtures import ROOT
 
@@ -23,3 +24,17 @@ def test_every_requirement_has_a_version_within_its_bounds_and_nothing_else_stan
         # An extra of extras; and pip does not list setuptools before Python 3.12.
         if each.name not in ("tactograph", "setuptools"):
             assert each.specifier.contains(versions[canonicalize_name(each.name)]), each
+
+
+def test_the_oldest_set_holds_the_lower_bounds() -> None:
+    """Of what 'make test-oldest' installs; 'make oldest' writes the file."""
+    lines = (ROOT / "tests" / "oldest.txt").read_text().splitlines()
+    versions = {canonicalize_name(name): v for name, _, v in (x.partition("==") for x in lines)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    own, *tools = extras["test"]
+    named = [*project["dependencies"], *tools]
+    named += [word for extra in Requirement(own).extras for word in extras[extra]]
+    for each in map(Requirement, named):
+        low = next(s.version for s in each.specifier if s.operator == ">=")
+        assert Version(versions[canonicalize_name(each.name)]) == Version(low), each

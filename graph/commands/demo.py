@@ -36,6 +36,8 @@ calibration=OUT/cal.npz --out OUT/report
 def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""
     from tactograph.graph.command import run_command
+    from tactograph.graph.compare.comparison_record import read_rows
+    from tactograph.graph.errors import TactographError
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")
@@ -46,4 +48,7 @@ def command(out: Path) -> None:
         line = line.replace("OUT", shlex.quote(str(out)))
         click.echo(f"$ {line}")
         run_command(shlex.split(line)[1:])
+    if failed := [row for row in read_rows(out / "report") if row.error]:
+        names = ", ".join(row.variant for row in failed)
+        raise TactographError(f"demo: {names} failed: {failed[0].error}")
     click.echo(f"\nLook at {out}/cal.png, {out}/result/height.png and {out}/report/report.html")

@@ -27,6 +27,7 @@ from tactograph.graph.command import COMMANDS, run_command
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import brought
+from tests.each import each
 from tests.fixtures import ROOT, MadeOnce, python
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("rings/*/docs/*.md")])
@@ -191,9 +192,7 @@ def _run_shell(text: str, where: str, folder: Path, environment: dict[str, str])
     assert done.returncode == 0, f"{where}\n{text}\n{done.stdout}\n{done.stderr}"
 
 
-@pytest.mark.parametrize(
-    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")]
-)
+@each("where, line", [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")])
 def test_a_command_that_is_only_shown_exists(
     where: str, line: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -209,9 +208,7 @@ def test_a_command_that_is_only_shown_exists(
             assert name in params, f"{where}: {line}: no graph takes {name}"
 
 
-@pytest.mark.parametrize(
-    ("where", "line"), [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")]
-)
+@each("where, line", [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")])
 def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     words = shlex.split(line.partition("  #")[0])[1:]
     script = next(word for word in words if word.endswith(".py"))

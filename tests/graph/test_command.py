@@ -23,6 +23,7 @@ from tactograph.graph.commands.run import _in_rows, _times
 from tactograph.graph.files.graph_places import shipped_overlays
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tests.each import each
 from tests.fixtures import python
 from tests.graph.conftest import SLOPES, STREAM, Command, Outcome, Write, lit_by, one_line
 
@@ -349,7 +350,7 @@ def test_a_full_disk_is_told_as_such(
     assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in said
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_each_shipped_graph_is_verified_explained_and_drawn(tactograph: Command, name: str) -> None:
     checked = tactograph("check", name)
     assert checked.code == 0, checked.err
@@ -360,7 +361,7 @@ def test_each_shipped_graph_is_verified_explained_and_drawn(tactograph: Command,
     assert tactograph("draw", name, "--backend", "numpy").out.startswith("flowchart TB\n")
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_a_resolved_graph_is_plain_yaml_of_the_same_graph(
     tactograph: Command, write: Write, name: str
 ) -> None:

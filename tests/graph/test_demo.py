@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,6 +10,7 @@ from tactograph.graph.commands.demo import DEMO_STEPS
 from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command
 
+RECORD = "tactograph.graph.compare.comparison_record"
 LINES = [shlex.split(line) for line in DEMO_STEPS.splitlines() if line.startswith("tactograph")]
 
 
@@ -17,12 +19,26 @@ def test_each_command_is_shown_and_run(
 ) -> None:
     ran: list[list[str]] = []
     monkeypatch.setattr("tactograph.graph.command.run_command", ran.append)
+    monkeypatch.setattr(f"{RECORD}.read_rows", lambda _: [])
     folder = tmp_path / "my demo"
     done = tactograph("demo", "--out", folder)
     assert done.code == 0
     shown = [line[2:] for line in done.out.splitlines() if line.startswith("$ ")]
     assert [shlex.split(line)[1:] for line in shown] == ran
     assert f"out={folder}/result" in ran[-2]
+
+
+def test_a_graph_that_fails_fails_the_demo(
+    tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [
+        SimpleNamespace(variant="paper", error=""),
+        SimpleNamespace(variant="precise", error="E"),
+    ]
+    monkeypatch.setattr("tactograph.graph.command.run_command", lambda _: None)
+    monkeypatch.setattr(f"{RECORD}.read_rows", lambda _: rows)
+    done = tactograph("demo", "--out", tmp_path)
+    assert (done.code, done.err) == (1, "tactograph: demo: precise failed: E\n")
 
 
 @pytest.mark.parametrize("words", [line for line in LINES if line[1] == "run"], ids=shlex.join)

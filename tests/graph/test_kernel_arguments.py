@@ -11,6 +11,7 @@ from tactograph.graph.backends.kernel_source import kernel_signatures, kernel_so
 from tactograph.graph.backends.launch import DeviceArray
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
+from tests.each import each
 
 SOURCE = """
 #define SHARED __global const uchar *restrict labels, \\
@@ -94,7 +95,7 @@ def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: 
         fill.converted([1])
 
 
-@pytest.mark.parametrize("name", [n for n in shipped_nodes() if find_node(n).has_kernel])
+@each("name", [n for n in shipped_nodes() if find_node(n).has_kernel])
 def test_every_kernel_that_ships_has_a_signature_with_known_types(name: str) -> None:
     node = find_node(name)
     signatures = kernel_signatures(kernel_source(node))

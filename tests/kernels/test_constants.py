@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from types import ModuleType
 
 import numpy as np
-import pytest
 
 from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
+from tests.each import each
 
 NUMBER = re.compile(r"^#define (\w+) (-?[\d.]+(?:e-?\d+)?)f?$", re.MULTILINE)
 KERNEL_NODES = [name for name in shipped_nodes() if find_node(name).has_kernel]
@@ -38,7 +38,7 @@ def shared_constants(node: Node) -> dict[str, tuple[float, float]]:
     return found
 
 
-@pytest.mark.parametrize("name", KERNEL_NODES)
+@each("name", KERNEL_NODES)
 def test_both_sides_hold_the_same_constants(name: str) -> None:
     shared = shared_constants(find_node(name))
     assert {name: pair for name, pair in shared.items() if pair[0] != pair[1]} == {}

@@ -21,6 +21,7 @@ from tactograph.graph.backends.parity_cases import CASE_SHAPES, cases
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes.height import height_networks
+from tests.each import each
 from tests.fixtures import ROOT
 from tests.kernels.pairwise import pairwise
 
@@ -37,7 +38,7 @@ LISTED = [(name, what) for name, mutants in MUTANTS.items() for what in mutants]
 KERNEL = re.compile(r"^[^\n]*\b__kernel\b.*?^}", re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("name", MUTANTS)
+@each("name", MUTANTS)
 def test_the_mutants_of_a_kernel_fit_it(name: str) -> None:
     file = FILES[name]
     assert file.with_name(f"{name}.cl").is_file(), f"{file} stands beside no {name}.cl"

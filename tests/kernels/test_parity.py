@@ -21,6 +21,7 @@ from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.height import height_networks
+from tests.each import each
 from tests.graph.toys import halves, leaned
 from tests.kernels.pairwise import pairwise
 
@@ -156,7 +157,7 @@ def test_both_back_ends_agree_on(as_written: OpenCL, name: str, chosen: list[Cas
     assert differences([as_written], name, chosen) == {}
 
 
-@pytest.mark.parametrize("name", KERNEL_NODES)
+@each("name", KERNEL_NODES)
 def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
     node = find_node(name)
     found = kernel_signatures(kernel_source(node))

@@ -2,9 +2,8 @@
 
 import inspect
 
-import pytest
-
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
+from tests.each import each
 
 MAX_INPUTS, MAX_PARAMS = 13, 10
 
@@ -18,7 +17,7 @@ def arguments(name: str) -> tuple[int, int]:
     return given.count(False), given.count(True)
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_a_node_takes_few_arguments(name: str) -> None:
     inputs, params = arguments(name)
     assert inputs <= MAX_INPUTS

@@ -11,6 +11,7 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
+from tests.each import each
 from tests.graph.toys import choosy
 
 ENTRY = Entry("choosy", places={"": Place("g.yaml", 3, 5, "nodes.c")})
@@ -109,7 +110,7 @@ def test_any_value_is_checked_or_refused(name: str, value: Any) -> None:
         assert isinstance(found["bright"], bool)
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_the_defaults_of_a_node_pass_its_own_check(name: str) -> None:
     node = find_node(name)
     needed = {n: NOT_GIVEN for n, p in node.parameters.items() if p.required}

@@ -10,6 +10,7 @@ from tactograph.graph import Close, Exact, NamedPorts, NodeCall, Port, Provenanc
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node_page import describe
 from tactograph.nodes import F4, Height, Light, PixelSize
+from tests.each import each
 
 
 class Two(NamedTuple):
@@ -270,7 +271,7 @@ def test_a_signature_that_is_no_declaration_is_refused(
         node(**neutral)(function)
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_every_built_in_node_says_what_it_does(name: str) -> None:
     found = find_node(name)
     assert found.name == name

@@ -10,9 +10,10 @@ from annotated_types import Ge, Gt, Interval, Lt
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Parameter
 from tactograph.graph.declare.node_page import describe, node_page, range_of
+from tests.each import each
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_every_input_and_parameter_is_described(name: str) -> None:
     about = describe(find_node(name))
     silent = [argument for argument, words in about.arguments.items() if not words]
@@ -37,15 +38,15 @@ def test_a_range_in_words(annotation: object, words: str) -> None:
     assert range_of(Parameter("x", annotation)) == words
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
     function = find_node(name).function
     listed = (inspect.getdoc(function) or "").partition("\nParameters\n")[2]
     inputs = [
         p for p in inspect.signature(function).parameters.values() if p.kind != p.KEYWORD_ONLY
     ]
-    for each in inputs if listed else []:
-        assert re.search(rf"^([*\w]+, )*\*{{0,2}}{each.name}(,| :|$)", listed, re.MULTILINE)
+    for port in inputs if listed else []:
+        assert re.search(rf"^([*\w]+, )*\*{{0,2}}{port.name}(,| :|$)", listed, re.MULTILINE)
 
 
 def test_a_page_tells_units_ranges_and_defaults() -> None:
@@ -62,7 +63,7 @@ def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
     assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
 
 
-@pytest.mark.parametrize("name", shipped_nodes())
+@each("name", shipped_nodes())
 def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
     doc = inspect.cleandoc(find_node(name).doc or "")
     told = describe(find_node(name)).returns

@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names
+from tests.each import each
 from tests.graph.conftest import SLOPES, Write
 
 BACKENDS = "'numpy' or 'opencl' is needed"
@@ -28,7 +29,7 @@ def test_a_graph_file_is_read(write: Write) -> None:
     assert graph.prefer == ("opencl", "numpy")
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_a_shipped_graph_is_found_by_its_bare_name_and_has_a_title(name: str) -> None:
     graph = read_graph(name)
     assert graph.name == name

@@ -13,6 +13,7 @@ from tactograph.graph.declare.find_node import shipped_nodes
 from tactograph.graph.disk.strict_yaml import parse_yaml, read_yaml
 from tactograph.graph.files.read_graph import graph_file
 from tactograph.graph.files.schema import make_schema
+from tests.each import each
 from tests.graph.conftest import SLOPES
 
 
@@ -40,13 +41,13 @@ def slopes() -> dict[str, Any]:
 SHIPPED = sorted(graph_file("paper").parents[1].glob("*/*.yaml"))
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+@each("file", SHIPPED)
 def test_a_shipped_file_tells_editors_where_the_schema_is(file: Path) -> None:
     first = file.read_text().partition("\n")[0]
     assert first == "# yaml-language-server: $schema=../pipeline.schema.json"
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+@each("file", SHIPPED)
 def test_a_shipped_file_passes(file: Path) -> None:
     validator().validate(read_yaml(file).data)
 

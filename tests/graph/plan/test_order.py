@@ -5,13 +5,14 @@ import pytest
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.files.read_graph import shipped_names
 from tactograph.graph.plan.draft import Value
+from tests.each import each
 from tests.graph.conftest import STREAM, Write
 from tests.graph.plan.plans import planned
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> None:
     made: set[Value] = set()
     for step in planned(name, device).steps:
@@ -71,7 +72,7 @@ def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: Op
     }
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
     name: str, device: OpenCL
 ) -> None:

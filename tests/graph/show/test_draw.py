@@ -16,6 +16,7 @@ from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.show.draw_mermaid import to_mermaid
 from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import Edge, Sketch, fold
+from tests.each import each
 from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
 
@@ -86,7 +87,7 @@ def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -
     assert len({colours[backend] for backend in used}) == 2
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
     steps = {step.name for step in plan.steps}

@@ -16,6 +16,7 @@ from tactograph.nodes.light.undistort_dark import undistort_dark
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, ideal_places, seen_offset
 from tactograph.nodes.shadow.confidence_as_seen import confidence_as_seen
 from tactograph.nodes.shadow.labels_as_seen import labels_as_seen
+from tests.each import each
 
 ROWS, COLUMNS = 120, 160
 NONE = np.zeros(8, np.float32)
@@ -119,7 +120,7 @@ def test_no_standard_deviation_is_negative_and_no_confidence_leaves_0_to_1(lens:
     assert as_seen(step, lens).min() < 0
 
 
-@pytest.mark.parametrize("name", shipped_names())
+@each("name", shipped_names())
 def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -> None:
     """Heights alone may be below zero."""
     nodes = read_graph(name).nodes
