@@ -25,8 +25,9 @@ def read_kept(text: str, graph: Graph) -> dict[str, str]:
 
 
 def _reference(name: str, graph: Graph) -> str:
-    node, _ = split_reference(flat_reference(graph, name, "", f"--keep {name}"), graph.nodes)
-    if node in graph.nodes:
+    # No input of a group is left out of the graph itself, so there is a name.
+    flat = flat_reference(graph, name, "", f"--keep {name}") or name
+    if split_reference(flat, graph.nodes)[0] in graph.nodes:
         return name
     if name not in graph.outputs:
         hint = did_you_mean(name, {**graph.nodes, **graph.outputs})
