@@ -19,6 +19,8 @@ MAX_LEDS = 8
 IMAGE_FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MAX_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
+MIN_SIDE_PX = 4
+"""Least rows and columns of a capture: a cell of those on which rough heights are found."""
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 GLINT_SHARE = 0.5
@@ -327,7 +329,7 @@ def check_exposed(
     *,
     how_depth: str = "say 'bits: {bits}'",
 ) -> None:
-    """Refuse images that are dark or hold too large values; warn of saturated ones.
+    """Refuse images that are tiny, dark or hold too large values; warn of saturated ones.
 
     Parameters
     ----------
@@ -336,6 +338,11 @@ def check_exposed(
     white : the integers' full scale; None: the largest of their type
     how_depth : what to do if only `bits` of them, up to `full`, are in use
     """
+    if min(stack.shape[1:3]) < MIN_SIDE_PX:
+        raise InputError(
+            f"{names[0]}: {size_of(stack[0])} pixels; a height needs {MIN_SIDE_PX} x {MIN_SIDE_PX} "
+            "or more"
+        )
     counts = stack.dtype.kind == "u"
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]

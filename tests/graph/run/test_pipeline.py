@@ -65,6 +65,11 @@ def test_a_step_off_the_stream_counts_where_it_is_shown(monkeypatch: pytest.Monk
     ]
 
 
+def test_load_tells_of_a_calibration_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"calibration=.*none\.npz: there is no such file"):
+        load("reconstruct", calibration=tmp_path / "none.npz")
+
+
 def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(backend: str) -> None:
     results = opened(STREAM, backend).items()
     assert [result["score"]["truth"] for result in results] == [1, -1, 3]
