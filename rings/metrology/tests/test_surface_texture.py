@@ -1,11 +1,18 @@
 """Surface parameters of surfaces whose parameters one can work out."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
+from tactograph.nodes.write.export_height import export_height
 from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT
 
 PIXEL_MM = 0.05
 ROWS, COLUMNS = 120, 160
@@ -75,3 +82,16 @@ def test_too_few_points_have_no_figures_and_a_warning(size: tuple[int, int]) -> 
         found = surface_texture(WAVES, PIXEL_MM, contact, edge_px=0)
     assert set(found) == {"texture_area_mm2/c1"}
     assert "too few" in notes[0]
+
+
+def test_only_the_largest_contacts_have_figures() -> None:
+    figures = surface_texture(HEIGHT, 0.1, CONTACT)
+    assert len({name.rpartition("/")[2] for name in figures}) == MAX_MEASURED
+
+
+def test_without_its_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "surfalize", None)
+    with pytest.raises(InputError, match=r"needs surfalize: pip install 'tactograph\[metrology\]'"):
+        surface_texture(WAVES, PIXEL_MM)
+    with pytest.raises(InputError, match=r"needs surfalize: pip install 'tactograph\[metrology\]'"):
+        export_height(WAVES, PIXEL_MM, folder=Path(), formats=("sur",))
