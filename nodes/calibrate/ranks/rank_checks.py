@@ -31,9 +31,9 @@ RIGHT_SHARE = 1e-3
 THREE_LEDS = 3
 """Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE = {"level": "told.level", "figures": "told.figures"}
-RIMS = {"rims": "on_rims.share"}
-ADDED = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
+EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures"}
+RIM_PORTS = {"rims": "on_rims.share"}
+ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
 
 
 @node
@@ -75,13 +75,13 @@ def rank_checks(
             np.savez(even, **_resized(arrays, presses[0].shape[1:]))  # type: ignore[arg-type]
         if is_of_kind(file, PRESS_CALIBRATION):
             drawn = _drawn("gelsight_mini", "drawn_presses", given)
-            own = _own("gelsight_mini", presses, even, ADDED)[0]
+            own = _own("gelsight_mini", presses, even, ONE_SHOT_PORTS)[0]
             kind, ranks = PRESS_CALIBRATION, [ranked(drawn, own)] * 3
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > THREE_LEDS else "paper_no_shadow"
             walls = given | {"count": max(count // 2, 1), "rigid": True}
-            own, rims = _own("reconstruct", presses, even, RIMS)
+            own, rims = _own("reconstruct", presses, even, RIM_PORTS)
             on_rims = rims > MAX_RIM_SHARE
             kind, ranks = (
                 CALIBRATION_KIND,
@@ -131,7 +131,7 @@ def _own(
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
-        declared = {"format": 1, "extends": graph, "outputs": EVIDENCE | (more or {})}
+        declared = {"format": 1, "extends": graph, "outputs": EVIDENCE_PORTS | (more or {})}
         with load(declared, given) as pipeline:
             for press in presses:
                 # Where a frame shows no film, what continues it may leave the camera's range.
