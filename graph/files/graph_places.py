@@ -5,7 +5,7 @@ from pathlib import Path
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.rings import rings
 
-_CHANGES = ("overlays", "studies", "variants")
+_CHANGE_FOLDERS = ("overlays", "studies", "variants")
 """Folders whose files change graphs."""
 
 
@@ -14,7 +14,7 @@ def shipped_graphs() -> dict[str, Path]:
     return {
         file.stem: file
         for file in _shipped_files("*/*.yaml")
-        if file.parent.name not in _CHANGES and not file.stem.endswith(".group")
+        if file.parent.name not in _CHANGE_FOLDERS and not file.stem.endswith(".group")
     }
 
 
@@ -47,7 +47,7 @@ def _shipped_files(pattern: str) -> list[Path]:
     files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
     for ring in rings():
         for file in ring.files("pipelines", pattern):
-            kind = file.parent.name if file.parent.name in _CHANGES else ""
+            kind = file.parent.name if file.parent.name in _CHANGE_FOLDERS else ""
             files.setdefault((kind, file.name), []).append((file, ring.shipped))
     return [found[0][0] for found in files.values() if found[0][1] or len(found) == 1]
 

@@ -27,10 +27,12 @@ from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    Lens as Lens,
     LightPositions as LightPositions,
     ResizedLight as ResizedLight,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     Circles as Circles,
@@ -110,7 +112,11 @@ from tactograph.nodes.files.image_files import (
     read_numbers as read_numbers,
 )
 from tactograph.nodes.files.result_view import (
+    calibrated_view as calibrated_view,
+    read_view as read_view,
     refuse_view as refuse_view,
+    view_of_text as view_of_text,
+    view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -145,6 +151,11 @@ from tactograph.nodes.optics.cache_blocks import (
 from tactograph.nodes.optics.cell_side import (
     CellSide as CellSide,
 )
+from tactograph.nodes.optics.film_places import (
+    film_areas as film_areas,
+    film_places as film_places,
+    on_even_grid as on_even_grid,
+)
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
     normal_by_slope as normal_by_slope,
@@ -152,6 +163,7 @@ from tactograph.nodes.optics.gauss_newton import (
 from tactograph.nodes.optics.lens import (
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )
 from tactograph.nodes.optics.near_light import (
