@@ -79,12 +79,9 @@ def _smaller(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     size = round(columns / coarser), round(rows / coarser)
     flat = [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     made = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * columns / size[0]}
-    if "dark" in arrays:
-        made["dark"] = cv2.resize(arrays["dark"], size, interpolation=cv2.INTER_AREA)
+    for plane in {"dark", "rest"} & arrays.keys():
+        made[plane] = cv2.resize(arrays[plane], size, interpolation=cv2.INTER_AREA)
     made["area"] = np.ones(size[::-1], np.uint8)
-    if "rest" in arrays:
-        # Touches are drawn on a plane, under the same LEDs.
-        made["rest"] = np.zeros(size[::-1], np.float32)
     return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32), "ranks": NO_RANKS}
 
 
