@@ -97,7 +97,7 @@ def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
     """By right touches that are drawn above the film at rest."""
     file = tmp_path / "cal.npz"
     shutil.copy(curved("dome"), file)
-    rank_checks(file=file, count=24)
+    rank_checks(file=file, count=64)
     (images,) = load("see_touch", calibration=file)(height=truth[None])["image"]
     graph = load("reconstruct", calibration=file, accept_contradictions=True)
     assert graph(frames=images)["metrics"]["trust"] > 0.01
