@@ -168,7 +168,8 @@ def judge_radius(
     quality = fitted | {"light_departure_percent": 100 * departure}
     quality["scale_error_percent"] = 100 * scale
     if found.odds(SIZE, left) > 1 / SURE_ODDS:
-        quality["light_radius_mm"] = first * (found.by_name[SIZE].size if _is_other(found) else 1)
+        likelier = _is_other(found) and found.odds(SIZE) > SURE_ODDS
+        quality["light_radius_mm"] = first * (found.by_name[SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
 
 
