@@ -40,11 +40,11 @@ from tactograph.nodes.optics.rest_shape import RestShape
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
 USUAL_NEARNESS = 0.2
-"""Widths of the image over the distance of an LED from which each fit starts."""
+"""Widths of the image over the distance of an LED, and of a near pupil, from which fits start."""
 FIRST_SIZES = (0.5, 1.0, 2.0)
 """Radii from which a free one starts, over that told: radius and diameter are easily confused."""
 REFUSED_ODDS = SURE_ODDS**3
-"""Odds from which another value refuses a calibration, as if three sure signs spoke for it."""
+"""Odds from which nothing else is possible, as if three sure signs spoke for it."""
 SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
 GIVEN_UP_RATIO = np.sqrt(2)
@@ -52,6 +52,7 @@ GIVEN_UP_RATIO = np.sqrt(2)
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+CAMERA_ADVICE = "; if the camera is near the film, give its height (`film.camera`=MM)"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 TOLD, SIZE, POWER, CAMERA, CLEAR = "told", *NUISANCES, "camera", "clear"
@@ -211,11 +212,16 @@ def explain(
             departure > GIVEN_UP_RATIO * now.scale
         )
 
+    def starts(parts: frozenset[str]) -> list[Fitted]:
+        if CAMERA in parts:
+            near = start.film._replace(camera=USUAL_NEARNESS / width)
+            return [start, start._replace(film=near)]
+        return [start._replace(size=size) for size in (FIRST_SIZES if SIZE in parts else (1.0,))]
+
     def tried(parts: frozenset[str]) -> Iterable[Explained]:
         # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
         # leaves more there than on the balls may depart less from a matt film on.
-        for size in FIRST_SIZES if SIZE in parts else (1.0,):
-            first = start._replace(size=size)
+        for first in starts(parts):
             found, has_given_up = explained(fitted(parts, first))
             yield found
             if has_given_up:
@@ -252,7 +258,7 @@ def doubts_of(
     if likely:
         best, *rest = likely
         least = found.by_name[best].departure
-        alike = [name for name in rest if found.odds(name, least) > 1 / SURE_ODDS]
+        alike = [name for name in rest if found.odds(name, least) > 1 / REFUSED_ODDS]
         given = found.by_name[TOLD].departure
         doubt = (
             f"{_value(found, best, radius)} explains the light better than "
@@ -260,6 +266,7 @@ def doubts_of(
             f"({least:.1%} unexplained instead of {given:.1%})"
             + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
             + _cure(found, best, which)
+            + CAMERA_ADVICE * (best == SIZE and CAMERA in found.by_name)
         )
         return [doubt], min(found.odds(best), found.odds(best, left)) > REFUSED_ODDS
     told = found.by_name[TOLD].departure
@@ -292,10 +299,15 @@ def unconfirmed(
 
 
 def scale_error(found: Alternatives, left: float = math.inf) -> float:
-    """Return by what share the balls may be higher or lower than told; 0 if that is confirmed."""
+    """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
+
+    Either the radius is another, or the pixel size is, by the inverse: then all heights change by
+    that once more.  Neither is likelier, so the squares of both are averaged.
+    """
     open_ones = [SIZE] * (_is_other(found) and found.odds(SIZE) > SURE_ODDS)
     open_ones += [CLEAR] * _is_open(found, left)
-    return max((abs(found.cap[name] - 1) for name in open_ones), default=0.0)
+    either = [(found.cap[name], found.cap[name] / found.by_name[name].size) for name in open_ones]
+    return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
 
 
 def _is_open(found: Alternatives, left: float) -> bool:

@@ -1,6 +1,7 @@
 """A wrong radius of the ball is told from the right one by the light."""
 
 import json
+import math
 from functools import cache
 from pathlib import Path
 
@@ -116,7 +117,7 @@ def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:
     assert "so does a ball of 3 mm radius" in doubt
     assert "`film.camera`=MM" in doubt
     assert is_clear
-    (doubt,), _ = doubts_of(left_by(camera=0.02, size=0.025), 6.0)
+    (doubt,), _ = doubts_of(left_by(camera=0.02, size=0.027), 6.0)
     assert "ball" not in doubt
 
 
@@ -133,7 +134,8 @@ def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
     light = left_by(told=0.03, clear=0.031)
     assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in unconfirmed(light, 6.0)
-    assert scale_error(light) == 0.5
+    # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
+    assert scale_error(light) == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
     excluded = left_by(told=0.03, clear=0.04)
     assert not unconfirmed(excluded, 6.0)
     assert scale_error(excluded) == 0
