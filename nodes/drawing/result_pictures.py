@@ -90,24 +90,6 @@ def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
     FigureCanvasAgg(figure).print_png(file)
 
 
-def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
-    """The surface lit from the upper left, and the seams between the touches it is made of."""
-    down, right = np.gradient(height, pixel)
-    lit = (1 - right - down) / np.sqrt(1 + right**2 + down**2)
-    figure, axes = _one_plane()
-    extent = _extent(height, pixel)
-    axes.imshow(lit, cmap="gray", extent=extent)
-    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (
-        np.diff(source.astype(int))[1:] != 0
-    )
-    axes.imshow(
-        np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none"
-    )
-    count = len(np.unique(source[source > 0]))
-    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{count} touches and their seams")
-    FigureCanvasAgg(figure).print_png(file)
-
-
 def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
     """The image's borders in mm from its middle: left, right, bottom, top; y runs down."""
     half = plane.shape[1] * pixel / 2, plane.shape[0] * pixel / 2

@@ -66,6 +66,21 @@ def test_heights_above_the_film_come_back(form: str, curved: Curved, truth: F4) 
     assert np.mean((off <= BAND_DEVIATIONS * careful["error"])[0, truth > 0.02]) > 0.8
 
 
+def test_the_truth_is_compared_above_the_film_at_rest(
+    curved: Curved, truth: F4, tmp_path: Path
+) -> None:
+    """A capture's truth is the film's own height, which a dome raises by a millimetre."""
+    seen = tmp_path / "seen"
+    np.save(tmp_path / "height.npy", truth)
+    run("see_touch", seen, height=tmp_path / "height.npy", calibration=curved("dome"))
+    own = np.load(seen / "truth_height_mm.npy")
+    np.testing.assert_allclose(own - truth, shape_of("dome", truth.shape), atol=1e-6)
+    found = run("precise", capture=seen, calibration=curved("dome"))
+    off = np.sqrt(np.mean((found["height"] - truth) ** 2))
+    assert found["metrics"]["rmse_um"] == pytest.approx(1e3 * off, rel=1e-3)
+    assert found["metrics"]["in_90_percent_band"] > 80
+
+
 def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth: F4) -> None:
     (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
     found = [

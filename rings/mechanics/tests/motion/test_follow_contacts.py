@@ -38,6 +38,18 @@ def number_at(found: FollowedContacts, x: float, y: float) -> int:
     return int(found.contact[round(y), round(x)])
 
 
+def test_speeds_are_those_on_the_film() -> None:
+    """Pixels that are wider than long."""
+    lens, before = np.array([0, 0, 0, 0, -0.1, 0, 0, 0], np.float32), None
+    for t in range(20):
+        earlier = (None, None) if before is None else before[:2]
+        frame = contacts([(20 + 3.0 * t, 20 + 2.0 * t, 6)])
+        before = follow_contacts(frame, 0.1, *earlier, lens)
+    assert before is not None
+    assert before.figures["contact_speed_x_mm/c1"] == pytest.approx(0.3 / 0.9, abs=0.01)
+    assert before.figures["contact_speed_y_mm/c1"] == pytest.approx(0.2 / 1.1, abs=0.01)
+
+
 def test_a_contact_that_moves_keeps_its_number_and_has_a_velocity() -> None:
     moving = [[(20 + 3.0 * t, 40, 6), (100, 20, 5)] for t in range(20)]
     *_, last = follow(moving)

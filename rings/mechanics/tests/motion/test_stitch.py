@@ -27,8 +27,10 @@ from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
+from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.touch import Touch
+from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
@@ -187,6 +189,27 @@ def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path)
     assert np.isnan(found.errors).all()
     with pytest.raises(InputError, match="states no pixel size"):
         read_touches(folder=tmp_path)
+
+
+def test_touches_through_a_lens_are_put_on_the_even_grid(
+    touches: tuple[F4, F4], tmp_path: Path
+) -> None:
+    """Results, and heights of a recording, as a camera near the film sees them."""
+    view, height = (
+        View(np.array([-0.03, 0.01, 0.02, -0.01, 0, 0.01, 0.02, 0.01], np.float32), 1 / 65),
+        touches[0][0],
+    )
+    touch = Touch(height, np.ones((4, *height.shape), np.float32), PIXEL, view=view)
+    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
+    for name in "a", "b":
+        folder, made = tmp_path / "results" / name, {"mesh": False, "pictures": False}
+        write_result(touch, folder=folder, provenance=made_by, **made)
+        write_mcap(touch, folder=tmp_path / "log", provenance=made_by, session=session, wait=True)
+    session.close()
+    even, _ = on_even_grid(height, [], view.lens, 1 / 65)
+    for folder, pixel in ((tmp_path / "results", None), (tmp_path / "log", PIXEL)):
+        found = read_touches(folder=folder, pixel_size_mm=pixel).heights[1]
+        np.testing.assert_allclose(found, even, atol=1e-5)
 
 
 def test_frames_of_a_recording_become_one(

@@ -167,4 +167,4 @@ def test_a_diameter_typed_as_radius_is_told_on_a_real_one_shot_sensor(
         image, flat, circle.astype(np.float32), kept, 0.0634, radius_mm=radius
     )
     assert bool(verdict.doubts) == doubtful
-    assert all("its diameter" in doubt for doubt in verdict.doubts)
+    assert all("may be the ball's diameter" in doubt for doubt in verdict.doubts)
