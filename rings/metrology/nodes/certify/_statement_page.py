@@ -85,8 +85,8 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
     if (held := figures.get("held_out_percent")) is not None:
         said += (
             f"<p>Of points of shapes that were held out {held:.1f} % (standard "
-            f"uncertainty {figures['held_out_error_percent']:.1f} %, as shapes differ) lie within the "
-            "intervals of the budget that the others give.</p>"
+            f"uncertainty {figures['held_out_error_percent']:.1f} %, as shapes differ) lie "
+            "within the intervals of the budget that the others give.</p>"
         )
     return f"<table>{head}{''.join(lines)}</table>{said}"
 
