@@ -33,6 +33,7 @@ from tactograph.nodes import (
     Lens as Lens,
     LightPositions as LightPositions,
     ResizedLight as ResizedLight,
+    ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
     Vergence as Vergence,
 )
@@ -66,6 +67,7 @@ from tactograph.nodes.capture.read_balls import (
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
+    Layout as Layout,
     read_capture_file as read_capture_file,
 )
 from tactograph.nodes.capture.read_flat import (
@@ -81,9 +83,6 @@ from tactograph.nodes.contact.largest_contacts import (
     MAX_MEASURED as MAX_MEASURED,
     Most as Most,
     largest_contacts as largest_contacts,
-)
-from tactograph.nodes.drawing.result_pictures import (
-    draw_seams as draw_seams,
 )
 from tactograph.nodes.files.calibration_file import (
     is_of_kind as is_of_kind,
@@ -143,9 +142,6 @@ from tactograph.nodes.height.scale_height import (
     Scale as Scale,
     StepScale as StepScale,
 )
-from tactograph.nodes.height.weighted_heights import (
-    weighted_heights as weighted_heights,
-)
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
 )
@@ -188,6 +184,7 @@ from tactograph.nodes.optics.shape import (
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
+    SheetMask as SheetMask,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,
