@@ -326,7 +326,7 @@ nodes:
 outputs: {lit: lit}
 """
     pipeline = load(graph_of(text), backend="opencl")
-    for shape in ((3, 4, 5), (4, 9, 7), (3, 1, 1)):
+    for shape in ((3, 4, 5), (4, 9, 7), (3, 5, 4)):
         assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 
