@@ -1,4 +1,4 @@
-"""Whether images hold light from which a height follows: dark, saturated, of fewer bits, a mosaic."""
+"""Whether images hold light of which a height can be made: exposure, depth, a mosaic."""
 
 from collections.abc import Sequence
 from pathlib import Path
