@@ -2,8 +2,7 @@
 
 The images are put in another order, mirrored, turned, or freed of a gamma, and solved as a matt
 film would be: I_k = n . L_k / L_kz, relative to the flat frame.  Where that leaves far less than
-the images as they are, the mistake is named.  Light that dims whole rows at both borders alike is
-no surface, whatever it shows between.
+the images as they are, the mistake is named.
 """
 
 import math
@@ -16,6 +15,7 @@ import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS
+from tactograph.nodes.trust.banded_rows import BANDS, is_banded
 
 ROWS, COLUMNS = 30, 40
 """Cells on which mistakes are tried: few, since there are a hundred."""
@@ -30,10 +30,6 @@ FITS = 0.05
 UPSIDE_DOWN = 0.3
 """What counts as left where the touch goes below the film at rest."""
 GAMMA = 2.2
-STRIP_SHARE = 0.125
-"""Share of the columns at either border on which bands are looked for."""
-MIN_BAND, MIN_LIKENESS = 0.01, 0.8
-"""Standard deviation of the light of rows, and its correlation between both borders, of bands."""
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
 MAX_ORDERS = 24
@@ -66,12 +62,8 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     raw = light * flat
     if alike := _alike(raw):
         return alike
-    if _is_banded(light):
-        return (
-            "whole rows are brighter or darker than those beside them, at both borders alike: the "
-            "light flickers while the camera reads its rows (expose for whole periods of the "
-            "mains, keep lamps away, or drive the LEDs by steady current)"
-        )
+    if is_banded(light):
+        return BANDS
     small, rest = _resized(raw), np.maximum(_resized(flat), np.float32(1e-3))
     as_it_is = _left(small / rest, lights)
     if as_it_is < FITS:
@@ -95,19 +87,6 @@ def _alike(raw: F4) -> str:
                     "each LED is lit for its own image, and that none was copied)"
                 )
     return ""
-
-
-def _is_banded(light: F4) -> bool:
-    """Whether rows at the left and at the right border are brighter and darker alike."""
-    rows, width = light.shape[1], max(2, round(STRIP_SHARE * light.shape[2]))
-    strips = [np.median(part, axis=2) for part in (light[..., :width], light[..., -width:])]
-    smooth = np.vander(np.linspace(-1, 1, rows), 3)
-    left, right = (
-        strip - (smooth @ np.linalg.lstsq(smooth, strip.T, rcond=None)[0]).T for strip in strips
-    )
-    both = float((left * right).mean())
-    alone = float(np.sqrt((left**2).mean() * (right**2).mean()))
-    return both > MIN_BAND**2 and both > MIN_LIKENESS * alone
 
 
 def _mistakes(raw: F4) -> Iterator[_Mistake]:
