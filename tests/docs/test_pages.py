@@ -59,7 +59,15 @@ def blocks(page: Path) -> Iterator[Block]:
             yield Block(language, info, token.content, f"{page.name}:{token.map[0] + 1}")
 
 
-LONG = ("batch.md", "calibrate.md", "export.md", "sensors.md", "simulate.md", "variants.md")
+LONG = (
+    "batch.md",
+    "calibrate.md",
+    "captures.md",
+    "export.md",
+    "sensors.md",
+    "simulate.md",
+    "variants.md",
+)
 """Pages that calibrate again and again, or need packages that 'make test' does not install."""
 OF_RINGS = ("compose.md", "graph_files.md")
 """Pages of `docs` whose examples are graphs of rings."""
