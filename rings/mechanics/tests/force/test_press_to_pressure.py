@@ -19,9 +19,11 @@ from rings.mechanics.tests.force.presses import (
 )
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.nodes.optics.film_places import film_places
 from tactograph.nodes.stream.touch import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
 
 Gel = tuple[float, float]
 GELS = [(1.5, 0.3), (2.5, 0.45), (2.5, 0.48), (2.5, 0.5)]
@@ -109,3 +111,10 @@ def test_without_a_contact_there_is_no_pressure() -> None:
     none = found(height(*GELS[2]), np.zeros(SHAPE, np.uint8))
     assert not none.pressure.any()
     assert none.figures == {}
+
+
+def test_all_contacts_press_but_only_the_largest_have_figures() -> None:
+    gel = {"modulus_kpa": 100.0, "thickness_mm": 3.0}
+    pressed = press_to_pressure(HEIGHT, CONTACT, 0.1, np.full_like(HEIGHT, 1e-3), **gel)
+    assert np.all(pressed.pressure[SMALL[0] == CONTACT] != 0)
+    assert len({name.rpartition("/")[2] for name in pressed.figures}) == MAX_MEASURED
