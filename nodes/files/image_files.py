@@ -47,6 +47,8 @@ CHANNEL_NAMES: tuple[Channel, ...] = ("blue", "green", "red")
 MEAN_OF_CHANNELS = (
     "their light is the mean of the three channels; `channel`=red, green or blue takes one"
 )
+SHALLOW_MODE = re.compile(r"^(1)(?:;|$)|;([124])[IR]*$")
+"""Pillow's words for pixels of less than 8 bits."""
 PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
 """The head of a PGM, up to the value of white."""
 
@@ -97,6 +99,11 @@ def _check_plain(image: Image.Image, file: Path) -> None:
             f"{file}: {width} x {height} pixels are too large for a camera image "
             f"(at most {MAX_PIXELS // 10**6} million)"
         )
+    if depth := SHALLOW_MODE.search(_raw_mode(image)):
+        raise InputError(
+            f"{file}: has {depth[1] or depth[2]} bits a pixel; save it with 8 or 16, as the camera "
+            "gave them"
+        )
     frames = getattr(image, "n_frames", 1)
     if frames > 1:
         raise InputError(f"{file}: holds {frames} pages or frames; save each as a file of its own")
@@ -113,6 +120,12 @@ def _check_plain(image: Image.Image, file: Path) -> None:
         )
     if image.format == "JPEG":
         warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
+
+
+def _raw_mode(image: Image.Image) -> str:
+    """How a file holds its pixels, in Pillow's words, such as "L;4" for four bits of grey."""
+    how = image.tile[0].args if image.tile else ""
+    return str(how[0] if isinstance(how, tuple) else how)
 
 
 def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
@@ -216,22 +229,40 @@ def read_plane(
     plane = cropped(grey(read_image(file), channel), crop, file)
     if plane.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
-    bits = bits or bits_of(file) or _bits(plane)
-    full = 2**bits - 1
+    full = white_of([file], bits) or np.iinfo(plane.dtype).max
     if plane.max() > full:
-        raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
+        raise InputError(f"{file}: has values up to {plane.max()}, but white is {full}")
     light = np.asarray(plane / np.float32(full), np.float32)
     return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
 
 
-def bits_of(file: Path) -> int | None:
-    """Return the depth that a PGM states, where it is not that of its container; else None."""
+def white_of(files: Sequence[Path], bits: int | None) -> int | None:
+    """Return the value of full scale, by the stated depth or as PGMs say; else None.
+
+    Raises
+    ------
+    InputError
+        If one PGM says another than the first.
+    """
+    if bits is not None:
+        return 2**bits - 1
+    whites = [_white_in(file) for file in files]
+    for file, white in zip(files, whites, strict=True):
+        if white != whites[0]:
+            raise InputError(
+                f"{file}: says that white is {white}, but {files[0].name} says {whites[0]}"
+            )
+    return whites[0]
+
+
+def _white_in(file: Path) -> int | None:
+    """The white that a PGM of 16 bits states, if it is not its largest number."""
     if file.suffix.lower() != ".pgm":
         return None
     with file.open("rb") as opened:
         head = PGM_HEAD.match(opened.read(1024))
-    bits = int(head[1]).bit_length() if head else 16
-    return bits if 8 < bits < 16 else None
+    white = int(head[1]) if head else 0
+    return white if 255 < white < 65535 else None
 
 
 def channels(
@@ -283,16 +314,16 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
     return plane[y0:y1, x0:x1]
 
 
-def normalised(stack: NDArray[Any], files: list[Path], bits: int | None) -> NDArray[np.float32]:
+def normalised(stack: NDArray[Any], files: list[Path], white: int | None) -> NDArray[np.float32]:
     """The images as fractions of full scale, once `check_exposed` accepts them."""
-    check_exposed(stack, files, bits)
-    return np.asarray(stack / np.float32(2 ** (bits or _bits(stack)) - 1), np.float32)
+    check_exposed(stack, files, white)
+    return np.asarray(stack / np.float32(white or np.iinfo(stack.dtype).max), np.float32)
 
 
 def check_exposed(
     stack: NDArray[Any],
     names: Sequence[Path | str],
-    bits: int | None,
+    white: int | None,
     *,
     how_depth: str = "say 'bits: {bits}'",
 ) -> None:
@@ -302,11 +333,11 @@ def check_exposed(
     ----------
     stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
     names : of the K images, for messages
-    bits : depth of the integers; None: that of their type
+    white : the integers' full scale; None: the largest of their type
     how_depth : what to do if only `bits` of them, up to `full`, are in use
     """
     counts = stack.dtype.kind == "u"
-    full = 2 ** (bits or _bits(stack)) - 1 if counts else 1
+    full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
     shallow, told = "", False
     if counts and full > 4095 and max(brightest) < 4096:
@@ -316,7 +347,7 @@ def check_exposed(
         if most == 0:
             raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
         if most > full:
-            raise InputError(f"{name}: has values up to {most}, but bits: {bits}")
+            raise InputError(f"{name}: has values up to {most}, but white is {full}")
         _check_bright(plane, full, name, shallow)
         saturated = _saturated(plane, most, full)
         if saturated > MAX_SATURATED:
@@ -329,7 +360,7 @@ def check_exposed(
                 f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
                 "or whole frames"
             )
-    if shallow and bits is None:
+    if shallow and white is None:
         warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")
 
 

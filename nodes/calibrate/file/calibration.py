@@ -34,6 +34,7 @@ from tactograph.nodes import (
     NullVector,
     PixelSize,
     Reflectance,
+    ScaleError,
     Spread,
 )
 from tactograph.nodes.files.calibration_file import FileKind, free_for
@@ -113,6 +114,11 @@ class Calibration(NamedTuple):
         ]
         | None
     ) = None
+    scale_error: Annotated[
+        ScaleError,
+        Stored(0, 1e3, plain=0.0),
+        "relative error of the heights' scale that the light left open; 0: it confirmed the radius",
+    ] = 0.0
     ranks: Annotated[
         CheckRanks,
         Stored(-1, 1e6, plain=-1.0),

@@ -26,10 +26,20 @@ from tactograph.sdk import (
     Metrics,
     PixelSize,
     Port,
+    View,
     node,
     warn,
 )
-from tactograph.sdk.unstable import MAX_MEASURED, Most, cores, largest_contacts
+from tactograph.sdk.unstable import (
+    MAX_MEASURED,
+    Most,
+    cores,
+    film_areas,
+    film_places,
+    largest_contacts,
+    on_even_grid,
+    view_stated,
+)
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
@@ -56,6 +66,7 @@ def press_to_pressure(
     contact: Contacts,
     pixel: PixelSize,
     error: HeightError | None = None,
+    view: View | None = None,
     *,
     modulus_kpa: Modulus,
     thickness_mm: Thickness,
@@ -81,6 +92,7 @@ def press_to_pressure(
         is no pressure, and inside it may come out below zero by noise.
     pixel : mm per px
     error : H x W, the height's standard deviation in mm; without it forces have no deviation
+    view : the calibration, for the lens and the camera's height; None: an even grid
     modulus_kpa : Young's modulus of the gel
     thickness_mm : of the gel, between film and window
     poisson : Poisson's ratio; 0.5 cannot be compressed
@@ -102,18 +114,20 @@ def press_to_pressure(
     compliance = layer_compliance(k, thickness_mm, poisson).normal / modulus_kpa
     weight = (compliance * k) ** 2
     to_load = (compliance * k * k / weight.max()).astype(np.float32)
-    inside = _cells(contact > 0, cell_px)
+    place = _Place(height, view or View())
+    inside = place.cells(contact > 0, cell_px)
     relative = (weight / weight.max()).astype(np.float32)
     solve = partial(_solve, weight=relative, inside=inside, steps=steps)
-    by_cell = solve(inside * _filtered(_cells(np.nan_to_num(height), cell_px), to_load))
+    by_cell = solve(inside * _filtered(place.cells(height, cell_px), to_load))
     size = columns * cell_px, rows * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    pressure = np.where(contact > 0, enlarged[: height.shape[0], : height.shape[1]], np.float32(0))
-    figures = _figures(pressure, contact, numbers, pixel)
+    seen = place.seen(enlarged[: height.shape[0], : height.shape[1]])
+    pressure = np.where(contact > 0, seen, np.float32(0))
+    figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
-        deviation = _cells(np.nan_to_num(error), cell_px)
+        deviation = place.cells(error, cell_px)
         for number in numbers:
-            functional = _filtered(inside * solve(_cells(contact == number, cell_px)), to_load)
+            functional = _filtered(inside * solve(place.cells(contact == number, cell_px)), to_load)
             chance = NEWTONS_PER_KPA_MM2 * (cell_px * pixel) ** 2
             chance *= _deviation(functional * deviation, k)
             force = figures[f"contact_force_n/c{number}"]
@@ -121,6 +135,38 @@ def press_to_pressure(
                 np.hypot(chance, modulus_error * force)
             )
     return PressForce(pressure, figures)
+
+
+class _Place:
+    """Where on the film the pixels of a camera look, and back; nowhere else on an even grid."""
+
+    def __init__(self, height: Height, view: View) -> None:
+        self._height, self._view = height, view
+        self._places: tuple[NDArray[Any], NDArray[Any]] | None = None
+        self.areas: NDArray[Any] = np.ones((1, 1))
+        if view_stated(view):
+            self._places = film_places(height, view.lens, view.camera or 0.0)
+            self.areas = film_areas(*self._places)
+
+    def cells(self, plane: NDArray[Any], side: int) -> F4:
+        """A map as seen, on cells of an even grid on the film; 0 where no pixel sees it."""
+        if self._places is not None:
+            lens, camera = self._view
+            _, (plane,) = on_even_grid(
+                self._height, [plane.astype(np.float32)], lens, camera or 0.0
+            )
+        return _cells(np.nan_to_num(plane), side)
+
+    def seen(self, plane: F4) -> F4:
+        """A map on an even grid, as seen."""
+        if self._places is None:
+            return plane
+        rows, columns = plane.shape
+        x, y = (
+            (place + (size - 1) / 2).astype(np.float32)
+            for place, size in zip(self._places, (columns, rows), strict=True)
+        )
+        return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR))
 
 
 def _cells(plane: NDArray[Any], side: int) -> F4:
@@ -161,14 +207,18 @@ def _deviation(sensitivity: F4, k: F8) -> float:
     return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
 
 
-def _figures(pressure: F4, contact: Contacts, numbers: NDArray[np.intp], pixel: float) -> Metrics:
+def _figures(
+    pressure: F4, contact: Contacts, numbers: NDArray[np.intp], area: NDArray[Any]
+) -> Metrics:
+    """Figures of contacts; `area` is that of a pixel in mm^2."""
     figures: Metrics = {}
+    load = pressure * area
     for number in numbers:
         y, x = np.nonzero(contact == number)
-        part = pressure[y, x]
+        part = load[y, x]
         total = float(part.sum())
-        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * pixel**2 * total
-        figures[f"contact_pressure_kpa/c{number}"] = float(part.max(initial=0))
+        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * total
+        figures[f"contact_pressure_kpa/c{number}"] = float(pressure[y, x].max(initial=0))
         if total > 0:
             figures[f"contact_force_x_px/c{number}"] = float(x @ part) / total
             figures[f"contact_force_y_px/c{number}"] = float(y @ part) / total
