@@ -196,7 +196,10 @@ def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
 def test_coat_and_light_that_bounces_are_found_where_neither_pays_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_film_search, "MIN_GAIN_DEG", 1.0)
+    def by_a_degree(before: list[float], after: list[float]) -> bool:
+        return bool(np.mean(after) < np.mean(before) - 1)
+
+    monkeypatch.setattr(_film_search, "pays", by_a_degree)
     shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)
     found = fitted(shining, FOUR[:2])
     assert found.film.albedo == pytest.approx(0.7, abs=0.02)
