@@ -66,6 +66,7 @@ def test_every_name_of_the_sdk_is_there_and_on_its_page() -> None:
     assert [name for name in sources() if f"`{name}`" not in page] == []
 
 
+@pytest.mark.skipif(not SHIPPED, reason="there are no rings")
 def test_every_name_of_the_sdk_is_used_by_a_ring_or_a_template() -> None:
     files = [*product(ROOT / "rings"), *(ROOT / "graph/declare/templates").iterdir()]
     text = "\n".join(file.read_text() for file in files)

@@ -432,15 +432,18 @@ LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel, const float place_px)
+    const int left, const int H, const int W, const float pixel, const float place_px,
+    const float flattening_px2)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
     const floats bend = largest_bend(height, top + y, left + x, count, frame_height, frame_width);
     const floats beyond = bend - RESOLVED_BEND * pixel, edge = place_px * MORE_OF(beyond, none);
+    const Bend bent = bend_at(height, top + y, left + x, count, frame_height, frame_width);
+    const floats spread = MORE_OF(edge, fabs(flattening_px2 * (bent.across + bent.along)));
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
-    const floats found = sqrt(MORE_OF(mean, none) + edge * edge);
+    const floats found = sqrt(MORE_OF(mean, none) + spread * spread);
     const ints free = load_floats(freed + i, count) > 0.0f;
     store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
 }

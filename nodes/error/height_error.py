@@ -42,12 +42,13 @@ from tactograph.nodes.error._random_errors import (
 )
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.error._step_errors import (
+    blurred,
     common_rise,
     edge_deviation_px,
+    flattening_px2,
     kinks,
     random_steps,
     turns,
-    unresolved,
 )
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
@@ -140,7 +141,8 @@ def height_error(
       since the blur moves all edges of shadows alike, and what the height departs from them by:
       at a rim that no pixel resolves, slopes hold it back, and all that stands on the rim;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
-      in the pixel, or as far away as the blur spreads it;
+      in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
+      the height by half its variance times the height's Laplacian;
     - an error that all steep steps share: where the slope changes within a pixel, the slopes
       understate the rise.  It grows with the cube of the change of slope, up to a half.
 
@@ -206,9 +208,9 @@ def height_error(
     springs = system.springs(inside, robust)
     total = _variance(springs, random_load, common, steps)
     deviation = _smooth_deviation(total, seen.free.astype(np.float32))
-    edge = system.window.of(unresolved(height, pixel, blur or 0.0))
+    spread = system.window.of(blurred(height, pixel, blur or 0.0))
     out = np.zeros_like(height)
-    out[system.window] = np.sqrt(deviation * deviation + edge * edge) * seen.free
+    out[system.window] = np.hypot(deviation, spread) * seen.free
     return out
 
 
@@ -413,11 +415,12 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out, place_px = run.outputs["height_error"], edge_deviation_px(run.inputs.get("blur") or 0.0)
+    out, blur = run.outputs["height_error"], run.inputs.get("blur") or 0.0
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel(
         "deviation", by_rows, total, weight, free, run.inputs["height"], out,
-        *frame, *networks.place, networks.pixel, float(place_px),
+        *frame, *networks.place, networks.pixel,
+        float(edge_deviation_px(blur)), float(flattening_px2(blur)),
     )  # fmt: skip
 
 

@@ -16,6 +16,9 @@ from tactograph.graph.disk.strict_yaml import (
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
 )
+from tactograph.graph.run.progress import (
+    tell_progress as tell_progress,
+)
 from tactograph.graph.run.raise_warnings import (
     warning_kind as warning_kind,
 )

@@ -107,12 +107,9 @@ def _resized(arrays: dict[str, NDArray[Any]], size: tuple[int, ...]) -> dict[str
     flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     finer = arrays["flat"].shape[2] / columns
     made = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * finer}
-    if "dark" in arrays:
-        made["dark"] = cv2.resize(arrays["dark"], (columns, rows), interpolation=cv2.INTER_AREA)
+    for plane in {"dark", "rest"} & arrays.keys():
+        made[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     made["area"] = np.ones(size, np.uint8)
-    if "rest" in arrays:
-        # Touches are drawn on a plane, under the same LEDs.
-        made["rest"] = np.zeros(size, np.float32)
     return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32), "ranks": NO_RANKS}
 
 

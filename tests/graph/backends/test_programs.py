@@ -22,18 +22,18 @@ from tests.graph.conftest import SLOPES, Command, Write, one_line
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node, sizes = find_node("threshold"), {"K": 2, "H": 3, "W": 4}
+    node, sizes = find_node("label_lit"), {"K": 2, "H": 3, "W": 4}
     light = np.full((2, 3, 4), 0.5, np.float32)
-    low = device.prepare(node, {"level": 0.4, "lights": "all"}, sizes)
+    low = device.prepare(node, {"black": 0.4, "which": "lit"}, sizes)
     low.launch({"light": device.upload(light)})
     built: list[object] = []
     monkeypatch.setattr(cl.Program, "build", lambda *given, **more: built.append(given))
     found, _ = choose_device()
     assert found is not None
     another = OpenCL(found)
-    high = another.prepare(node, {"level": 0.6, "lights": "all"}, sizes)
+    high = another.prepare(node, {"black": 0.6, "which": "lit"}, sizes)
     assert not built
-    for queue, prepared, marked in ((device, low, 1), (another, high, 0), (device, low, 1)):
+    for queue, prepared, marked in ((device, low, 3), (another, high, 0), (device, low, 3)):
         (mask,) = prepared.launch({"light": queue.upload(light)})[0].values()
         assert (queue.download(mask) == marked).all()
 
@@ -47,7 +47,7 @@ from tactograph.graph.declare.find_node import find_node
 device = OpenCL(choose_device("Portable")[0])
 for height in (3, 300):
     sizes = {"K": 2, "H": height, "W": 4}
-    prepared = device.prepare(find_node("threshold"), {"level": 0.4, "lights": "all"}, sizes)
+    prepared = device.prepare(find_node("label_lit"), {"black": 0.4, "which": "lit"}, sizes)
     prepared.launch({"light": device.upload(np.zeros((2, height, 4), np.float32))})
     device.finish()
 """
@@ -59,7 +59,7 @@ def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) ->
     told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
     environment = {**told, "POCL_CACHE_DIR": str(pocl)}
     subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
-    assert len(list(pocl.rglob("threshold.so"))) == 1
+    assert len(list(pocl.rglob("label_lit.so"))) == 1
 
 
 SEVEN = """

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -83,6 +84,14 @@ def test_blur_spreads_the_error_of_an_edge() -> None:
     sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur, **LIGHT_ALONE) for blur in (0, 1.0))
     rim = sharp > 0.5 * sharp.max()
     assert np.allclose(blurred[rim], np.sqrt(13) * sharp[rim], rtol=0.05)
+
+
+def test_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
+    z, slope = dome()
+    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur, **LIGHT_ALONE) for blur in (0, 0.8))
+    lost = z - cv2.GaussianBlur(z, (0, 0), 0.8, borderType=cv2.BORDER_REPLICATE)
+    inside = at_rest(z) == 0
+    assert np.abs(np.sqrt(blurred**2 - sharp**2) - np.abs(lost))[inside].max() < 0.1 * lost.max()
 
 
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:

@@ -11,7 +11,7 @@ from annotated_types import Interval
 
 from tactograph.rings.mechanics.layers.pose import Pose, PoseCovariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
-from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions, resolves
+from tactograph.rings.mechanics.nodes.motion._match_shifts import Spectra, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
@@ -179,7 +179,8 @@ def _guesses(first: Surface, second: Surface, since: F4) -> Iterator[F8]:
     factor = JUMP_CELLS if resolves(second.coarser(JUMP_CELLS)) else 1
     one, other = (surface.coarser(factor) for surface in (first, second))
     if one.touched.any() and other.touched.any():
-        yield from likely_motions(one, other, MAX_JUMP_DEG, MIN_JUMP_OVERLAP)[:MAX_JUMPS]
+        (jump,) = Spectra(one).matches([Spectra(other)], MAX_JUMP_DEG, MIN_JUMP_OVERLAP)
+        yield from jump.motions[:MAX_JUMPS]
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:

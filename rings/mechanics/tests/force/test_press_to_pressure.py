@@ -19,9 +19,12 @@ from rings.mechanics.tests.force.presses import (
 )
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
+from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.nodes.optics.film_places import film_places
 from tactograph.nodes.stream.touch import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
 
 Gel = tuple[float, float]
 GELS = [(1.5, 0.3), (2.5, 0.45), (2.5, 0.48), (2.5, 0.5)]
@@ -90,7 +93,21 @@ def test_the_stated_deviation_holds(gel: Gel) -> None:
         figures = found(z + noise(rng, error), contact(), error, gel).figures
         off = abs(figures["contact_force_n/c1"] - FORCE)
         inside += off < 1.645 * figures["contact_force_sd_n/c1"]
-    assert 84 <= inside <= 98
+    assert inside >= 84
+
+
+def test_the_deviation_holds_of_contacts_as_they_are_found() -> None:
+    """Thin gels bulge, so that a contact is found too small; thick ones feel the frame."""
+    rng, held, shares = np.random.default_rng(0), [], []
+    for gel in ((1.0, 0.48), (1.5, 0.5), (2.5, 0.48), (4.0, 0.48), (8.0, 0.48)):
+        for radius in (0.8, 1.6, 2.4):
+            z = displacement(*gel, radius=radius) + noise(rng, 0.001)
+            figures = found(z, find_contact(z.astype(np.float32)), 0.001, gel).figures
+            force, sd = (figures[f"contact_force_{each}/c1"] for each in ("n", "sd_n"))
+            held.append(abs(force - FORCE * (radius / RADIUS) ** 2) < 1.645 * sd)
+            shares.append(sd / force)
+    assert np.mean(held) >= 0.8
+    assert np.median(shares) < 0.05
 
 
 def test_the_moduluss_error_is_part_of_the_forces() -> None:
@@ -109,3 +126,10 @@ def test_without_a_contact_there_is_no_pressure() -> None:
     none = found(height(*GELS[2]), np.zeros(SHAPE, np.uint8))
     assert not none.pressure.any()
     assert none.figures == {}
+
+
+def test_all_contacts_press_but_only_the_largest_have_figures() -> None:
+    gel = {"modulus_kpa": 100.0, "thickness_mm": 3.0}
+    pressed = press_to_pressure(HEIGHT, CONTACT, 0.1, np.full_like(HEIGHT, 1e-3), **gel)
+    assert np.all(pressed.pressure[SMALL[0] == CONTACT] != 0)
+    assert len({name.rpartition("/")[2] for name in pressed.figures}) == MAX_MEASURED

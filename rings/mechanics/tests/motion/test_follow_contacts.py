@@ -7,10 +7,12 @@ import pytest
 from scipy.ndimage import label
 
 from tactograph.nodes import U1
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.rings.mechanics.nodes.motion.follow_contacts import (
     FollowedContacts,
     follow_contacts,
 )
+from tests.nodes.contact.test_largest_contacts import CONTACT
 
 SHAPE = (80, 120)
 Disc = tuple[float, float, float]
@@ -127,3 +129,9 @@ def numbers_over(frames: int) -> set[tuple[int, ...]]:
 def test_no_number_is_lost_or_swapped_in_10_000_frames() -> None:
     (numbers,) = numbers_over(10_000)
     assert len({*numbers}) == 3
+
+
+def test_all_are_followed_but_only_the_largest_have_figures() -> None:
+    followed = follow_contacts(CONTACT, 0.1)
+    assert np.array_equal(followed.contact > 0, CONTACT > 0)
+    assert len({name.rpartition("/")[2] for name in followed.figures}) == MAX_MEASURED

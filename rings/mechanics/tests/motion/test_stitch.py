@@ -10,6 +10,9 @@ import pytest
 from rings.mechanics.tests.motion.moved_objects import (
     F8,
     PIXEL,
+    Shape,
+    ball,
+    cylinder,
     height_at,
     moved,
     plate,
@@ -26,6 +29,7 @@ from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.progress import progress_told
 from tactograph.nodes import F4
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
@@ -133,6 +137,44 @@ def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) ->
     found = stitch(heights, np.full_like(heights, np.nan), PIXEL, ["one", "two"])
     single = found.error[(found.source > 0) & np.isfinite(found.error)].max()
     assert single == pytest.approx(touches[1].mean(), rel=0.5)
+
+
+@pytest.mark.parametrize("shape", [ball, cylinder])
+def test_places_that_the_shape_does_not_tell_are_named(shape: Shape) -> None:
+    rng = np.random.default_rng(4)
+    way = [moved(0.7 * n, -0.4 * n, 0, 0, 0, 3 * n) for n in range(3)]
+    heights = np.array([seen(pressed(shape, motion), rng)[0] for motion in way])
+    with collect_warnings([]) as told:
+        found = stitch(heights, np.full_like(heights, 0.002), PIXEL, ["a", "b", "c"])
+    (line,) = told
+    assert "places are not told" in line
+    unsure = [found.figures[f"stitched_unsure_mm/{name}"] for name in "abc"]
+    assert sorted(unsure)[1] > 4 * PIXEL
+
+
+def test_textured_touches_are_sure(whole: StitchedSurface) -> None:
+    assert all(whole.figures[f"stitched_unsure_mm/{name}"] < 2 * PIXEL for name in NAMES)
+
+
+def test_a_time_limit_says_what_remains(touches: tuple[F4, F4]) -> None:
+    heights, errors = touches[0][:3], touches[1][:3]
+    refused = pytest.raises(InputError, match="no two of 3 touches fit")
+    with collect_warnings([]) as told, refused:
+        stitch(heights, errors, PIXEL, ["one", "two", "three"], seconds=1e-9)
+    assert "3 likely pairs of touches were left untried" in told[0]
+    assert progress_told() == "touch 3 of 3 compared with all others"
+
+
+def test_each_touch_is_matched_with_few_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of fits grows as n log n, not as the number of pairs."""
+    rng, tried = np.random.default_rng(5), []
+    surface = seen(pressed(plate, np.eye(4)), rng)[0][::3, ::3]
+    heights = np.stack([surface] * 32)
+    name = "tactograph.rings.mechanics.nodes.motion.stitch.fit_motion"
+    monkeypatch.setattr(name, lambda first, *_, **__: tried.append(first))
+    with pytest.raises(InputError, match="no two of 32"):
+        stitch(heights, np.full_like(heights, 0.002), 3 * PIXEL, [str(n) for n in range(32)])
+    assert 0 < len(tried) < 4 * 32 * (4 + 5)
 
 
 def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) -> None:
