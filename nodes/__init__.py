@@ -221,7 +221,7 @@ class Film(NamedTuple):
         "mm of film beyond the frame",
     ]
     camera: Annotated[
-        Vergence, Stored(0, 10, plain=0.0), "1/mm, one over the pupil's height; 0: far"
+        Vergence, Stored(0, 0.2, plain=0.0), "1/mm, one over the pupil's height; 0: far"
     ]
     emission: Annotated[
         float,

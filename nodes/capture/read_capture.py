@@ -25,6 +25,7 @@ from tactograph.nodes.capture._led_files import (
     is_hidden,
 )
 from tactograph.nodes.capture.listed_capture import listed_capture
+from tactograph.nodes.files.exposure import check_exposed, normalised
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
@@ -34,10 +35,8 @@ from tactograph.nodes.files.image_files import (
     Lights,
     channels,
     check_alike,
-    check_exposed,
     cropped,
     grey,
-    normalised,
     read_image,
     read_numbers,
     read_truth,

@@ -28,7 +28,7 @@ from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls, thinned
 from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST, rest_left
-from tactograph.nodes.calibrate.film._film_unknowns import NUISANCES
+from tactograph.nodes.calibrate.film._film_unknowns import NUISANCES, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
@@ -39,8 +39,6 @@ from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
-USUAL_NEARNESS = 0.2
-"""Widths of the image over the distance of an LED, and of a near pupil, from which fits start."""
 FIRST_SIZES = (0.5, 1.0, 2.0)
 """Radii from which a free one starts, over that told: radius and diameter are easily confused."""
 REFUSED_ODDS = SURE_ODDS**3

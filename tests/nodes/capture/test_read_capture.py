@@ -140,6 +140,13 @@ def test_less_than_eight_bits_are_refused(tmp_path: Path, file: str, bits: int) 
         read_image(tmp_path / file)
 
 
+@pytest.mark.parametrize("side", [1, 3])
+def test_images_too_small_for_a_height_are_refused(tmp_path: Path, side: int) -> None:
+    images = np.full((4, side, 20), 99, np.uint8)
+    with pytest.raises(InputError, match=f"20 x {side} pixels; a height needs 4 x 4 or more"):
+        read_one(write(tmp_path, images))
+
+
 def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES.astype(np.uint16) * 16))
