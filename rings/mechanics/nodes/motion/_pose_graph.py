@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import Fit
@@ -23,8 +24,17 @@ class Pair(NamedTuple):
     fit: Fit
 
 
-def solve_poses(count: int, pairs: list[Pair]) -> tuple[dict[int, F8], list[Pair]]:
-    """Poses 4 x 4 from each touch's coordinates to the root's, and the pairs that they rest on.
+class Solved(NamedTuple):
+    """Poses 4 x 4 from each touch's coordinates to the root's, and what they rest on."""
+
+    poses: dict[int, F8]
+    pairs: list[Pair]
+    covariances: dict[int, F8]
+    """6 x 6 of a small motion (mm, rad) after each pose."""
+
+
+def solve_poses(count: int, pairs: list[Pair]) -> Solved:
+    """Return the poses of all touches that pairs connect to the root.
 
     The worst pair that misses the poses by more than `MAX_APART` goes, until none does; touches
     that no pair connects to the root have no pose.
@@ -34,11 +44,11 @@ def solve_poses(count: int, pairs: list[Pair]) -> tuple[dict[int, F8], list[Pair
         poses = _chained(count, pairs)
         kept = [pair for pair in pairs if pair.first in poses]
         if len(poses) < 2:
-            return poses, kept
-        poses = _adjusted(poses, kept)
+            return Solved(poses, kept, {})
+        poses, covariances = _adjusted(poses, kept)
         apart = [float(np.linalg.norm(_missed(poses, pair))) / np.sqrt(6) for pair in kept]
         if max(apart) < MAX_APART:
-            return poses, kept
+            return Solved(poses, kept, covariances)
         pairs.remove(kept[int(np.argmax(apart))])
 
 
@@ -61,12 +71,29 @@ def _missed(poses: dict[int, F8], pair: Pair) -> F8:
     """Departure of the poses from a pair's motion, in standard deviations."""
     motion = np.linalg.inv(poses[pair.second]) @ poses[pair.first]
     step = six_numbers(motion @ np.linalg.inv(pair.fit.motion))
-    spread = np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
-    return np.asarray(np.linalg.solve(spread, step))
+    return np.asarray(np.linalg.solve(_spread(pair), step))
 
 
-def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> dict[int, F8]:
-    """Least squares over all poses but the root's; pairs that miss lose weight (Cauchy)."""
+def _spread(pair: Pair) -> F8:
+    return np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
+
+
+def _spread_at_height(pair: Pair) -> F8:
+    """A root of a pair's covariance where z is known: touches that overlap agree in height, and
+    what their heights err by is stated already."""
+    others, whole = [0, 1, 3, 4, 5], pair.fit.covariance
+    by_z = whole[others, 2] / whole[2, 2]
+    root = np.zeros((6, 6))
+    given_z = whole[np.ix_(others, others)] - np.outer(by_z, whole[2, others])
+    root[np.ix_(others, others)] = np.linalg.cholesky(given_z)
+    return root
+
+
+def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> tuple[dict[int, F8], dict[int, F8]]:
+    """Least squares over all poses but the root's; pairs that miss lose weight (Cauchy).
+
+    The second are the poses' covariances, of pairs that scatter as their fits say.
+    """
     root, *others = poses
 
     def moved(steps: F8) -> dict[int, F8]:
@@ -78,4 +105,8 @@ def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> dict[int, F8]:
         return np.concatenate([_missed(now, pair) for pair in pairs])
 
     solution = least_squares(missed, np.zeros(6 * len(others)), loss="cauchy", x_scale="jac")
-    return moved(solution.x)
+    by_pair = np.linalg.pinv(solution.jac)
+    whitened = [np.linalg.solve(_spread(p), _spread_at_height(p)) for p in pairs]
+    root_of_it = (by_pair @ block_diag(*whitened)).reshape(len(others), 6, -1)
+    found = {n: half @ half.T for n, half in zip(others, root_of_it, strict=True)}
+    return moved(solution.x), {root: np.zeros((6, 6))} | found

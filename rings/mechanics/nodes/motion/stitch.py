@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.nodes.force.elastic_layer import wave_numbers
 from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions
-from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, solve_poses
+from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, Solved, solve_poses
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
@@ -71,7 +71,8 @@ def stitch(
     (R1).  Poses are those of least squares over all pairs that share enough, loops included;
     pairs that contradict the others go.  Where touches overlap, the height is their mean,
     weighted by 1 / error^2.  The error is that of the mean, times what touches differ by, in
-    multiples of their errors, where that is above 1; without stated errors that alone.
+    multiples of their errors, where that is above 1; without stated errors that alone.  What the
+    poses err by is added, as if it were the same for all touches of a place.
 
     Parameters
     ----------
@@ -106,7 +107,8 @@ def stitch(
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
     cells = [surface.coarser(cell_px) for surface in surfaces]
-    poses, pairs = solve_poses(len(names), _matched(cells, turn_deg, least_overlap, least_likeness))
+    solved = solve_poses(len(names), _matched(cells, turn_deg, least_overlap, least_likeness))
+    poses = solved.poses
     if len(poses) < 2:
         raise InputError(
             f"stitch: no two of {len(names)} touches fit together; they need texture in common, "
@@ -118,11 +120,11 @@ def stitch(
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
     grid = _grid(surfaces, poses)
-    height, error, source, difference = _fused(surfaces, deviations, poses, grid)
-    error *= max(difference, 1.0) if stated else difference
+    height, error, astray, source, difference = _fused(surfaces, deviations, solved, grid)
+    error = np.hypot(error * (max(difference, 1.0) if stated else difference), astray)
     figures: Metrics = {
         "stitched_touches": float(len(poses)),
-        "stitched_pairs": float(len(pairs)),
+        "stitched_pairs": float(len(solved.pairs)),
         "stitched_area_mm2": float(np.isfinite(height).sum() * pixel**2),
         "stitched_left_mm": grid.left,
         "stitched_top_mm": grid.top,
@@ -174,21 +176,22 @@ def _matched(
 
 
 def _fused(
-    surfaces: list[Surface], deviations: F4, poses: dict[int, F8], grid: Surface
-) -> tuple[F4, F4, U1, float]:
-    """Height, its deviation, the touch of most weight, and the touches' root mean square
-    difference from their mean, in deviations.
+    surfaces: list[Surface], deviations: F4, solved: Solved, grid: Surface
+) -> tuple[F4, F4, F4, U1, float]:
+    """Height, its deviation by the touches' errors and by their poses', the touch of most weight,
+    and the touches' root mean square difference from their mean, in deviations.
     """
-    weights, total, square = (np.zeros(grid.height.shape) for _ in range(3))
+    weights, total, square, astray = (np.zeros(grid.height.shape) for _ in range(4))
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
     seen = np.zeros(weights.shape, np.int64)
-    for number, pose in poses.items():
+    for number, pose in solved.poses.items():
         height, weight = _turned(
             surfaces[number], deviations[number], np.asarray(np.linalg.inv(pose)), grid
         )
         weights += weight
         total += weight * height
         square += weight * height**2
+        astray += weight * _height_deviation(height, solved.covariances[number], grid)
         seen += weight > 0
         source[weight > heaviest] = number + 1
         heaviest = np.maximum(heaviest, weight)
@@ -199,7 +202,16 @@ def _fused(
     apart = square[several] - weights[several] * mean[several] ** 2
     freedom = max(int((seen[several] - 1).sum()), 1)
     difference = float(np.sqrt(max(float(apart.sum()), 0.0) / freedom))
-    return mean.astype(np.float32), error.astype(np.float32), source, difference
+    astray = np.divide(astray, weights, out=np.zeros_like(total), where=known)
+    planes = (plane.astype(np.float32) for plane in (mean, error, astray))
+    return *planes, source, difference
+
+
+def _height_deviation(height: F8, covariance: F8, grid: Surface) -> F8:
+    """The deviation of heights by a small motion of this covariance (R1)."""
+    (x, y), (a, b) = grid.places(), normals(height.astype(np.float32), grid.side)
+    moved = np.broadcast_arrays(a, b, 1, y - height * b, height * a - x, x * b - y * a)
+    return np.asarray(np.sqrt(np.einsum("iyx,ij,jyx->yx", moved, covariance, moved)))
 
 
 def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
