@@ -7,7 +7,8 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
 ``kernels/**/NAME.cl``          its kernels, in the same room
 ``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
-``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study
+``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study;
+                                in ``variants`` what it adds to graph NAME of another
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
 ``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``

@@ -70,6 +70,8 @@ Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from the model beyond camera noise, as a share of the light."""
 Wrap = Annotated[float, Port(unit="1", high=0.3)]
 """w: how far light goes on falling behind the terminator (`optics.near_light.wrapped`)."""
+ScaleError = Annotated[float, Port(unit="1", high=2)]
+"""Relative error that all heights share, because nothing confirms a radius or a pixel size."""
 LabelTurn = Annotated[float, Port(unit="rad", high=1)]
 """Angle by which leaving LEDs out must turn a normal (`label_lights`)."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
@@ -219,7 +221,7 @@ class Film(NamedTuple):
         "mm of film beyond the frame",
     ]
     camera: Annotated[
-        Vergence, Stored(0, 10, plain=0.0), "1/mm, one over the pupil's height; 0: far"
+        Vergence, Stored(0, 0.2, plain=0.0), "1/mm, one over the pupil's height; 0: far"
     ]
     emission: Annotated[
         float,

@@ -33,6 +33,8 @@ class BatchMaps:
         The names of the maps.
     captures
         The place of each capture.
+    given
+        The values that the batch gave its graph.
     pixel
         The pixel size in mm; None if the graph puts out none.
     shards
@@ -53,6 +55,7 @@ class BatchMaps:
             if name not in store.job.maps:
                 has = did_you_mean(name, store.job.maps) or f"; it has {', '.join(store.job.maps)}"
                 raise InputError(f"{place}: there is no map '{name}'{has}")
+        self.given = store.job.given
         self.names = names or tuple(store.job.maps)
         self._numbers = np.flatnonzero(store.statuses == DONE)
         self.pixel = next((kind.pixel for kind in store.map_types().values()), None)

@@ -225,14 +225,26 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
 
 
 class _Shown:
-    """A view of all runs, and its truth, which differs between runs of a swept scene."""
+    """A view of all runs, and its truth, which differs between runs of a swept scene.
+
+    Runs that are equal in both are one panel.
+    """
 
     def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
         shown = {label: views[name] for label, views in runs.items() if name in views}
         shape = next(iter(shown.values())).array.shape
-        self.found = {label: v.array for label, v in shown.items() if v.array.shape == shape}
-        truths = {label: find_truth(shown[label], runs[label]) for label in self.found}
-        self.truths = {label: truth.array for label, truth in truths.items() if truth is not None}
+        equal: dict[tuple[bytes, bytes], list[str]] = {}
+        truths: dict[str, NDArray[Any] | None] = {}
+        for label, view in shown.items():
+            if view.array.shape == shape:
+                truth = find_truth(view, runs[label])
+                truths[label] = None if truth is None else truth.array
+                key = view.array.tobytes(), b"" if truth is None else truth.array.tobytes()
+                equal.setdefault(key, []).append(label)
+        panels = {_panel(labels): labels[0] for labels in equal.values()}
+        self.found = {panel: shown[label].array for panel, label in panels.items()}
+        known = {panel: truths[label] for panel, label in panels.items()}
+        self.truths = {panel: truth for panel, truth in known.items() if truth is not None}
 
     @property
     def truth(self) -> NDArray[Any] | None:
@@ -253,6 +265,11 @@ class _Shown:
     @property
     def errors(self) -> dict[str, NDArray[Any]]:
         return {label: self.found[label] - truth for label, truth in self.truths.items()}
+
+
+def _panel(labels: Sequence[str]) -> str:
+    """The title of the panel of runs that are equal."""
+    return labels[0] if len(labels) == 1 else f"{labels[0]}; {len(labels) - 1} equal"
 
 
 def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -41,6 +41,8 @@ def load_arrays(file: Path, only: str | None = None) -> dict[str, NDArray[Any]]:
                 name = member.filename.removesuffix(".npy")
                 if only not in (None, name):
                     continue
+                if name in arrays:
+                    raise ValueError(f"it holds '{name}' twice")
                 with archive.open(member) as stream:
                     arrays[name] = _checked(stream, member.file_size)
     except (OSError, ValueError, MemoryError):

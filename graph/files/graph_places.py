@@ -5,11 +5,17 @@ from pathlib import Path
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.rings import rings
 
+_CHANGE_FOLDERS = ("overlays", "studies", "variants")
+"""Folders whose files change graphs."""
+
 
 def shipped_graphs() -> dict[str, Path]:
     """The graph files that ship, by bare name."""
-    others = {*shipped_overlays().values(), *shipped_studies().values(), *shipped_groups().values()}
-    return {file.stem: file for file in _shipped_files("*/*.yaml") if file not in others}
+    return {
+        file.stem: file
+        for file in _shipped_files("*/*.yaml")
+        if file.parent.name not in _CHANGE_FOLDERS and not file.stem.endswith(".group")
+    }
 
 
 def shipped_overlays() -> dict[str, Path]:
@@ -20,6 +26,11 @@ def shipped_overlays() -> dict[str, Path]:
 def shipped_studies() -> dict[str, Path]:
     """The studies that ship, by bare name."""
     return {file.stem: file for file in _shipped_files("studies/*.yaml")}
+
+
+def variants_added_to(name: str) -> list[Path]:
+    """The files with which rings add variants to a graph that ships."""
+    return [file for ring in rings() for file in ring.files("pipelines", f"variants/{name}.yaml")]
 
 
 def shipped_groups() -> dict[str, Path]:
@@ -36,7 +47,7 @@ def _shipped_files(pattern: str) -> list[Path]:
     files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
     for ring in rings():
         for file in ring.files("pipelines", pattern):
-            kind = file.parent.name if file.parent.name in ("overlays", "studies") else ""
+            kind = file.parent.name if file.parent.name in _CHANGE_FOLDERS else ""
             files.setdefault((kind, file.name), []).append((file, ring.shipped))
     return [found[0][0] for found in files.values() if found[0][1] or len(found) == 1]
 

@@ -15,6 +15,7 @@ from tactograph.graph.files.graph_places import (
     shipped_graphs,
     shipped_overlays,
     shipped_studies,
+    variants_added_to,
 )
 from tactograph.graph.files.lay_over import alone, blamed_on, laid_over
 from tactograph.graph.files.layer import Layer, read_layer
@@ -43,7 +44,7 @@ def shipped_titles() -> dict[str, dict[str, str]]:
         titles = by_heading.setdefault(heading, {})
         if not layer.base:
             titles[name] = layer.model.title
-        for key, variant in layer.variants(layer.base or name).items():
+        for key, variant in _variants(layer).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped_overlays().items()
     return {
@@ -168,7 +169,7 @@ def _shipped_variant(name: str) -> Layer | None:
     files = [graphs[first] for first, _ in _splits(name) if first in graphs]
     for file in (*files, *shipped_studies().values()):
         layer = read_layer(file)
-        for key, variant in layer.variants(layer.base or layer.name).items():
+        for key, variant in _variants(layer).items():
             if name == f"{variant.base}_{key}":
                 return variant
     return None
@@ -206,7 +207,7 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
     model, chain = layer.model, _further(chain, layer)
     assert isinstance(model, GraphModel)
     if not model.extends:
-        return replace(alone(layer), variants=layer.variants(layer.name))
+        return replace(alone(layer), variants=_variants(layer))
     if model.nodes is not None:
         raise GraphError(
             f"{layer.document.place(('nodes',))}: a file that extends another has no 'nodes'; "
@@ -225,8 +226,18 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
         laid_over(graph, layer),
         name=layer.name,
         title=model.title or graph.title,
-        variants={**inherited, **layer.variants(layer.name)},
+        variants={**inherited, **_variants(layer)},
     )
+
+
+def _variants(layer: Layer) -> dict[str, Layer]:
+    """The variants in a file, and those that rings add to it if it ships."""
+    own = layer.variants(layer.base or layer.name)
+    ships = shipped_graphs().get(layer.name)
+    if layer.base or ships is None or ships.resolve() != layer.file.resolve():
+        return own
+    added = map(read_layer, variants_added_to(layer.name))
+    return {key: each for file in added for key, each in file.variants(layer.name).items()} | own
 
 
 def _base_of(layer: Layer) -> str | None:

@@ -44,7 +44,7 @@ def make_plan(
     if stays and not any(placement.on_device for placement in placements.values()):
         why = f": {no_device}" if no_device else ""
         raise InputError(f"{graph.name}: to='device': none of its nodes runs on a device{why}")
-    steps = order.order(transfers.insert(draft, placements), draft)
+    steps = order.order(*transfers.insert(draft, placements), draft)
     return Plan(
         **vars(draft),
         given=dict(given),

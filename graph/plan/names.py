@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
-
-import networkx as nx
 
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
@@ -20,6 +18,7 @@ from tactograph.graph.files.flat_graph import (
     split_reference,
 )
 from tactograph.graph.files.groups import flat_reference
+from tactograph.graph.plan.before import Before, find_cycle, in_order, with_all_before
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 
@@ -54,15 +53,19 @@ def bind(
                 edges[name] = _reads(names, name)
     errors.raise_any()
     whens = {name: _condition(names, name) for name in edges}
-    dag, needs = _dags(edges, whens)
-    _refuse_cycles(graph, dag)
+    before = {
+        name: {value.node for value in (*reads.values(), whens[name]) if value}
+        for name, (reads, _) in edges.items()
+    }
+    _refuse_cycles(graph, before)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     wanted = {value.node for value in values.values()}
     wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    live = wanted.union(*(nx.ancestors(needs, name) for name in wanted))
+    recalled = {name: {v.node for v in recalls.values()} for name, (_, recalls) in edges.items()}
+    live = with_all_before({name: before[name] | recalled[name] for name in edges}, wanted)
     # A stream yields items of its own, for which no array can be handed in.
     has_stream = any(names.nodes[name].stream for name in live - stand_ins)
     tasks: dict[str, Task] = {}
@@ -75,9 +78,10 @@ def bind(
                 name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
             )
     errors.raise_any()
-    _mark_streams(tasks, dag)
-    for name in filter(tasks.__contains__, nx.topological_sort(dag)):
-        tasks[name].conditions = _conditions(tasks, tasks[name])
+    ordered = [tasks[name] for name in in_order(before) if name in tasks]
+    _mark_streams(ordered, before)
+    for task in ordered:
+        task.conditions = _conditions(tasks, task)
     _check_recalls(tasks)
     return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
 
@@ -278,27 +282,10 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
-def _dags(
-    edges: Mapping[str, tuple[Mapping[str, Value], Mapping[str, Value]]],
-    whens: Mapping[str, Value | None],
-) -> tuple[nx.DiGraph[str], nx.DiGraph[str]]:
-    """The graph of all reads, and that of all reads and recalls."""
-    dag: nx.DiGraph[str] = nx.DiGraph()
-    dag.add_nodes_from(edges)
-    dag.add_edges_from((v.node, n) for n, (reads, _) in edges.items() for v in reads.values())
-    dag.add_edges_from((value.node, n) for n, value in whens.items() if value)
-    needs = dag.copy()
-    needs.add_edges_from((v.node, n) for n, (_, recalls) in edges.items() for v in recalls.values())
-    return dag, needs
-
-
-def _refuse_cycles(graph: Graph, dag: nx.DiGraph[str]) -> None:
-    try:
-        cycle = nx.find_cycle(dag)
-    except nx.NetworkXNoCycle:
-        return
-    walk = " -> ".join([edge[0] for edge in cycle] + [cycle[0][0]])
-    raise GraphError(f"{graph.nodes[cycle[0][0]].where('in')}: the graph has a cycle: {walk}")
+def _refuse_cycles(graph: Graph, before: Before) -> None:
+    if cycle := find_cycle(before):
+        where = graph.nodes[cycle[0]].where("in")
+        raise GraphError(f"{where}: the graph has a cycle: {' -> '.join(cycle)}")
 
 
 def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -335,12 +322,14 @@ def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any
     return param.default
 
 
-def _mark_streams(tasks: Mapping[str, Task], dag: nx.DiGraph[str]) -> None:
+def _mark_streams(ordered: Sequence[Task], before: Before) -> None:
     """A task is part of the stream if it, or anything it reads, yields items or is handed in."""
-    streams = [task for task in tasks.values() if task.node.stream]
-    for source in [task for task in tasks.values() if task.node.stream or task.stand_in]:
-        for node_id in {source.id, *nx.descendants(dag, source.id)} & tasks.keys():
-            tasks[node_id].stream = True
+    of_stream: set[str] = set()
+    for task in ordered:
+        task.stream = task.node.stream or task.stand_in or not of_stream.isdisjoint(before[task.id])
+        if task.stream:
+            of_stream.add(task.id)
+    streams = [task for task in ordered if task.node.stream]
     if len(streams) > 1:
         first, second = streams[:2]
         raise GraphError(

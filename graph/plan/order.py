@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
-import networkx as nx
-
+from tactograph.graph.plan.before import Before, in_order
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.plan import Step
 
 
-def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
+def order(steps: Mapping[str, Step], before: Before, draft: Draft) -> list[Step]:
     """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
 
     Steps that the device's wait for come before the host's last ones, those with the most
@@ -21,37 +21,35 @@ def order(dag: nx.DiGraph[str], draft: Draft) -> list[Step]:
     computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
-    ahead = _ways_ahead(dag)
+    ahead = _ways_ahead(steps, before)
 
     def rank(name: str) -> tuple[bool, int, bool, int, int, bool, int, int, str]:
-        step: Step = dag.nodes[name]["step"]
+        step = steps[name]
         task = draft.tasks.get(name)
         group = 1
         if task is not None and task.node.source:
             group = 0
         elif task is not None and task.node.sink:
             group = 2
-        downloads, of_host, steps = ahead[name]
+        downloads, of_host, many = ahead[name]
         place = file_order.get(name, len(file_order))
         waits = not step.on_device or (task is not None and task.node.finds_sizes)
         last = waits and not downloads
-        return step.stream, group, last, -downloads, -of_host, waits, -steps, place, name
+        return step.stream, group, last, -downloads, -of_host, waits, -many, place, name
 
-    names = list(nx.lexicographical_topological_sort(dag, key=rank))
-    return _with_releases([dag.nodes[name]["step"] for name in names], draft)
+    return _with_releases([steps[name] for name in in_order(before, rank)], draft)
 
 
-def _ways_ahead(dag: nx.DiGraph[str]) -> dict[str, tuple[int, int, int]]:
+def _ways_ahead(steps: Mapping[str, Step], before: Before) -> dict[str, tuple[int, int, int]]:
     """The most downloads, then steps of the host behind it, then steps from each to the end."""
-    ahead: dict[str, tuple[int, int, int]] = {}
-    for name in reversed(list(nx.topological_sort(dag))):
-        behind = [(*ahead[each], dag.nodes[each]["step"]) for each in dag.successors(name)]
-        downloads, of_host, steps = max(
-            ((moves, hosts + (not step.on_device), steps) for moves, hosts, steps, step in behind),
-            default=(0, 0, 0),
-        )
-        is_download = dag.nodes[name]["step"].kind == "download"
-        ahead[name] = downloads + is_download, of_host, steps + 1
+    ahead = dict.fromkeys(steps, (0, 0, 0))
+    for name in reversed(in_order(before)):
+        downloads, of_host, many = ahead[name]
+        step = steps[name]
+        ahead[name] = downloads + (step.kind == "download"), of_host, many + 1
+        way = ahead[name][0], of_host + (not step.on_device), many + 1
+        for each in before[name]:
+            ahead[each] = max(ahead[each], way)
     return ahead
 
 

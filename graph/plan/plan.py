@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 from tactograph.graph.declare.engine_arguments import Wanted
@@ -73,11 +74,19 @@ class Plan(Draft):
 
     def wanted(self, node: str) -> Wanted:
         """The outputs of a node that nodes or the caller read, or that are inspected."""
+        inspected = {value.port for value in self.inspected if value.node == node}
+        return Wanted(frozenset(self._read.get(node, set()) | inspected))
+
+    @cached_property
+    def _read(self) -> dict[str, set[str]]:
+        """The ports that nodes or the caller read, by node."""
         edges = [
             v for task in self.tasks.values() for v in (*task.edges.values(), *task.conditions)
         ]
-        read = {v.port for v in (*edges, *self.outputs.values(), *self.inspected) if v.node == node}
-        return Wanted(frozenset(read))
+        read: dict[str, set[str]] = {}
+        for value in (*edges, *self.outputs.values()):
+            read.setdefault(value.node, set()).add(value.port)
+        return read
 
     def value(self, reference: str) -> Value:
         """The value that ``node.port`` names, or ``node`` where that has one output.

@@ -4,56 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-
-import networkx as nx
+from functools import partial
 
 from tactograph.graph.plan.draft import Draft, Task, Value
 from tactograph.graph.plan.plan import Placement, Step
 
 
-def insert(draft: Draft, placements: Mapping[str, Placement]) -> nx.DiGraph[str]:
-    """Return the graph of steps: the tasks, and the transfers between them.
-
-    Each node of the result carries its `Step` as the attribute ``step``.
-    """
-    dag: nx.DiGraph[str] = nx.DiGraph()
-    for task in draft.tasks.values():
-        placement = placements[task.id]
-        dag.add_node(
-            task.id,
-            step=Step(
-                kind="fill" if task.filled else "run",
-                name=task.id,
-                backend=placement.backend,
-                # A constant depends on its inputs' sizes, not on the inputs.
-                reads=() if task.filled else _reads(task),
-                writes=tuple(Value(task.id, port) for port in task.node.outputs),
-                stream=task.stream,
-                why=placement.why,
-                conditions=task.conditions,
-            ),
+def insert(
+    draft: Draft, placements: Mapping[str, Placement]
+) -> tuple[dict[str, Step], dict[str, set[str]]]:
+    """Return the steps, which are the tasks and the transfers between them; what is before each."""
+    steps = {
+        task.id: Step(
+            kind="fill" if task.filled else "run",
+            name=task.id,
+            backend=placements[task.id].backend,
+            # A constant depends on its inputs' sizes, not on the inputs.
+            reads=() if task.filled else _reads(task),
+            writes=tuple(Value(task.id, port) for port in task.node.outputs),
+            stream=task.stream,
+            why=placements[task.id].why,
+            conditions=task.conditions,
         )
+        for task in draft.tasks.values()
+    }
+    before: dict[str, set[str]] = {name: set() for name in steps}
+    bring = partial(_bring, steps, before, draft, placements)
     for task in draft.tasks.values():
         for name, value in task.reads.items():
             moves = task.node.inputs[name].kind == "array" and not task.filled
             there = placements[task.id].on_device if moves else None
-            dag.add_edge(_bring(dag, draft, placements, value, there, task.conditions), task.id)
+            before[task.id].add(bring(value, there, task.conditions))
         for value in task.conditions:
             there = False if draft.port_of(value).kind == "array" else None
-            dag.add_edge(_bring(dag, draft, placements, value, there), task.id)
+            before[task.id].add(bring(value, there))
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Moved at the end of an item, for the reader of the next one.
-                _bring(dag, draft, placements, value, placements[task.id].on_device)
+                bring(value, placements[task.id].on_device)
     for value in draft.outputs.values():
         if draft.port_of(value).kind == "array":
-            _bring(dag, draft, placements, value, value in draft.stays)
-    for name in [*dag]:
-        moved: Step = dag.nodes[name]["step"]
+            bring(value, value in draft.stays)
+    for name, moved in steps.items():
         for value in moved.conditions if moved.is_transfer else ():
             origin = f"download {value}"
-            dag.add_edge(origin if origin in dag else value.node, name)
-    return dag
+            before[name].add(origin if origin in steps else value.node)
+    return steps, before
 
 
 def _reads(task: Task) -> tuple[Value, ...]:
@@ -61,7 +57,8 @@ def _reads(task: Task) -> tuple[Value, ...]:
 
 
 def _bring(
-    dag: nx.DiGraph[str],
+    steps: dict[str, Step],
+    before: dict[str, set[str]],
     draft: Draft,
     placements: Mapping[str, Placement],
     value: Value,
@@ -76,13 +73,13 @@ def _bring(
     if on_device is None or on_device == placements[value.node].on_device:
         return value.node
     name = f"{'upload' if on_device else 'download'} {value}"
-    if name in dag:
-        step = dag.nodes[name]["step"]
+    if name in steps:
+        step = steps[name]
         shared = tuple(each for each in step.conditions if each in conditions)
-        dag.nodes[name]["step"] = replace(step, conditions=shared)
+        steps[name] = replace(step, conditions=shared)
         return name
     stream = draft.tasks[value.node].stream
-    step = Step(
+    steps[name] = Step(
         kind="upload" if on_device else "download",
         name=name,
         backend=next(each.backend for each in placements.values() if each.on_device),
@@ -95,6 +92,5 @@ def _bring(
             each for each in conditions if stream or not draft.tasks[each.node].stream
         ),
     )
-    dag.add_node(name, step=step)
-    dag.add_edge(value.node, name)
+    before[name] = {value.node}
     return name

@@ -1,6 +1,8 @@
 """Items of a plan: nodes that depend on no stream run once, the others item by item."""
 
+import sys
 from collections.abc import Collection, Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from threadpoolctl import ThreadpoolController
@@ -33,7 +35,7 @@ class Items:
         self._once, self._stream = part_of(plan, stream=False), part_of(plan, stream=True)
         self._is_prepared = False
         self._lasting = 0
-        self._libraries = ThreadpoolController()
+        self._libraries = _libraries(len(sys.modules))
 
     @property
     def _executor(self) -> Executor:
@@ -179,3 +181,12 @@ class Items:
                     self.ended = True
             self.runner.stage = ""
         return total
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """The libraries that share work among threads, looked for anew once more `modules` are loaded.
+
+    To look takes 50 ms, as long as all that a run of a sweep computes.
+    """
+    return ThreadpoolController()

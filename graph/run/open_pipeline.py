@@ -92,6 +92,7 @@ def load(
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
     graph = with_changes(read, changes or {})
+    _check_archives(graph, given)
     pipeline = open_pipeline(
         graph,
         given,
@@ -149,6 +150,14 @@ def open_pipeline(
         stand_ins=stand_ins, outputs=outputs, stays=stays,
     )  # fmt: skip
     return Pipeline(plan, opened, cache, anew)
+
+
+def _check_archives(graph: Graph, given: Mapping[str, Any]) -> None:
+    """Refuse a calibration that is not there, before the first array comes."""
+    for name, place in given.items():
+        is_path = name in graph.params and graph.params[name].kind == "path" and name != "out"
+        if is_path and str(place).endswith(".npz") and not Path(str(place)).is_file():
+            raise InputError(f"{name}={place}: there is no such file")
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:

@@ -14,6 +14,7 @@ from tactograph.graph.plan.spots import written_by
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
 from tactograph.graph.run.make_provenance import make_provenance
+from tactograph.graph.run.progress import progress_told, tell_progress
 from tactograph.graph.run.trace import Trace
 
 
@@ -46,7 +47,8 @@ class StepRunner:
             return name
         once = [step.name for step in plan.steps if step.kind == "run" and not step.stream]
         place = f", {once.index(name) + 1} of {len(once)}" if name in once else ""
-        return f"{name} ({plan.tasks[name].node.name}){place}"
+        told = f", {text}" if (text := progress_told()) else ""
+        return f"{name} ({plan.tasks[name].node.name}){place}{told}"
 
     def walk(
         self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
@@ -77,6 +79,7 @@ class StepRunner:
         `given` holds what the stream's source yielded, by node.
         """
         self.stage = step.name
+        tell_progress("")
         if not all(map(self.host.holds, step.conditions)):
             self._leave_out(step)
             return known

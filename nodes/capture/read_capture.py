@@ -25,6 +25,7 @@ from tactograph.nodes.capture._led_files import (
     is_hidden,
 )
 from tactograph.nodes.capture.listed_capture import listed_capture
+from tactograph.nodes.files.exposure import check_exposed, normalised
 from tactograph.nodes.files.image_arrays import check_handed_in
 from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
@@ -32,17 +33,15 @@ from tactograph.nodes.files.image_files import (
     Crop,
     Leds,
     Lights,
-    bits_of,
     channels,
     check_alike,
-    check_exposed,
     cropped,
     grey,
-    normalised,
     read_image,
     read_numbers,
     read_truth,
     size_of,
+    white_of,
 )
 from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 
@@ -200,14 +199,14 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     stack = np.stack(
         [cropped(plane, layout.crop, file) for plane, file in zip(planes, files, strict=True)]
     )
-    bits = stated.bits or bits_of(files[0])
+    white = white_of(files, stated.bits)
     if stack.ndim > 3:
         warn(f"colour images: {MEAN_OF_CHANNELS}")
-        return np.asarray(normalised(stack, files, bits).mean(axis=-1), np.float32)
-    if whole and bits in (None, 8 * stack.itemsize):
-        check_exposed(stack, files, bits)
+        return np.asarray(normalised(stack, files, white).mean(axis=-1), np.float32)
+    if whole and white in (None, np.iinfo(stack.dtype).max):
+        check_exposed(stack, files, white)
         return stack
-    return normalised(stack, files, bits)
+    return normalised(stack, files, white)
 
 
 def _check_folder(folder: Path) -> None:

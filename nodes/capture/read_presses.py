@@ -16,7 +16,8 @@ from tactograph.nodes.capture.read_capture import (
     read_capture_file,
     read_images,
 )
-from tactograph.nodes.files.image_files import Crop, channels, cropped, normalised, read_image
+from tactograph.nodes.files.exposure import normalised
+from tactograph.nodes.files.image_files import Crop, channels, cropped, read_image
 
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""

@@ -32,7 +32,8 @@ def write_capture(
     image : K x H x W, fractions of full scale, already quantised to `bits`
     height, slope, labels
         The ground truth: ``truth_height_mm.npy``, ``truth_slope.npy``, ``truth_shadow.png``
-        (bit k-1 set where LED k does not reach the pixel), if it is known.
+        (bit k-1 set where LED k does not reach the pixel), if it is known.  The height is the
+        film's own, also where the film at rest is no plane.
     lights, pixel : the LED positions in mm, if they are known, and the pixel size: ``scene.json``
     folder : created if needed
     bits : bit depth of the images; up to 8 give 8-bit files, more give 16-bit ones

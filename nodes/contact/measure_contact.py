@@ -5,10 +5,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import node, warn
-from tactograph.nodes import Contacts, Height, Lens, Metrics, PixelSize
+from tactograph.nodes import Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
-from tactograph.nodes.optics.lens import pixel_sides
+from tactograph.nodes.optics.lens import seen_from_above
+from tactograph.nodes.stream.touch import View
 
 PIXEL_VARIANCE = 1 / 12
 """Variance of positions within a square pixel, in px^2."""
@@ -19,7 +20,7 @@ def measure_contact(
     height: Height,
     contact: Contacts,
     pixel: PixelSize,
-    lens: Lens | None = None,
+    view: View | None = None,
     *,
     most: Most = MAX_MEASURED,
 ) -> Metrics:
@@ -32,7 +33,7 @@ def measure_contact(
     height : H x W in mm above the film at rest
     contact : H x W, the number of the contact at each pixel, as `find_contact` gives it
     pixel : mm per px
-    lens : of it only that pixels are not square; None: they are
+    view : the calibration, for the lens and the camera's height; None: an even grid
     most
         Largest number of contacts that are measured.  Of more, a warning tells.
 
@@ -53,7 +54,7 @@ def measure_contact(
         ``contact_cut``, whether it reaches the frame's border: then all figures are those of
         the part that is seen, and area, depth and volume lower bounds.
     """
-    sides = pixel_sides(lens, pixel)
+    view = view or View()
     numbers = largest_contacts(contact, MAX_CONTACTS)
     figures: Metrics = {"contacts": float(len(numbers))}
     if len(numbers) > most:
@@ -64,35 +65,40 @@ def measure_contact(
         )
         numbers = largest_contacts(contact, most)
     for number in numbers:
-        measured = _measured(height, (contact == number).view(np.uint8), *sides)
+        measured = _measured(height, (contact == number).view(np.uint8), pixel, view)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
 
 
-def _measured(height: Height, mask: NDArray[np.uint8], side_x: float, side_y: float) -> Metrics:
+def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View) -> Metrics:
+    """Figures of one contact: those of its pixels, carried on to the film by the lens."""
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
     below, to_right = height.shape[0] - top - rows, height.shape[1] - left - width
     depth = height[part] * mask[part]
     # Bytes: of floats, cv2.moments takes two columns for the corners of a polygon.
     moments = cv2.moments(mask[part])
-    area = moments["m00"]
-    x, y = left + moments["m10"] / area, top + moments["m01"] / area
-    mean = float(depth.sum()) / area
-    spread_x = (moments["mu20"] / area + PIXEL_VARIANCE) * side_x**2
-    spread_y = (moments["mu02"] / area + PIXEL_VARIANCE) * side_y**2
-    shared = moments["mu11"] / area * side_x * side_y
-    (minor, major), axes = np.linalg.eigh([[spread_x, shared], [shared, spread_y]])
+    count = moments["m00"]
+    x, y = left + moments["m10"] / count, top + moments["m01"] / count
+    (x_ideal, y_ideal), stretch = seen_from_above(view.lens, height.shape, x, y)
+    shared = moments["mu11"] / count
+    spread = np.array([[moments["mu20"] / count, shared], [shared, moments["mu02"] / count]])
+    spread = stretch @ (spread + PIXEL_VARIANCE * np.eye(2)) @ stretch.T * pixel**2
+    (minor, major), axes = np.linalg.eigh(spread)
     angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
+    area = count * float(np.linalg.det(stretch)) * pixel**2
+    # What lies at a height h is seen 1 / (1 - h / D) as wide as it is (V1).
+    near = depth * np.float32(view.camera or 0.0)
+    mean = float((depth * (1 - near + near**2 / 3)).sum()) / count
     return {
-        "area_mm2": area * side_x * side_y,
+        "area_mm2": area,
         "depth_mm": float(depth.max()),
         "mean_depth_mm": mean,
-        "volume_mm3": mean * area * side_x * side_y,
+        "volume_mm3": mean * area,
         "x_px": x,
         "y_px": y,
-        "x_mm": (x - (height.shape[1] - 1) / 2) * side_x,
-        "y_mm": (y - (height.shape[0] - 1) / 2) * side_y,
+        "x_mm": pixel * float(x_ideal),
+        "y_mm": pixel * float(y_ideal),
         "major_mm": 4 * float(np.sqrt(major)),
         "minor_mm": 4 * float(np.sqrt(minor)),
         "angle_deg": float(90 - (90 - angle) % 180),

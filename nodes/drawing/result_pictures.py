@@ -1,7 +1,9 @@
 """The pictures of a result, for people."""
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from tactograph.graph.cache.keys import content_key
 from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes import (
     BAND_DEVIATIONS,
@@ -17,7 +20,6 @@ from tactograph.nodes import (
     Height,
     HeightError,
     Labels,
-    Light,
 )
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.layer_files import picture_file
@@ -31,15 +33,29 @@ DPI = 110
 
 def draw_result(touch: Touch, folder: Path) -> None:
     """Draw the height, and every layer that is a map or lies over the image."""
-    draw_height(touch.height, deviation_of(touch), touch.pixel, folder / "height.png")
+    _once(folder / "height.png", draw_height, touch.height, deviation_of(touch), touch.pixel)
+    count, grey = touch.image.shape[0], touch.image.mean(axis=0)
     for layer in layers_of(touch):
+        file = picture_file(layer, folder)
         match layer.kind.drawn:
             case ColourMap() as how:
-                draw_map(layer.value, how, touch.pixel, picture_file(layer, folder))
+                _once(file, draw_map, layer.value, how, touch.pixel)
             case LedLabels(title):
-                draw_labels(layer.value, touch.image, title, picture_file(layer, folder))
+                _once(file, draw_labels, layer.value, grey, count, title)
             case Regions(noun):
-                draw_regions(layer.value, touch.image, noun, picture_file(layer, folder))
+                _once(file, draw_regions, layer.value, grey, noun)
+
+
+def _once(file: Path, draw: Callable[..., None], *shown: Any) -> None:
+    """Draw into a file, or copy what this thread drew last under that name, if it is the same."""
+    last: dict[str, tuple[str, bytes]] = _mine.__dict__.setdefault("last", {})
+    key = content_key(*(part if isinstance(part, np.ndarray) else repr(part) for part in shown))
+    drawn = last.get(file.name)
+    if drawn is not None and drawn[0] == key:
+        file.write_bytes(drawn[1])
+        return
+    draw(*shown, file)
+    last[file.name] = key, file.read_bytes()
 
 
 def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
@@ -74,38 +90,20 @@ def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
     FigureCanvasAgg(figure).print_png(file)
 
 
-def draw_seams(height: F4, source: Labels, pixel: float, file: Path) -> None:
-    """The surface lit from the upper left, and the seams between the touches it is made of."""
-    down, right = np.gradient(height, pixel)
-    lit = (1 - right - down) / np.sqrt(1 + right**2 + down**2)
-    figure, axes = _one_plane()
-    extent = _extent(height, pixel)
-    axes.imshow(lit, cmap="gray", extent=extent)
-    edges = (np.diff(source.astype(int), axis=0)[:, 1:] != 0) | (
-        np.diff(source.astype(int))[1:] != 0
-    )
-    axes.imshow(
-        np.ma.masked_equal(edges, False), cmap="autumn", extent=extent, interpolation="none"
-    )
-    count = len(np.unique(source[source > 0]))
-    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{count} touches and their seams")
-    FigureCanvasAgg(figure).print_png(file)
-
-
 def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
     """The image's borders in mm from its middle: left, right, bottom, top; y runs down."""
     half = plane.shape[1] * pixel / 2, plane.shape[0] * pixel / 2
     return -half[0], half[0], half[1], -half[1]
 
 
-def draw_regions(regions: Contacts, image: Light, noun: str, file: Path) -> None:
+def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
     """Regions over the mean image, each in a colour and with its number."""
     plate = _plate(regions.shape, 0)
     colours = len(BIT_COLOURS)
     numbers, areas = np.unique(regions[regions > 0], return_counts=True)
     share = areas.sum() / regions.size
     many = f"{len(numbers)} {noun}{'' if len(numbers) == 1 else 's'}"
-    plate.begin(image)
+    plate.begin(grey)
     plate.colour(np.ma.masked_where(regions == 0, (regions - 1.0) % colours + 1))
     for number in numbers:
         # The region's pixel nearest to the centroid: that of a ring lies outside the region.
@@ -115,12 +113,11 @@ def draw_regions(regions: Contacts, image: Light, noun: str, file: Path) -> None
     plate.write(f"{many}: {share:.1%} of the pixels", file)
 
 
-def draw_labels(bits: Labels, image: Light, title: str, file: Path) -> None:
+def draw_labels(bits: Labels, grey: F4, count: int, title: str, file: Path) -> None:
     """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
-    count = image.shape[0]
     numbers = _label_numbers(bits, count)
     plate = _plate(bits.shape, count)
-    plate.begin(image)
+    plate.begin(grey)
     plate.colour(np.ma.masked_equal(numbers, 0))
     plate.write(f"{title}: {(numbers > 0).mean():.1%} of the pixels", file)
 
@@ -149,11 +146,10 @@ class _Plate:
         self._canvas.draw()
         self._frame = self._canvas.copy_from_bbox(figure.bbox)
 
-    def begin(self, image: Light) -> None:
+    def begin(self, grey: F4) -> None:
         """Lay the mean of a touch's images."""
-        mean = image.mean(axis=0)
         self._canvas.restore_region(self._frame)
-        self._grey.set(data=mean, clim=(0, float(mean.max())))
+        self._grey.set(data=grey, clim=(0, float(grey.max())))
         self._axes.draw_artist(self._grey)
 
     def colour(self, numbers: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.floating]]) -> None:
@@ -180,7 +176,7 @@ class _Plate:
 
 
 _mine = threading.local()
-"""The plates of a thread: Matplotlib's figures are for one thread each."""
+"""The plates and last pictures of a thread: Matplotlib's figures are for one thread each."""
 MAX_PLATES = 8
 """Plates that a thread keeps, some 3 MB each."""
 

@@ -17,11 +17,18 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import one_line
 from tactograph.nodes.files.sensor_identity import identity_in
+from tactograph.nodes.optics.lens import seen_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
 R = TypeVar("R")
 MIN_FLAT_LIGHT = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
+MIN_OPTICAL_MM = 1e-4
+"""Side of a pixel, in mm, below which no lens resolves it: a fifth of the wavelength of light."""
+MIN_FILM_SHARE = 0.01
+"""Share of a frame that must show film."""
+MAX_LENS_SHIFT = 0.5
+"""Share of the image's half diagonal by which a lens may move what lies at the border."""
 COLOUR_LIGHTS = ("bgr", "rgb")
 """The orders of lights that are the channels of a colour image."""
 KIND_USERS = {
@@ -309,9 +316,31 @@ def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
         if name not in arrays:
             raise ValueError(f"'{name}' is missing")
         _check_array(name, arrays[name], value, sizes)
-    if "flat" in kind.values and (led := dark_led(arrays["flat"])) is not None:
-        raise ValueError(f"'flat' is dark under LED {led}")
+    if "flat" in kind.values:
+        _check_flat(arrays)
+    _check_lens(arrays["lens"])
     kind.check(arrays)
+
+
+def _check_flat(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raise a `ValueError` if no film could be seen as the flat frame says."""
+    flat, area = arrays["flat"], arrays["area"] > 0
+    if area.mean() < MIN_FILM_SHARE:
+        raise ValueError(f"'area' shows film at {area.sum()} of {area.size} pixels")
+    if (led := dark_led(flat)) is not None:
+        raise ValueError(f"'flat' is dark under LED {led}")
+
+
+def _check_lens(lens: NDArray[Any]) -> None:
+    """Raise a `ValueError` if no lens shows the border of an image where this one does."""
+    along = np.linspace(-1, 1, 17)
+    border = [(x, y) for x in along for y in (-1, 1)] + [(x, y) for x in (-1, 1) for y in along]
+    u, v = np.array(border).T / np.sqrt(2)
+    shift = float(np.hypot(*seen_offset(lens.astype(np.float64), u, v)).max())
+    if not shift < MAX_LENS_SHIFT:
+        raise ValueError(
+            f"'lens' moves what lies at the border by {shift:.0%} of half the diagonal"
+        )
 
 
 def dark_led(flat: NDArray[Any]) -> int | None:

@@ -5,7 +5,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes.files.image_files import check_exposed
+from tactograph.nodes.files.exposure import check_exposed
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 """Bits of a camera's values."""

@@ -19,23 +19,8 @@ MAX_LEDS = 8
 IMAGE_FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
 MAX_PIXELS = 2**25
 """Most pixels of one image: 33 million, as of an 8K camera."""
-MIN_LIGHT_SHARE = 0.005
-"""Share of full scale that the brightest hundredth of an image must reach..."""
-GLINT_SHARE = 0.5
-"""Share of full scale of a highlight in an otherwise dark image."""
-MIN_COUNTS = 4
-"""... and number of converter steps that it must reach, because fewer show no gradation."""
 MAX_HEIGHT_MM = 1e4
 """Largest absolute value of a height map in mm."""
-MAX_SATURATED = 1e-3
-"""Share of saturated pixels that raises a warning."""
-MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
-"""Share of full scale above which a plateau at the largest value is saturation, and of that value
-above which light that was not cut off has at most as many pixels."""
-PARITY_BLOCK_PX = 64
-"""Side of the middle block in which pixels of even and odd rows and columns are compared."""
-MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
-"""Spread of their means, relative and in standard errors, up to which they show one light."""
 EXIF_ORIENTATION = 0x0112
 TIFF_PHOTOMETRIC = 0x0106
 """TIFF tag that is 0 where white is 0."""
@@ -47,6 +32,8 @@ CHANNEL_NAMES: tuple[Channel, ...] = ("blue", "green", "red")
 MEAN_OF_CHANNELS = (
     "their light is the mean of the three channels; `channel`=red, green or blue takes one"
 )
+SHALLOW_MODE = re.compile(r"^(1)(?:;|$)|;([124])[IR]*$")
+"""Pillow's words for pixels of less than 8 bits."""
 PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d+)")
 """The head of a PGM, up to the value of white."""
 
@@ -97,6 +84,11 @@ def _check_plain(image: Image.Image, file: Path) -> None:
             f"{file}: {width} x {height} pixels are too large for a camera image "
             f"(at most {MAX_PIXELS // 10**6} million)"
         )
+    if depth := SHALLOW_MODE.search(_raw_mode(image)):
+        raise InputError(
+            f"{file}: has {depth[1] or depth[2]} bits a pixel; save it with 8 or 16, as the camera "
+            "gave them"
+        )
     frames = getattr(image, "n_frames", 1)
     if frames > 1:
         raise InputError(f"{file}: holds {frames} pages or frames; save each as a file of its own")
@@ -113,6 +105,12 @@ def _check_plain(image: Image.Image, file: Path) -> None:
         )
     if image.format == "JPEG":
         warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
+
+
+def _raw_mode(image: Image.Image) -> str:
+    """How a file holds its pixels, in Pillow's words, such as "L;4" for four bits of grey."""
+    how = image.tile[0].args if image.tile else ""
+    return str(how[0] if isinstance(how, tuple) else how)
 
 
 def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
@@ -216,22 +214,40 @@ def read_plane(
     plane = cropped(grey(read_image(file), channel), crop, file)
     if plane.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
-    bits = bits or bits_of(file) or _bits(plane)
-    full = 2**bits - 1
+    full = white_of([file], bits) or np.iinfo(plane.dtype).max
     if plane.max() > full:
-        raise InputError(f"{file}: has values up to {plane.max()}, but bits: {bits}")
+        raise InputError(f"{file}: has values up to {plane.max()}, but white is {full}")
     light = np.asarray(plane / np.float32(full), np.float32)
     return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
 
 
-def bits_of(file: Path) -> int | None:
-    """Return the depth that a PGM states, where it is not that of its container; else None."""
+def white_of(files: Sequence[Path], bits: int | None) -> int | None:
+    """Return the value of full scale, by the stated depth or as PGMs say; else None.
+
+    Raises
+    ------
+    InputError
+        If one PGM says another than the first.
+    """
+    if bits is not None:
+        return 2**bits - 1
+    whites = [_white_in(file) for file in files]
+    for file, white in zip(files, whites, strict=True):
+        if white != whites[0]:
+            raise InputError(
+                f"{file}: says that white is {white}, but {files[0].name} says {whites[0]}"
+            )
+    return whites[0]
+
+
+def _white_in(file: Path) -> int | None:
+    """The white that a PGM of 16 bits states, if it is not its largest number."""
     if file.suffix.lower() != ".pgm":
         return None
     with file.open("rb") as opened:
         head = PGM_HEAD.match(opened.read(1024))
-    bits = int(head[1]).bit_length() if head else 16
-    return bits if 8 < bits < 16 else None
+    white = int(head[1]) if head else 0
+    return white if 255 < white < 65535 else None
 
 
 def channels(
@@ -264,7 +280,7 @@ def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:
             )
         if plane.dtype != first.dtype:
             raise InputError(
-                f"{file}: is {_bits(plane)} bit, but {files[0].name} is {_bits(first)} bit"
+                f"{file}: is {bits_in(plane)} bit, but {files[0].name} is {bits_in(first)} bit"
             )
 
 
@@ -283,105 +299,8 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
     return plane[y0:y1, x0:x1]
 
 
-def normalised(stack: NDArray[Any], files: list[Path], bits: int | None) -> NDArray[np.float32]:
-    """The images as fractions of full scale, once `check_exposed` accepts them."""
-    check_exposed(stack, files, bits)
-    return np.asarray(stack / np.float32(2 ** (bits or _bits(stack)) - 1), np.float32)
-
-
-def check_exposed(
-    stack: NDArray[Any],
-    names: Sequence[Path | str],
-    bits: int | None,
-    *,
-    how_depth: str = "say 'bits: {bits}'",
-) -> None:
-    """Refuse images that are dark or hold too large values; warn of saturated ones.
-
-    Parameters
-    ----------
-    stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
-    names : of the K images, for messages
-    bits : depth of the integers; None: that of their type
-    how_depth : what to do if only `bits` of them, up to `full`, are in use
-    """
-    counts = stack.dtype.kind == "u"
-    full = 2 ** (bits or _bits(stack)) - 1 if counts else 1
-    brightest = [plane.max().item() for plane in stack]
-    shallow, told = "", False
-    if counts and full > 4095 and max(brightest) < 4096:
-        depth = 8 if max(brightest) < 256 else 12
-        shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
-    for plane, name, most in zip(stack, names, brightest, strict=True):
-        if most == 0:
-            raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
-        if most > full:
-            raise InputError(f"{name}: has values up to {most}, but bits: {bits}")
-        _check_bright(plane, full, name, shallow)
-        saturated = _saturated(plane, most, full)
-        if saturated > MAX_SATURATED:
-            at = "" if most == full else f" at {most} of {full}"
-            warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
-        if not told and (spread := _parity_spread(plane)):
-            told = True
-            warn(
-                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
-                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
-                "or whole frames"
-            )
-    if shallow and bits is None:
-        warn(f"{names[0]}: {_bits(stack)} bit, but no value above {2**depth - 1}; {shallow}")
-
-
-def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
-    """The share of the pixels where light was cut off, at full scale or shortly below it.
-
-    Some cameras end before: 12 bits at the top of 16, or video's 235 of 255.
-    """
-    if most < MIN_PLATEAU_SHARE * full:
-        return 0.0
-    share = np.count_nonzero(plane == most) / plane.size
-    if most == full or share <= MAX_SATURATED:
-        return share
-    side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
-    return share if 0 < side_share < share else 0.0
-
-
-def _parity_spread(plane: NDArray[Any]) -> float:
-    """The spread of the means of even and odd pixels over their mean; 0: none, or chance."""
-    if plane.ndim > 2 or min(plane.shape) < PARITY_BLOCK_PX:
-        return 0.0
-    y, x = ((side - PARITY_BLOCK_PX) // 2 for side in plane.shape)
-    block = plane[y : y + PARITY_BLOCK_PX, x : x + PARITY_BLOCK_PX].astype(np.float32)
-    kinds = block.reshape(PARITY_BLOCK_PX // 2, 2, PARITY_BLOCK_PX // 2, 2)
-    means, mean = kinds.mean((0, 2)), max(float(block.mean()), 1e-6)
-    spread = float(np.ptp(means)) / mean
-    if spread <= MAX_PARITY_SPREAD:  # the slow deviation need not be computed
-        return 0.0
-    error = float(kinds.std((0, 2)).max()) / mean / (PARITY_BLOCK_PX // 2)
-    return spread if spread > PARITY_ERRORS * error else 0.0
-
-
-def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
-    """Refuse dark images, whose noise would give a flat height."""
-    counts = MIN_COUNTS if plane.dtype.kind == "u" else 0
-    seen, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
-    # With two per cent above the limit, the slow percentile need not be computed.
-    if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
-        return
-    light = float(np.percentile(seen, 99))
-    if light >= least:
-        return
-    hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
-    if plane.max() > GLINT_SHARE * full:
-        hint = "; a few pixels are bright: is it a ball that mirrors? See calibrate_lights_mirror"
-    raise InputError(
-        f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
-        f"and the exposure long enough?{hint}"
-    )
-
-
-def _bits(plane: NDArray[Any]) -> int:
+def bits_in(plane: NDArray[Any]) -> int:
+    """Return the bits of a pixel in memory."""
     return 8 * plane.dtype.itemsize
 
 

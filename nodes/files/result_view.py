@@ -1,22 +1,69 @@
-"""The view that a result's height was seen in: ``result.json`` states lens and pupil."""
+"""The view that a stored height was seen in: files that hold heights state lens and pupil."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tactograph.graph import InputError
+from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result
 from tactograph.nodes.optics.lens import LENS_TERMS, is_straight
 from tactograph.nodes.stream.touch import View
 
 
 def view_stated(view: View) -> dict[str, object]:
-    """Return what ``result.json`` states of a view; nothing of one that is plain."""
+    """Return what a file states of a view, for `view_in`; nothing of one that is plain."""
     lens, camera = view
     if (lens is None or is_straight(lens)) and not camera:
         return {}
     terms = [0.0] * len(LENS_TERMS) if lens is None else lens.tolist()
     return {"lens": terms, "camera": float(camera or 0.0)}
+
+
+def view_in(said: Mapping[str, Any], file: Path) -> View:
+    """Return the view that a file states; a plain one if it states none.
+
+    Raises
+    ------
+    InputError
+        If what is stated is no view.
+    """
+    if "lens" not in said:
+        return View()
+    try:
+        lens, camera = np.array(said["lens"], np.float32), float(said["camera"])
+    except (KeyError, TypeError, ValueError):
+        lens, camera = np.array([np.nan]), 0.0
+    if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():
+        raise InputError(f"{file}: states no view; reconstruct again")
+    return View(lens, camera)
+
+
+def view_of_text(text: str, file: Path) -> View:
+    """Return the view in a file's metadata, JSON of `view_stated`: see `view_in`."""
+    try:
+        said = json.loads(text)
+    except ValueError:
+        said = {"lens": None}
+    return view_in(said, file)
+
+
+def calibrated_view(calibration: Path) -> View:
+    """Return the view of a sensor's calibration.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        arrays = load_arrays(calibration)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{calibration}: cannot be read: {error}") from None
+    return view_in({"camera": 0.0, **arrays}, calibration)
 
 
 def read_view(height: Path) -> View:
@@ -30,15 +77,11 @@ def read_view(height: Path) -> View:
         If what is stated is no view.
     """
     said = read_result(height.parent)
-    if "lens" not in said or height.name not in said.get("files", []):
-        return View()
-    try:
-        lens, camera = np.array(said["lens"], np.float32), float(said["camera"])
-    except (KeyError, TypeError, ValueError):
-        lens, camera = np.array([np.nan]), 0.0
-    if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():
-        raise InputError(f"{height.parent / RESULT_FILE}: states no view; reconstruct again")
-    return View(lens, camera)
+    return (
+        view_in(said, height.parent / RESULT_FILE)
+        if height.name in said.get("files", [])
+        else View()
+    )
 
 
 def refuse_view(height: Path) -> None:

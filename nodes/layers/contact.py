@@ -20,10 +20,11 @@ def _points(touch: Touch, contact: Contacts) -> Mapping[str, F8] | None:
         # A number that no pixel has comes without figures.
         return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
 
+    rows, columns = touch.height.shape
     side = touch.pixel * METRES_PER_MM
     return {
-        "x": each("x_px", side),
-        "y": each("y_px", side),
+        "x": each("x_mm", METRES_PER_MM) + side * (columns - 1) / 2,
+        "y": each("y_mm", METRES_PER_MM) + side * (rows - 1) / 2,
         "z": each("depth_mm", METRES_PER_MM),
         "mean_depth": each("mean_depth_mm", METRES_PER_MM),
         "area": each("area_mm2", METRES_PER_MM**2),

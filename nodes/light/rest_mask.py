@@ -40,6 +40,6 @@ def rest_mask(
     ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(ringed, None, (0, 0), FLOODED_VALUE, flags=4)
     joined = (ringed[1:-1, 1:-1] == FLOODED_VALUE).astype(np.uint8)
-    margin = round(margin_mm / pixel)
+    margin = min(round(margin_mm / pixel), max(calm.shape))
     square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)

@@ -20,7 +20,8 @@ class Surface(NamedTuple):
     """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
 
     `share` is r of F5, `thrown` its part from film to film, `matt` the light of matt film of that
-    shape (N1), `rest` and `tilt` are the seen height and its slopes; None on a plane.
+    shape (N1), `rest` and `tilt` are the seen height and its slopes, `incline` the film's own;
+    None on a plane.
     """
 
     height: Height
@@ -31,6 +32,7 @@ class Surface(NamedTuple):
     matt: Light | None
     rest: Height | None
     tilt: Slope | None
+    incline: Slope | None
 
 
 @node
@@ -63,7 +65,7 @@ def untouched_film(
     size = flat.shape[1:]
     if rest is None:
         zero = np.zeros((2, *size), np.float32)
-        return Surface(np.zeros(size, np.float32), zero, flat, None, None, None, None, None)
+        return Surface(np.zeros(size, np.float32), zero, flat, *[None] * 6)
     if film is None or pixel is None:
         raise InputError("a film that is no plane needs its calibration and pixel size as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
@@ -74,7 +76,8 @@ def untouched_film(
     share = np.maximum(own + thrown, np.float32(MIN_REST_LIGHT))
     matt = expected_light(light_vectors(film.lights, shape.seen, shape.pixel), shape.slope)
     flat = np.asarray(flat / share, np.float32)
-    return Surface(shape.seen, shape.slope, flat, share, thrown, matt, shape.seen, shape.tilt)
+    low = shape.seen, shape.tilt, shape.slope
+    return Surface(shape.seen, shape.slope, flat, share, thrown, matt, *low)
 
 
 def light_at_rest(

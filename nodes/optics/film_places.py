@@ -21,7 +21,9 @@ BISECTION_STEPS = 10
 Places = NDArray[Any]
 
 
-def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Places, Places]:
+def film_places(
+    height: Height, lens: Lens | None, camera: float, step: int = 1
+) -> tuple[Places, Places]:
     """Return x and y, in ideal pixels from the image's middle, of the points that pixels see.
 
     Parameters
@@ -29,6 +31,7 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     height : H x W in mm, as seen
     lens : length 8; None: no distortion
     camera : 1 / D in 1/mm; 0: orthographic
+    step : spacing in px of the rows and columns whose points are wanted
 
     Raises
     ------
@@ -38,12 +41,18 @@ def film_places(height: Height, lens: Lens | None, camera: float) -> tuple[Place
     _check_below(height, camera)
     rows, columns = height.shape
     if lens is None or is_straight(lens):
-        row, column = np.mgrid[:rows, :columns].astype(np.float64)
+        row, column = np.mgrid[:rows:step, :columns:step].astype(np.float64)
     else:
-        column, row = (place.astype(np.float64) for place in ideal_places(lens, height.shape))
-    nearer = 1 - height.astype(np.float64) * camera
+        column, row = (p.astype(np.float64) for p in ideal_places(lens, height.shape, step))
+    nearer = 1 - height[::step, ::step].astype(np.float64) * camera
     middle = (columns - 1) / 2, (rows - 1) / 2
     return (column - middle[0]) * nearer, (row - middle[1]) * nearer
+
+
+def film_areas(x: Places, y: Places) -> Places:
+    """Return how much film each pixel sees from above, in ideal pixels: from `film_places`."""
+    (x_down, x_right), (y_down, y_right) = np.gradient(x), np.gradient(y)
+    return np.asarray(x_right * y_down - x_down * y_right)
 
 
 def on_even_grid(

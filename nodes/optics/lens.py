@@ -106,20 +106,44 @@ def seen_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
     return _moved(lens, shape, seen_offset)
 
 
-def ideal_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
-    """Return where on the ideal grid each pixel of the camera looks: columns and rows."""
-    return _moved(lens, shape, ideal_offset)
+def ideal_places(lens: Lens, shape: tuple[int, int], step: int = 1) -> tuple[F4, F4]:
+    """Return where on the ideal grid pixels of the camera look: columns and rows."""
+    return _moved(lens, shape, ideal_offset, step)
 
 
-def _moved(lens: Lens, shape: tuple[int, int], offset: Any) -> tuple[F4, F4]:
+def _moved(lens: Lens, shape: tuple[int, int], offset: Any, step: int = 1) -> tuple[F4, F4]:
     rows, columns = shape
     half = half_diagonal(shape)
-    row, column = np.mgrid[:rows, :columns].astype(np.float32)
+    row, column = np.mgrid[:rows:step, :columns:step].astype(np.float32)
     scale = np.float32(1) / half
     u = (column - np.float32(0.5) * np.float32(columns - 1)) * scale
     v = (row - np.float32(0.5) * np.float32(rows - 1)) * scale
     du, dv = offset(lens, u, v)
     return column + half * du, row + half * dv
+
+
+def seen_from_above(
+    lens: Lens | None, shape: tuple[int, int], x: float, y: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where on the ideal grid a pixel looks, and how that changes by a pixel, 2 x 2.
+
+    Parameters
+    ----------
+    lens : length 8; None: no distortion
+    x, y : column and row
+
+    Returns
+    -------
+    The place in ideal px from the image's middle, and the derivatives of it along x and y.
+    """
+    rows, columns = shape
+    half = float(half_diagonal(shape))
+    steps = np.array([[0, 0], [0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
+    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
+    u, v = ((steps + np.array([x, y]) - middle) / half).T
+    bent = np.zeros((2, 5)) if lens is None else np.array(ideal_offset(lens.astype(float), u, v))
+    here, right, left, below, above = (half * (np.array([u, v]) + bent)).T
+    return here, np.stack([right - left, below - above], axis=1)
 
 
 def nearest_ideal(lens: Lens, shape: tuple[int, int]) -> tuple[I4, I4]:

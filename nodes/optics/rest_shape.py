@@ -14,7 +14,6 @@ from typing import Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from tactograph.nodes import F4, F8, Film
 from tactograph.nodes.optics.difference import difference
@@ -53,6 +52,9 @@ class RestShape:
 
     def at(self, u: Numbers, v: Numbers) -> tuple[F8, F8, F8, F8]:
         """Return normals, 3 x N, and x, y, z in mm of the film at rest seen at places u, v."""
+        # It takes 16 MB and a tenth of a start, which a film that is a plane at rest saves.
+        from scipy.ndimage import map_coordinates
+
         rows, columns = self.height.shape
         where = v / self.pixel + (rows - 1) / 2, u / self.pixel + (columns - 1) / 2
         z, p, q = (

@@ -5,15 +5,18 @@ from tactograph.nodes import Slope
 
 
 @node(neutral="slope")
-def slope_from_rest(slope: Slope, tilt: Slope | None = None) -> Slope:
+def slope_from_rest(slope: Slope, tilt: Slope | None = None, *, back: bool = False) -> Slope:
     """Subtract the slopes of the film at rest: the sum of what is left is height above it.
 
     Parameters
     ----------
     slope : 2 x H x W, of the seen height
     tilt : 2 x H x W, the same of the film at rest; None: a plane
+    back : whether `slope` is that above the film at rest, and `tilt` is added
     """
-    return slope if tilt is None else slope - tilt
+    if tilt is None:
+        return slope
+    return slope + tilt if back else slope - tilt
 
 
 slope_from_rest.opencl(grid="H W", lanes="grid")

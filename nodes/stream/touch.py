@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8, U1, Height, Lens, Light, Metrics, PixelSize, Vergence
+from tactograph.nodes.optics.film_places import film_places
 from tactograph.nodes.stream.frames import LiveState
 
 RECORDED_AGE_S = 10.0
@@ -40,6 +41,16 @@ class Touch:
     view: View = field(default_factory=View)
     metrics: Metrics | None = None
     layers: Mapping[str, Any] = field(default_factory=dict)
+
+    def places_mm(self, step: int = 1) -> tuple[F8, F8]:
+        """Return x and y on the film of the points that every `step`-th row and column see.
+
+        In mm, right and down from where the first pixel would look on an even grid.
+        """
+        lens, camera = self.view
+        x, y = film_places(self.height, lens, camera or 0.0, step)
+        rows, columns = self.height.shape
+        return self.pixel * (x + (columns - 1) / 2), self.pixel * (y + (rows - 1) / 2)
 
     def latency_s(self, now: float) -> float | None:
         """Return the time since the exposure; None if unknown, or a recording's."""

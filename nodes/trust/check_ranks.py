@@ -192,12 +192,26 @@ def _worst_line(lines: LineChanges) -> float:
     return worst / max(float(columns.max() / max(np.median(columns), MIN_CHANGE)), 1.0)
 
 
-def ranked(figures: F8) -> F8:
-    """Return the quantiles that a calibration keeps of N right touches' figures, N x 19."""
+def ranked(drawn: F8, own: F8 | None = None) -> F8:
+    """Return the quantiles that a calibration keeps of right touches' figures.
+
+    Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
+    own presses count as well, with the weight of a tail: what they exceed the drawn ones by
+    becomes its scale.  Nothing changes where they look like drawn ones.
+
+    Parameters
+    ----------
+    drawn : N x 19, the figures of touches drawn from the calibration
+    own : P x 19, those of its presses; P may be 0
+    """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
-    quantiles = np.quantile(figures, levels, axis=0).T
-    least = [p_values(each, quantiles).min() for each in figures]
-    return np.vstack([quantiles, np.quantile(least, levels)])
+    quantiles, both = np.quantile(drawn, levels, axis=0), drawn
+    if own is not None and len(own):
+        weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
+        both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])
+        quantiles = np.maximum(quantiles, np.quantile(both, levels, axis=0))
+    least = [p_values(each, quantiles.T).min() for each in both]
+    return np.vstack([quantiles.T, np.quantile(least, levels)])
 
 
 def p_values(figures: F8, quantiles: F8) -> F8:

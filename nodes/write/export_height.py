@@ -3,13 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from annotated_types import MinLen
 
-from tactograph.graph import node
+from tactograph.graph import node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
-from tactograph.nodes.files.height_files import Format, write_height
+from tactograph.nodes.files.height_files import MESH_WRITERS, Format, write_height
 from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
+from tactograph.nodes.files.result_view import view_stated
+from tactograph.nodes.optics.film_places import film_places
+from tactograph.nodes.stream.touch import View
 
 
 @node
@@ -40,13 +44,14 @@ def export_height(
         H x W in mm, the height's standard deviation; a second layer in "x3p", a second channel
         in "gwy".
     metrics
-        Figures of how the height was made, which ``result.json`` then states, with its pixel size.
+        Figures of how the height was made, which ``result.json`` then states, with its pixel size
+        and view.
     folder : created if needed
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
-        Digital Surf's, as MountainsMap and Gwyddion read it
-        "x3p": ISO 25178-72's.  "gwy" and "gsf": Gwyddion's.  These four need ``pip install
+        Digital Surf's, as MountainsMap and Gwyddion read it.  "sdf": ISO 25178-71's, "x3p": ISO
+        25178-72's.  "gwy" and "gsf": Gwyddion's.  These five need ``pip install
         'tactograph[metrology]'``.  "ply", "stl" and "obj": a mesh in mm,
         right-handed: x right, y up, z to the camera, from the image's middle on the film at
         rest.  Unknown film (NaN) is NaN in "npy" and
@@ -59,11 +64,21 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
+    about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
+    view = view_stated(View(lens, camera))
+    images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]
+    if view and images:
+        even, seen = film_places(height, None, 0.0), film_places(height, lens, camera or 0.0)
+        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(seen, even)))
+        warn(
+            f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
+            f"{apart_mm:.2g} mm from where an even grid has it; meshes are true, and so are "
+            "results made with --set save.grid=metric"
+        )
     place = folder / name if name else folder
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
             write_height(file, height, pixel, lens, camera or 0.0, error)
-        if metrics is not None:
-            about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics}
-            write_result_file(target, about)
+        if metrics is not None or view:
+            write_result_file(target, {**about, **view})

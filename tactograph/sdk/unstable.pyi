@@ -16,6 +16,9 @@ from tactograph.graph.disk.strict_yaml import (
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
 )
+from tactograph.graph.run.progress import (
+    tell_progress as tell_progress,
+)
 from tactograph.graph.run.raise_warnings import (
     warning_kind as warning_kind,
 )
@@ -27,9 +30,12 @@ from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    Lens as Lens,
     LightPositions as LightPositions,
     ResizedLight as ResizedLight,
+    ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     Circles as Circles,
@@ -61,6 +67,7 @@ from tactograph.nodes.capture.read_balls import (
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
+    Layout as Layout,
     read_capture_file as read_capture_file,
 )
 from tactograph.nodes.capture.read_flat import (
@@ -76,9 +83,6 @@ from tactograph.nodes.contact.largest_contacts import (
     MAX_MEASURED as MAX_MEASURED,
     Most as Most,
     largest_contacts as largest_contacts,
-)
-from tactograph.nodes.drawing.result_pictures import (
-    draw_seams as draw_seams,
 )
 from tactograph.nodes.files.calibration_file import (
     is_of_kind as is_of_kind,
@@ -111,7 +115,11 @@ from tactograph.nodes.files.image_files import (
     read_numbers as read_numbers,
 )
 from tactograph.nodes.files.result_view import (
+    calibrated_view as calibrated_view,
+    read_view as read_view,
     refuse_view as refuse_view,
+    view_of_text as view_of_text,
+    view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -134,9 +142,6 @@ from tactograph.nodes.height.scale_height import (
     Scale as Scale,
     StepScale as StepScale,
 )
-from tactograph.nodes.height.weighted_heights import (
-    weighted_heights as weighted_heights,
-)
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
 )
@@ -149,6 +154,11 @@ from tactograph.nodes.optics.cache_blocks import (
 from tactograph.nodes.optics.cell_side import (
     CellSide as CellSide,
 )
+from tactograph.nodes.optics.film_places import (
+    film_areas as film_areas,
+    film_places as film_places,
+    on_even_grid as on_even_grid,
+)
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
     normal_by_slope as normal_by_slope,
@@ -156,6 +166,7 @@ from tactograph.nodes.optics.gauss_newton import (
 from tactograph.nodes.optics.lens import (
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )
 from tactograph.nodes.optics.near_light import (
@@ -173,6 +184,7 @@ from tactograph.nodes.optics.shape import (
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
+    SheetMask as SheetMask,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,

@@ -28,20 +28,20 @@ def stream(write: Write, toys: list[str]) -> str:
 
 @pytest.mark.parametrize("command", ["check", "explain"])
 def test_what_an_overlay_makes_of_a_graph_is_shown(tactograph: Command, command: str) -> None:
-    done = tactograph(command, "live", "--with", "no_flat", "--with", "ros2")
+    done = tactograph(command, "reconstruct", "--with", "no_flat", "--with", "follow_drift")
     assert done.code == 0, done.err
-    assert "live_no_flat_ros2" in done.out
-    assert read_graph("live_no_flat_ros2").hash in done.out
+    assert "reconstruct_no_flat_follow_drift" in done.out
+    assert read_graph("reconstruct_no_flat_follow_drift").hash in done.out
 
 
 def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
     tactograph: Command, write: Write
 ) -> None:
-    words = ("live", "--with", "ros2", "--set", "publish.points_step=5")
+    words = ("reconstruct", "--with", "filled", "--set", "planed.level=plane")
     done = tactograph("resolve", *words)
-    assert read_graph(write(done.out)).nodes["publish"].settings["points_step"] == 5
-    assert "publish_ros2" in tactograph("draw", *words).out
-    assert "namespace=TEXT" in tactograph("run", *words, "--help").out
+    assert read_graph(write(done.out)).nodes["planed"].settings["level"] == "plane"
+    assert "level_plane" in tactograph("draw", *words).out
+    assert "scale=NUMBERS" in tactograph("run", *words, "--help").out
 
 
 def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:

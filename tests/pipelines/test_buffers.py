@@ -1,4 +1,4 @@
-"""A steady stream of touches allocates nothing on the device after its first item."""
+"""What touches take of a small machine: libraries that are loaded, and buffers of the device."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import load
-from tests.fixtures import simulated_sensor
+from tests.fixtures import python, simulated_sensor
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 
@@ -31,3 +31,19 @@ def test_the_first_item_allocates_for_all(graph: str, calibration: Path) -> None
         counts.append(pipeline.buffers)
     assert counts[0] > 0
     assert set(counts) == {counts[0]}
+
+
+def test_a_height_loads_no_library_that_only_pictures_and_curved_films_need(
+    calibration: Path,
+) -> None:
+    """Each of them takes 7 to 60 MB, and a tenth of the start or more."""
+    heavy = {"matplotlib", "scipy", "networkx", "rich", "jinja2"}
+    code = (
+        "import sys, numpy as np\n"
+        "from tactograph import load\n"
+        f"p = load('reconstruct', calibration={str(calibration)!r}, backend='opencl', "
+        "accept_contradictions=True)\n"
+        "p(frames=np.full((4, 72, 96), 128, np.uint8))\n"
+        f"print(sorted({heavy} & set(sys.modules)))"
+    )
+    assert python("-c", code).stdout.splitlines()[-1] == "[]"

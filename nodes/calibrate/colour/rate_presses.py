@@ -17,7 +17,12 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
 )
 from tactograph.nodes.calibrate.rating.advise_press import FILM_REGIONS
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
-from tactograph.nodes.calibrate.rating.verdict import advice_after, of_heldout_error, verdict_of
+from tactograph.nodes.calibrate.rating.verdict import (
+    Judged,
+    advice_after,
+    of_heldout_error,
+    verdict_of,
+)
 from tactograph.nodes.capture.read_presses import PressImages
 
 COVERAGE_CELLS = (4, 6)
@@ -48,7 +53,7 @@ def rate_presses(
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
-    of_radius: list[str] | None = None,
+    of_radius: Judged | None = None,
     of_pixels: list[str] | None = None,
     of: BallPress | None = None,
     *,
@@ -66,7 +71,7 @@ def rate_presses(
     found, circle : B x 3 in px, before and after refining
     kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
-    of_radius, of_pixels : the doubts of `judge_press_radius` and of `judge_oblong`
+    of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
     of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
@@ -103,12 +108,14 @@ def rate_presses(
         "steepest_slope": steepest,
         "rim_um": 1e3 * rim,
     }
-    doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + (of_radius or [])
+    of_radius = of_radius or Judged({}, [])
+    doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + of_radius.doubts
     for doubt in doubts:
         warn(doubt)
     counting = "heldout_normal_deg", float(degrees)
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
-    return PressRating(quality, advice, doubts, verdict_of(doubts, *counting))
+    verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
+    return PressRating(quality | of_radius.quality, advice, doubts, verdict)
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:

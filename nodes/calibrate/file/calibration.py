@@ -34,9 +34,10 @@ from tactograph.nodes import (
     NullVector,
     PixelSize,
     Reflectance,
+    ScaleError,
     Spread,
 )
-from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind, free_for
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.check_ranks import NO_RANKS, CheckRanks
 
@@ -52,9 +53,9 @@ NO_MISFIT = (0, 1, 0, 0, 0)
 class Calibration(NamedTuple):
     """All that a reconstruction needs to know of a sensor."""
 
-    flat: Annotated[Light, Stored(-1, 100), "the film at rest, fraction of full scale"]
+    flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
     dark: Annotated[Dark, Stored(-1, 1), "with all LEDs off, fraction of full scale"]
-    pixel_size: Annotated[PixelSize, Stored(1e-6, 1e3), "mm/px"]
+    pixel_size: Annotated[PixelSize, Stored(MIN_OPTICAL_MM, 1e3), "mm/px"]
     lut_light: Annotated[LutLight, Stored(-1e3, 1e3), "light of the tables, 1 on the film at rest"]
     lut_slope: Annotated[LutSlope, Stored(-1e4, 1e4), "slope of the tables, mm/mm"]
     lut_lit: Annotated[LutLit, Stored(), "bit k-1 is set where LED k reaches the pixel"]
@@ -113,6 +114,11 @@ class Calibration(NamedTuple):
         ]
         | None
     ) = None
+    scale_error: Annotated[
+        ScaleError,
+        Stored(0, 1e3, plain=0.0),
+        "relative error of the heights' scale that the light left open; 0: it confirmed the radius",
+    ] = 0.0
     ranks: Annotated[
         CheckRanks,
         Stored(-1, 1e6, plain=-1.0),
@@ -120,8 +126,11 @@ class Calibration(NamedTuple):
     ] = NO_RANKS
 
 
-def _check_lights(arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Refuse LEDs from whose light no slope follows."""
+def _check_sensor(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse LEDs and tables from whose light no slope follows."""
+    for name in "lut_light", "lut_slope":
+        if len(arrays[name]) > 1 and not np.ptp(arrays[name], axis=0).any():
+            raise ValueError(f"'{name}' holds the same for all entries")
     lights = arrays["lights"].astype(np.float64)
     if (lights[:, 2] < MIN_LED_HEIGHT_MM).any():
         raise ValueError("'lights' holds an LED that is not above the film")
@@ -136,6 +145,6 @@ CALIBRATION_KIND = FileKind(
     "run calibrate",
     Calibration,
     made_from="the images, and the ball's place and radius",
-    check=_check_lights,
+    check=_check_sensor,
 )
 NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION_KIND))]

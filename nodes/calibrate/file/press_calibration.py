@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import AfterValidator
 
 from tactograph.nodes import Dark, Lens, Light, Mask, Metrics, Misfit, PixelSize
-from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind, free_for
 from tactograph.nodes.slope.solve_reflectance_map import ReflectanceMap
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.check_ranks import NO_RANKS, CheckRanks
@@ -19,9 +19,9 @@ class PressCalibration(NamedTuple):
     The camera's black level is taken to be 0, and the misfit follows from the quality.
     """
 
-    flat: Annotated[Light, Stored(-1, 100), "the film at rest, fraction of full scale"]
+    flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
     dark: Dark
-    pixel_size: Annotated[PixelSize, Stored(1e-6, 1e3), "mm/px"]
+    pixel_size: Annotated[PixelSize, Stored(MIN_OPTICAL_MM, 1e3), "mm/px"]
     reflectance: Annotated[
         ReflectanceMap,
         Stored(-1e6, 1e6),

@@ -20,7 +20,6 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
     sunk,
 )
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film._light_pattern import MEDIAN_OF_SQUARES
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
@@ -49,6 +48,10 @@ RIM_STEP_MM = 0.5
 """mm by which the film is widened, to differentiate a bounce by the film's rim."""
 MAX_NOISE_RATIO = 1.5
 """Multiple of the camera's noise up to which noise explains a departure."""
+
+
+MEDIAN_OF_SQUARES = 0.455
+"""Median of the square of a normal variable."""
 
 
 class _Press(NamedTuple):

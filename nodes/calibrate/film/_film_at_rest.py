@@ -36,7 +36,8 @@ def _rest_model(rest: Rest, now: Fitted) -> F8:
     high = np.sqrt(lx * lx + ly * ly + lz * lz)
     away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
     cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
-    return np.asarray(model + now.leds[:, 4:] * np.log(np.maximum(cosine, MIN_COSINE)))
+    model += now.leds[:, 4:] * np.log(np.maximum(cosine, MIN_COSINE))
+    return np.asarray(model if now.power == 1 else model * now.power)
 
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:

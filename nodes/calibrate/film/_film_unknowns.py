@@ -22,6 +22,8 @@ class Unknown(NamedTuple):
     step: float = 1e-4
 
 
+NUISANCES = "size", "power"
+"""Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
     "wrap": Unknown(0.0, 0.2, 0.0, 0.5, 1e-3),
@@ -34,6 +36,7 @@ SHARED_UNKNOWNS = {
     "diffuse": Unknown(0.2, 0.3, 0.0, 0.9),
 }
 """By name; `diffuse` is one for each LED."""
+SHARED_UNKNOWNS |= dict.fromkeys(NUISANCES, Unknown(1.0, 1.0, 0.3, 3.0))
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002
@@ -43,12 +46,14 @@ EMISSION_UNKNOWN = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
+USUAL_NEARNESS = 0.2
+"""Widths of the image over the distance of an LED."""
 LED_UNKNOWNS = "x", "y", "nearness", "strength", "emission"
 UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
 """Number of unknowns of an LED."""
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
-UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim"
+UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim", "size"
 """Unknowns without effect on the film at rest."""
 PART_UNKNOWNS = {
     "diffuse": ("diffuse", "gain", "wrap"),
@@ -58,6 +63,7 @@ PART_UNKNOWNS = {
 }
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
+MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in NUISANCES}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
 those that direct light determines besides the LEDs."""
 
@@ -68,7 +74,7 @@ def opened(start: Fitted, names: list[str]) -> Fitted:
     changed: dict[str, Any] = {
         name: SHARED_UNKNOWNS[name].start
         for name in names
-        if np.all(getattr(start.film, name) == getattr(off, name))
+        if name not in NUISANCES and np.all(getattr(start.film, name) == getattr(off, name))
     }
     if "diffuse" in changed:
         changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])
@@ -79,10 +85,10 @@ def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int
     """Number, departure and standard deviation of every unknown with a prior."""
     numbers = numbered(now, names)
     for k, (_, _, c, _, emission) in enumerate(now.leds):
-        yield UNKNOWNS_PER_LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+        yield UNKNOWNS_PER_LED * k + 2, c - USUAL_NEARNESS / width_mm, USUAL_NEARNESS / width_mm
         yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
     for name in names:
-        about, values = SHARED_UNKNOWNS[name], np.atleast_1d(getattr(now.film, name))
+        about, values = SHARED_UNKNOWNS[name], np.atleast_1d(value_of(now, name))
         for number, value in zip(numbers[name].tolist(), values.tolist(), strict=True):
             yield number, value - about.start, about.spread
 
@@ -109,6 +115,18 @@ def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
     return numbers
 
 
+def value_of(now: Fitted, name: str) -> Any:
+    """Return the value of a shared parameter."""
+    return getattr(now if name in NUISANCES else now.film, name)
+
+
+def with_values(now: Fitted, values: dict[str, Any]) -> Fitted:
+    """Return a fit with other values of shared parameters, by name."""
+    nuisances = {name: values[name] for name in values if name in NUISANCES}
+    of_film = {name: values[name] for name in values if name not in NUISANCES}
+    return now._replace(film=now.film._replace(**of_film), **nuisances)
+
+
 def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     """The fit with an unknown changed, and the change; those of all LEDs at once.
 
@@ -116,8 +134,7 @@ def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     """
     if name not in LED_UNKNOWNS:
         about = SHARED_UNKNOWNS[name]
-        film = now.film._replace(**{name: getattr(now.film, name) + about.step})
-        return now._replace(film=film), np.array([about.step])
+        return with_values(now, {name: value_of(now, name) + about.step}), np.array([about.step])
     step, leds = np.full(len(now.leds), 1e-5), now.leds.copy()
     if name == "nearness":
         step *= np.maximum(leds[:, 2], 1e-4)
@@ -156,7 +173,6 @@ def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
     numbers = numbered(now, names)
     for name in names:
         about = SHARED_UNKNOWNS[name]
-        value = np.clip(getattr(now.film, name) + by[numbers[name]], about.low, about.high)
+        value = np.clip(value_of(now, name) + by[numbers[name]], about.low, about.high)
         changed[name] = value if name == "diffuse" else float(value[0])
-    film = now.film._replace(**changed)
-    return now._replace(film=film, shifts=now.shifts + own).with_leds(leds)
+    return with_values(now._replace(shifts=now.shifts + own), changed).with_leds(leds)

@@ -82,6 +82,13 @@ class Balls:
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
 
+    def sized(self, size: float) -> Self:
+        """Return balls of `size` times the radius, in the same contacts."""
+        if size == 1:
+            return self
+        radius = self.radius * size
+        return replace(self, radius=radius, rim=np.minimum(self.rim, radius))
+
     def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
         """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
         radius = self.radius[self.ball]
@@ -129,13 +136,17 @@ class Balls:
 class Fitted(NamedTuple):
     """The LEDs' unknowns K x UNKNOWNS_PER_LED, the film, the balls' shifts, and the residual scale.
 
-    Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.
+    Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.  `size` is the balls' radius
+    over the given one, and `power` that to which the camera raises the light: nuisances, both 1
+    unless they are fitted.
     """
 
     leds: F8
     film: Film
     shifts: F8
     scale: float
+    size: float = 1.0
+    power: float = 1.0
 
     def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
@@ -149,10 +160,12 @@ def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
 
     `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
     """
-    film, shifts = fitted.film, fitted.shifts
+    film, shifts, balls = fitted.film, fitted.shifts, balls.sized(fitted.size)
     n, place, lift = balls.touched_place(shifts, film)
     shown = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
-    return np.asarray(shown if balls.beneath is None else shown / balls.beneath.light(film))
+    if balls.beneath is not None:
+        shown = shown / balls.beneath.light(film)
+    return np.asarray(shown if fitted.power == 1 else np.maximum(shown, 0) ** fitted.power)
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

@@ -11,13 +11,11 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    MIN_PATTERN,
-    as_given,
-    doubt_of_diffuse,
-    doubt_of_pattern,
-    doubt_of_radius,
-    try_gammas,
-    try_radii,
+    TOLD,
+    doubts_of,
+    explain,
+    scale_error,
+    unconfirmed,
 )
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.capture.read_presses import PressImages
@@ -25,15 +23,9 @@ from tactograph.nodes.optics.film import matt_film
 
 MAX_PRESSES = 12
 """Most presses that are used."""
-COARSE_FACTORS = (0.5, 0.6, 0.7, 1.5, 2.0)
-"""Radii that are tried, relative to the given one: a guided calibration does so at every press."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
-MAX_PATTERN = 0.1
-"""Departure of the light's means up to which lights are points: then a gamma shows."""
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
-STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
-"""Place of all lights until the samples tell."""
 
 
 @node
@@ -69,23 +61,20 @@ def judge_press_radius(
     seen = image[used if of is None else of[used]]
     sheet = np.concatenate(list(seen / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
-    nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
+    # A matt film throws no light on itself, wherever its lights are.
+    matt = matt_film(np.ones((len(flat), 3), np.float32))
     every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel), most=None, fine=True
+        *(sheet, flat, circle[used], radius, every, matt, noise, pixel), most=None, fine=True
     )
     strength = np.ones(len(flat), np.float32)
-    tried = try_radii(balls, flat, pixel, _directions(balls), strength, COARSE_FACTORS, 0)
-    doubt, given = doubt_of_radius(tried, radius_mm, np.inf, RADIUS_INPUTS), as_given(tried)
-    doubts = [doubt.sentence] if doubt.sentence else []
-    if not doubts and MIN_PATTERN < given.pattern < MAX_PATTERN:
-        gammas = try_gammas(balls, flat, pixel, _directions(balls), strength)
-        doubts += doubt_of_pattern(tried, gammas, radius_mm, RADIUS_INPUTS)
-    # A grid's small balls are blurred, as by a gel that diffuses; its pitch confirms the pixel.
-    is_grid = of is not None and np.bincount(of[used]).max() > 1
-    if not doubts and not is_grid:
-        doubts += doubt_of_diffuse(given.diffuse, balls.light, radius_mm, RADIUS_INPUTS)
-    return Judged({"diffuse_percent": 100 * given.diffuse}, doubts)
+    # The film at rest of such sensors is not lit by points.
+    found = explain(balls, np.ones_like(flat), pixel, _directions(balls), strength)
+    doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
+    is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
+    diffuse, scale = found.by_name[TOLD].diffuse, scale_error(found)
+    quality = {"diffuse_percent": 100 * diffuse, "scale_error_percent": 100 * scale}
+    return Judged(quality, doubts, is_open)
 
 
 def _directions(balls: Balls) -> F4:

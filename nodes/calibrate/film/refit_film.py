@@ -23,6 +23,7 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
+from tactograph.nodes.calibrate.film._film_unknowns import SHARED_UNKNOWNS, Unknown
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
@@ -44,25 +45,31 @@ PRIOR_COPIES = 25
 meant for light."""
 
 
-class _Open(NamedTuple):
-    """A parameter that may have changed: standard deviation of its change, and its bounds."""
+class _Bounds(NamedTuple):
+    """The least and the most of a parameter."""
 
-    spread: float
     low: float
     high: float
 
 
-OPEN_PARAMETERS = {
-    "thicker": _Open(0.3, -3.0, 3.0),
-    "gain": _Open(0.01, 0.8, 1.3),
-    "diffuse": _Open(0.15, -0.9, 0.9),
-    "albedo": _Open(0.05, 0.0, 0.95),
-    "base": _Open(0.3, 0.05, 5.0),
-    "roughness": _Open(0.15, 0.08, 0.6),
-    "refraction": _Open(0.15, 1.0, 2.0),
+OPEN_SPREADS = {
+    "thicker": 0.3,
+    "gain": 0.01,
+    "diffuse": 0.15,
+    "albedo": 0.05,
+    "base": 0.3,
+    "roughness": 0.15,
+    "refraction": 0.15,
 }
-"""Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
-FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_PARAMETERS))
+"""Standard deviations of what may have changed, by name.  `thicker` is in mm of gel; `diffuse` is
+added to the share of every LED."""
+OPEN_BOUNDS: dict[str, Unknown | _Bounds] = SHARED_UNKNOWNS | {
+    "thicker": _Bounds(-3.0, 3.0),
+    "diffuse": _Bounds(-0.9, 0.9),
+    "refraction": _Bounds(1.0, 2.0),
+}
+"""Their bounds: those of a first fit, but for a film that had no coat."""
+FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_SPREADS))
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
 FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
@@ -273,8 +280,8 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
     places = place_deviations(balls, known.shift_mm).ravel()
-    opened = [OPEN_PARAMETERS[name] for name in names]
-    spread = np.concatenate([places, [each.spread for each in opened]])
+    bounds = [OPEN_BOUNDS[name] for name in names]
+    spread = np.concatenate([places, [OPEN_SPREADS[name] for name in names]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
     whole = balls.reference_light * samples
@@ -301,8 +308,8 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
 
     usual = np.concatenate([np.zeros(3 * count), first])
     begin = [start.get(name, value) for name, value in zip(names, first, strict=True)]
-    low = np.concatenate([-10 * places, [each.low for each in opened]])
-    high = np.concatenate([10 * places, [each.high for each in opened]])
+    low = np.concatenate([-10 * places, [each.low for each in bounds]])
+    high = np.concatenate([10 * places, [each.high for each in bounds]])
     margin = 1e-6 * spread
     begin_at = np.concatenate([np.zeros(3 * count), begin])
     solved = least_squares(

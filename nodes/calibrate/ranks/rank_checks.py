@@ -1,7 +1,8 @@
-"""What the checks of a touch say of right touches of a sensor, drawn from its calibration."""
+"""What the checks of a touch say of right touches of a sensor: its presses, and drawn ones."""
 
 import tempfile
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,9 @@ from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.files.calibration_file import is_of_kind, replace_arrays
 from tactograph.nodes.optics.lens import LENS_TERMS
-from tactograph.nodes.trust.check_ranks import NO_RANKS, figures_of, ranked
+from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, NO_RANKS, figures_of, ranked
+from tactograph.nodes.trust.judge_touch import MAX_RIM_SHARE
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -28,11 +31,16 @@ RIGHT_SHARE = 1e-3
 THREE_LEDS = 3
 """Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
+EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures"}
+RIM_PORTS = {"rims": "on_rims.share"}
+ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
 
 
 @node
 def rank_checks(
     flat: Light | None = None,
+    press: SheetLight | None = None,
+    mask: SheetMask | None = None,
     *,
     file: Path,
     count: Annotated[int, Interval(ge=10, le=100000)] = 128,
@@ -42,54 +50,96 @@ def rank_checks(
 
     The touches are seen by the calibration's own model, within all that it leaves open
     (`draw_touches`), and reconstructed by the graphs themselves.  Those whose height is off are
-    left out.
+    left out.  The presses that the calibration kept are right touches as well: they show what
+    the model does not (`ranked`).
 
     Parameters
     ----------
-    flat : K x H x W, what has just been written; without it the file is there already
+    flat : K x H x W, of the presses' size; without it the file is there already
+    press : K x S x W, a sheet of presses without lens distortion
+    mask : S x W, where the calibration used them; a press without any is left out
     file : the calibration, which is written again
     count, seed : how many touches are drawn; the same for the same seed
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has told of its doubts
-        small, arrays = Path(folder) / "small.npz", load_arrays(file)
-        np.savez(small, **_smaller(arrays))  # type: ignore[arg-type]
+        arrays, small, even = (
+            load_arrays(file),
+            Path(folder) / "small.npz",
+            Path(folder) / "own.npz",
+        )
+        np.savez(small, **_resized(arrays, _small_size(arrays["flat"])))  # type: ignore[arg-type]
         given = {"calibration": str(small), "count": count, "seed": seed}
+        presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])
+        if presses:
+            np.savez(even, **_resized(arrays, presses[0].shape[1:]))  # type: ignore[arg-type]
         if is_of_kind(file, PRESS_CALIBRATION):
-            kind, ranks = PRESS_CALIBRATION, [_ranks("gelsight_mini", "drawn_presses", given)] * 3
+            drawn = _drawn("gelsight_mini", "drawn_presses", given)
+            own = _own("gelsight_mini", presses, even, ONE_SHOT_PORTS)[0]
+            kind, ranks = PRESS_CALIBRATION, [ranked(drawn, own)] * 3
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > THREE_LEDS else "paper_no_shadow"
             walls = given | {"count": max(count // 2, 1), "rigid": True}
+            own, rims = _own("reconstruct", presses, even, RIM_PORTS)
+            on_rims = rims > MAX_RIM_SHARE
             kind, ranks = (
                 CALIBRATION_KIND,
                 [
-                    _ranks("reconstruct", "drawn_touches", given),
-                    _ranks("reconstruct", "drawn_touches", walls),
-                    _ranks(tables, "drawn_touches", given),
+                    ranked(_drawn("reconstruct", "drawn_touches", given), own[~on_rims]),
+                    ranked(_drawn("reconstruct", "drawn_touches", walls), own[on_rims]),
+                    ranked(_drawn(tables, "drawn_touches", given), _own(tables, presses, even)[0]),
                 ],
             )
     replace_arrays(file, kind, {"ranks": np.stack(ranks)})
 
 
-def _smaller(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """A calibration of the same film on at most `MAX_PIXELS` pixels, without a lens."""
-    rows, columns = arrays["flat"].shape[1:]
+def _small_size(flat: Light) -> tuple[int, int]:
+    """Rows and columns of at most `MAX_PIXELS`."""
+    rows, columns = flat.shape[1:]
     coarser = max(1.0, np.sqrt(rows * columns / MAX_PIXELS))
-    size = round(columns / coarser), round(rows / coarser)
-    flat = [cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
-    made = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * columns / size[0]}
-    if "dark" in arrays:
-        made["dark"] = cv2.resize(arrays["dark"], size, interpolation=cv2.INTER_AREA)
-    made["area"] = np.ones(size[::-1], np.uint8)
-    if "rest" in arrays:
-        # Touches are drawn on a plane, under the same LEDs.
-        made["rest"] = np.zeros(size[::-1], np.float32)
+    return round(rows / coarser), round(columns / coarser)
+
+
+def _resized(arrays: dict[str, NDArray[Any]], size: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    """A calibration of the same film on an image of other rows and columns, without a lens."""
+    rows, columns = size
+    flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
+    finer = arrays["flat"].shape[2] / columns
+    made = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * finer}
+    for plane in {"dark", "rest"} & arrays.keys():
+        made[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
+    made["area"] = np.ones(size, np.uint8)
     return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32), "ranks": NO_RANKS}
 
 
-def _ranks(graph: str, overlay: str, given: dict[str, Any]) -> F8:
-    """The quantiles of the figures of drawn touches whose height the graph finds.
+def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
+    """The presses that the calibration used."""
+    presses = cut(press, rows)
+    if mask is None:
+        return presses
+    return [p for p, used in zip(presses, cut(mask, rows), strict=True) if used.any()]
+
+
+def _own(
+    graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
+) -> tuple[F8, F8]:
+    """The figures of the calibration's presses, P x 19, and how much of each hangs on rims."""
+    figures, rims = [], []
+    if presses:
+        given = {"calibration": str(calibration), "accept_contradictions": True}
+        declared = {"format": 1, "extends": graph, "outputs": EVIDENCE_PORTS | (more or {})}
+        with load(declared, given) as pipeline:
+            for press in presses:
+                # Where a frame shows no film, what continues it may leave the camera's range.
+                found = pipeline(frames=np.clip(press, 0, 1)).outputs
+                figures.append(_figures(found))
+                rims.append(float(found.get("rims", 0.0)))
+    return np.array(figures).reshape(len(figures), len(CHECK_FIGURES)), np.array(rims)
+
+
+def _drawn(graph: str, overlay: str, given: dict[str, Any]) -> F8:
+    """The figures of drawn touches whose height the graph finds, N x 19.
 
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.
@@ -98,10 +148,15 @@ def _ranks(graph: str, overlay: str, given: dict[str, Any]) -> F8:
     with load({"format": 1, "extends": [graph, overlay]}, given) as pipeline:
         for result in pipeline.items():
             found = result.outputs
-            evidence = TouchEvidence(found["level"], found["figures"])
-            lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
-            figures.append(figures_of(evidence, float(found.get("added", 0.0)), lines))
+            figures.append(_figures(found))
             wrong = np.square(found["height"] - found["truth"], dtype=np.float64).mean()
             off.append(np.sqrt(wrong) / (float(found["pixel"]) * found["height"].shape[1]))
     most = np.inf if given.get("rigid") else max(RIGHT_SHARE, np.median(off))
-    return ranked(np.array(figures)[np.array(off) <= most])
+    return np.array(figures)[np.array(off) <= most]
+
+
+def _figures(found: Mapping[str, Any]) -> F8:
+    """The figures of one touch."""
+    evidence = TouchEvidence(found["level"], found["figures"])
+    lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
+    return figures_of(evidence, float(found.get("added", 0.0)), lines)

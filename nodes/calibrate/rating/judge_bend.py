@@ -8,12 +8,10 @@ from tactograph.graph import node
 from tactograph.nodes import Film, Metrics
 from tactograph.nodes.calibrate.ball.find_rest import MIN_PRESSES, find_bend
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG
+from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG, SURE_ODDS
 
 MAX_LED_WIDTHS = 100.0
 """Widths of the image; an LED found farther away makes up for something."""
-MIN_ODDS_DIGITS = 3.0
-"""Decimal logarithm of the odds from which a bend is named."""
 
 
 @node
@@ -38,7 +36,7 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
     bend, plane = find_bend(*seen, evidence.pixel, film.camera, only_ball=True)
     gained = bend.samples / 2 * math.log(plane.cost / bend.cost) - math.log(bend.samples) / 2
     digits = gained / math.log(10)
-    if digits < MIN_ODDS_DIGITS:
+    if digits < math.log10(SURE_ODDS):
         return []
     radius = 1 / float(bend.unknowns[0])
     return [

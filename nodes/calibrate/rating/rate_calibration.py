@@ -93,7 +93,7 @@ def rate_calibration(
         K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
         Residuals that noise explains raise no warning of a poor fit.
     pixel : mm per px
-    radius : `judge_radius`: its figures, those of the fit among them, and its doubts
+    radius : `judge_radius`: its figures, those of the fit among them, its doubts, and what is open
     bend : as `judge_bend` returns it; named in place of what it causes
     others : the doubts of other nodes
     force
@@ -118,7 +118,7 @@ def rate_calibration(
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
-    figures, radius_doubts = radius or Judged({}, [])
+    figures, radius_doubts, unconfirmed = radius or Judged({}, [])
     error = figures.get("film_heldout_deg")
     doubts = (others or []) + of_heldout_error(error) + radius_doubts
     steepest = _covered_everywhere(lut_slope)
@@ -179,7 +179,9 @@ def rate_calibration(
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
     return Rating(
-        rated | _directions(lights), doubts, verdict_of(doubts, "film_heldout_deg", error)
+        rated | _directions(lights),
+        doubts,
+        verdict_of(doubts, "film_heldout_deg", error, unconfirmed),
     )
 
 

@@ -4,15 +4,18 @@ from typing import NamedTuple
 
 from tactograph.nodes import Metrics
 
+SURE_ODDS = 1e3
+"""Odds from which one explanation is preferred to another."""
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
 
 class Judged(NamedTuple):
-    """Figures, and what speaks against a calibration, a sentence each."""
+    """Figures, what speaks against a calibration, a sentence each, and what nothing confirms."""
 
     quality: Metrics
     doubts: list[str]
+    unconfirmed: str = ""
 
 
 class Advice(NamedTuple):
@@ -33,10 +36,16 @@ def of_heldout_error(degrees: float | None) -> list[str]:
     ]
 
 
-def verdict_of(doubts: list[str], figure: str, degrees: float | None) -> str:
-    """Return one sentence that leads with what counts: the first doubt, or the held-out error."""
-    if doubts:
-        return f"doubtful: {doubts[0]}"
+def verdict_of(doubts: list[str], figure: str, degrees: float | None, unconfirmed: str = "") -> str:
+    """Return one sentence that leads with what counts.
+
+    That is the first doubt, or what nothing confirms, or the held-out error.
+    """
+    against = [doubt for doubt in doubts if doubt != unconfirmed]
+    if against:
+        return f"doubtful: {against[0]}"
+    if unconfirmed:
+        return f"not confirmed: {unconfirmed}"
     if degrees is None:
         return "nothing speaks against it"
     return (

@@ -13,6 +13,8 @@ MAX_LED_CHANGE = 0.1
 """Tolerated relative change of one LED's light against the others, or of all together."""
 MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
+MAX_BLACK_LEVEL = 0.1
+"""Highest black level of a camera, as a fraction of full scale."""
 MAX_SHIFT_PX = 0.5
 """Tolerated shift of the image in px."""
 MIN_DEVIATIONS = 6.0
@@ -26,6 +28,7 @@ MIN_MARK_CHANGE = 0.015
 SHARP_GRADIENT = 1 / 8
 """Gradient per px of a mark, relative to its depth, above which it lies in the film.  Marks on the
 lens are out of focus."""
+ANOTHER_SENSOR = "not that of the calibration: is this another sensor, or another lens?"
 
 
 class Verdicts(NamedTuple):
@@ -66,13 +69,15 @@ def judge_film(
     scratch, dirt = _marks(albedo)
     deepest, where = _dent(dent, pixel)
     moved = float(np.hypot(*shift))
-    verdicts = (
-        _of_leds(strength),
-        _of_film(deepest, where, scratch, pixel * dent.shape[1]),
-        _of_lens(dirt),
-        _of_ambient(ambient),
-        _of_camera(shift, moved),
-    )
+    verdicts: tuple[str, ...] = (ANOTHER_SENSOR,) * 5
+    if not _is_impossible(strength, ambient, deepest, pixel * dent.shape[1]):
+        verdicts = (
+            _of_leds(strength),
+            _of_film(deepest, where, scratch),
+            _of_lens(dirt),
+            _of_ambient(ambient),
+            _of_camera(shift, moved),
+        )
     figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
     figures |= {
         "ambient_percent": 100 * ambient,
@@ -147,10 +152,17 @@ def _of_leds(strength: F4) -> str:
     return f"right: {low:.1f} to {high:.1f} % of their light"
 
 
-def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark, width_mm: float) -> str:
-    """The verdict on the film; a dent deeper than half the view is none that a film can have."""
-    if abs(deepest) > width_mm / 2:
-        return "not the film of the calibration: is this another sensor, or another lens?"
+def _is_impossible(strength: F4, ambient: float, deepest: float, width_mm: float) -> bool:
+    """Whether no film, LED or camera of the calibration's changes so.
+
+    No LED gives less than no light, no black level falls by more than it stood at, and no dent is
+    deeper than half the view.
+    """
+    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
+    return is_dark or abs(deepest) > width_mm / 2
+
+
+def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
     if abs(deepest) > TOUCHED_MM:
         return (
             f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
@@ -192,6 +204,7 @@ def _of_ambient(ambient: float) -> str:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
             "take an image with all LEDs off and recalibrate with it"
+            + ("; or is this another sensor?" if ambient > MAX_BLACK_LEVEL else "")
         )
     return "right: none"
 

@@ -1,5 +1,8 @@
 """ISO 25178-72: 64-bit floats, NaN where unknown; the error is a second layer."""
 
+import io
+import re
+import zipfile
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,8 +15,11 @@ from tactograph.rings.metrology.formats._in_metres import (
     package_for,
     read_in_metres,
 )
-from tactograph.sdk import Height, HeightError, HeightFile, InputError
+from tactograph.sdk import Height, HeightError, HeightFile, InputError, warn
 
+MAIN_FILE, DRAFT_ROOT = "main.xml", "ISO5436"
+ROOT_TAG = re.compile(rb"(</?(?:[\w.-]+:)?ISO5436)(?=[\s>])")
+"""Begin and end of a root that lacks the part's number."""
 SOFTWARE_NAME = "Tactograph"
 """What files name as their writer, and whose second layer is an error."""
 
@@ -33,9 +39,35 @@ def read(file: Path) -> HeightFile:
 
 
 def _layers(file: Path) -> Sequence[Any]:
-    found = package_for("x3p", "x3pio").read(file)
+    found = _read(file)
     layers = found.layers
     if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
         raise InputError(f"{file}: holds no surface, but a profile or points")
     known = 2 if found.metadata and found.metadata.instrument.model == SOFTWARE_NAME else 1
     return *layers[0].spacing, *(one.z for one in layers[:known])
+
+
+def _read(file: Path) -> Any:
+    """The content; a stale checksum and the root of an early draft are told, and read."""
+    package = package_for("x3p", "x3pio")
+    try:
+        return package.read(file)
+    except package.X3pChecksumError:
+        warn(f"{file}: was changed since its checksum was made; read as it is")
+    except package.X3pFormatError as error:
+        if f"<{DRAFT_ROOT}>" not in str(error):
+            raise
+        warn(f"{file}: its root is {DRAFT_ROOT}, not ISO 25178-72's; read as if it were")
+    return package.X3pFile.loads(_with_root(file), verify=False)
+
+
+def _with_root(file: Path) -> bytes:
+    """The file's content, the root element named as the standard does."""
+    renamed = io.BytesIO()
+    with zipfile.ZipFile(file) as archive, zipfile.ZipFile(renamed, "w") as target:
+        for member in archive.infolist():
+            content = archive.read(member)
+            if Path(member.filename).name == MAIN_FILE:
+                content = ROOT_TAG.sub(rb"\1_2", content)
+            target.writestr(member.filename, content)
+    return renamed.getvalue()

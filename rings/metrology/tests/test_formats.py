@@ -1,5 +1,6 @@
 """X3P and Gwyddion's files, read back here and by the packages of their own."""
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.write.export_height import export_height
@@ -82,3 +84,33 @@ def test_millimetres_where_metres_belong_are_asked_about(tmp_path: Path) -> None
     x3pio.write(file, np.ones((1, 4, 5)), x_scale=0.027, y_scale=0.027)
     with pytest.raises(InputError, match="27 mm per px; are its lengths in mm"):
         read_height_file(file)
+
+
+def _rewritten(file: Path, change: Callable[[bytes], bytes]) -> None:
+    """Change ``main.xml`` in a file, and leave its checksum."""
+    with zipfile.ZipFile(file) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    members["main.xml"] = change(members["main.xml"])
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda text: text.replace(b"ISO5436_2", b"ISO5436"), "its root is ISO5436"),
+        (lambda text: text + b"\n", "was changed since its checksum was made"),
+    ],
+)
+def test_other_programs_roots_and_stale_checksums_are_told_and_read(
+    tmp_path: Path, height: F4, change: Callable[[bytes], bytes], told: str
+) -> None:
+    export_height(height, PIXEL, folder=tmp_path, formats=("x3p",))
+    file = tmp_path / "height.x3p"
+    _rewritten(file, change)
+    with collect_warnings([]) as lines:
+        found = read_height_file(file)
+    assert len(lines) == 1
+    assert told in lines[0]
+    np.testing.assert_allclose(found.height, height, rtol=1e-6)

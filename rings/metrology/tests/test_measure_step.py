@@ -13,6 +13,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
+from tactograph.nodes.simulate.shape_grating import shape_grating
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
 
@@ -109,3 +110,16 @@ def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:
     for colour in (BLUE, ORANGE):
         bgr = np.array([int(colour[i : i + 2], 16) for i in (5, 3, 1)])
         assert (np.abs(picture.astype(int) - bgr).max(axis=2) < 8).sum() > 100
+
+
+@pytest.mark.parametrize(("depth", "wall"), [(0.5, 40.0), (0.2, 20.0)])
+@pytest.mark.parametrize("along", ["x", "y"])
+def test_a_groove_measures_as_it_was_made(depth: float, wall: float, along: str) -> None:
+    angle = 0.0 if along == "x" else 90.0
+    one = {"middle": "groove", "period_mm": 9.0, "duty": 2 / 3, "rise_mm": depth}
+    made = shape_grating(wall_deg=wall, angle_deg=angle, **one)
+    middle = made.height[60:180, 80:240] if along == "x" else made.height[40:200, 100:220]
+    found = measure_step(middle, made.pixel_size, along=along)
+    assert found["step_depth_um"] == pytest.approx(1e3 * depth, abs=0.5)
+    assert found["step_width_mm"] == pytest.approx(3.0, abs=0.02)
+    assert found["wall_1_deg"] == pytest.approx(wall, abs=1)

@@ -1,11 +1,21 @@
 """Surface parameters of surfaces whose parameters one can work out."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
+from tactograph.nodes.write.export_height import export_height
 from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT
+from tests.nodes.write.test_export_height import partly_known
+from tests.nodes.write.test_read_pixel_size import stored
 
 PIXEL_MM = 0.05
 ROWS, COLUMNS = 120, 160
@@ -75,3 +85,34 @@ def test_too_few_points_have_no_figures_and_a_warning(size: tuple[int, int]) -> 
         found = surface_texture(WAVES, PIXEL_MM, contact, edge_px=0)
     assert set(found) == {"texture_area_mm2/c1"}
     assert "too few" in notes[0]
+
+
+def test_only_the_largest_contacts_have_figures() -> None:
+    figures = surface_texture(HEIGHT, 0.1, CONTACT)
+    assert len({name.rpartition("/")[2] for name in figures}) == MAX_MEASURED
+
+
+def test_without_its_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "surfalize", None)
+    with pytest.raises(InputError, match=r"needs surfalize: pip install 'tactograph\[metrology\]'"):
+        surface_texture(WAVES, PIXEL_MM)
+    with pytest.raises(InputError, match=r"needs surfalize: pip install 'tactograph\[metrology\]'"):
+        export_height(WAVES, PIXEL_MM, folder=Path(), formats=("sur",))
+
+
+def test_a_height_unknown_in_parts_has_a_texture(tmp_path: Path) -> None:
+    np.save(tmp_path / "height.npy", partly_known())
+    given = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL_MM}
+    (found,) = open_pipeline("texture", given).items()
+    known = (24 * 32 - 15) * PIXEL_MM**2
+    assert found["texture"]["texture_area_mm2"] == pytest.approx(known)
+
+
+def test_texture_is_the_same_with_the_size_given_or_left_out(tmp_path: Path) -> None:
+    file = stored(tmp_path, "npy", {"pixel_size_mm": PIXEL_MM})
+    found = []
+    for more in ({}, {"pixel_size_mm": PIXEL_MM}):
+        graph = open_pipeline("texture", {"height": file, **more})
+        found.extend(result["texture"] for result in graph.items())
+    assert found[0] == found[1]
+    assert found[0]["texture_area_mm2"] == pytest.approx(24 * 32 * PIXEL_MM**2)

@@ -1,7 +1,8 @@
 """A touch as ROS 2 messages, for `write_mcap` and `publish_ros2`.
 
-Lengths are in metres, angles in radians.  The origin lies in the middle of the first pixel, on
-the film at rest: x right, y down, z towards the camera.
+Lengths are in metres, angles in radians.  The origin lies on the film at rest, in the middle of
+the first pixel of an even grid: x right, y down, z towards the camera.  Points, contacts, markers
+and poses lie where they are on the film; images are as the camera sees them.
 """
 
 import time as clock
@@ -77,11 +78,8 @@ def touch_messages(
 def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     if not step:
         return []
-    height = touch.height[::step, ::step]
-    rows, columns = height.shape
-    side = step * touch.pixel * METRES_PER_MM
-    places = {"x": np.arange(columns) * side, "y": np.arange(rows)[:, None] * side}
-    fields = {**places, "z": height * np.float32(METRES_PER_MM)}
+    places = *touch.places_mm(step), touch.height[::step, ::step]
+    fields = {axis: METRES_PER_MM * place for axis, place in zip("xyz", places, strict=True)}
     return [cloud_message("/points", stamp, fields)]
 
 

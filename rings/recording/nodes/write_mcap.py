@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
 from tactograph.sdk import Provenance, Session, Touch, node
+from tactograph.sdk.unstable import view_stated
 
 
 @node
@@ -65,6 +66,7 @@ def write_mcap(
     )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     about |= {"inputs": json.dumps(provenance.inputs)}
+    about |= {"view": json.dumps(view_stated(touch.view))}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
     stamp = export.stamps.of(touch.time)
     export.log.put(touch_messages(stamp, touch, points_step, provenance))

@@ -1,11 +1,20 @@
 """Recordings in whole graphs: through the engine, with what it keeps and closes."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rings.recording.tests.recordings import LEDS, light_of, make_recording, read_numbers
+from rings.recording.tests.recordings import (
+    LEDS,
+    light_of,
+    make_cycle,
+    make_recording,
+    read_numbers,
+    record_touch,
+)
+from tactograph.graph import InputError, Session
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile
@@ -72,3 +81,17 @@ def test_a_torn_end_is_a_warning(tmp_path: Path, graph: Path, tactograph: Comman
     assert outcome.code == 0
     assert outcome.err.count("ends early, as after a power cut") == 1
     assert outcome.out.endswith("1 warning, see above\n")
+
+
+def test_recording_without_its_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    with pytest.raises(InputError, match=r"needs mcap: pip install 'tactograph\[mcap\]'"):
+        record_touch(Session(), make_cycle(0), "0", folder=Path())
+
+
+def test_a_recording_shows_how_long_and_what(tmp_path: Path, tactograph: Command) -> None:
+    make_recording(tmp_path, 3)
+    (file,) = tmp_path.glob("*.mcap")
+    told = tactograph("show", file).out
+    assert "recording, 0." in told
+    assert all(f"/led{led}/image_raw  3" in told for led in range(1, LEDS + 1))

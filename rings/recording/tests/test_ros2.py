@@ -202,7 +202,7 @@ def test_colour_images_on_a_topic_give_heights_on_another(mini: Path, tmp_path: 
 @needs_ros
 def test_a_name_that_ros_refuses_is_told_in_one_line() -> None:
     refused = ask("refuse", "")["refused"]
-    assert "node_name=not a name" in refused
+    assert "`node_name`=not a name" in refused
     assert "\n" not in refused
 
 

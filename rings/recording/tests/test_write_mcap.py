@@ -11,9 +11,12 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
+from tactograph.nodes.files.height_files import surface_of
+from tactograph.nodes.stream.touch import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.mcap_log import log_files
+from tactograph.rings.recording.nodes._touch_messages import touch_messages
 from tactograph.rings.recording.nodes.write_mcap import write_mcap
 from tests.nodes.touches import touch_of
 
@@ -114,6 +117,18 @@ def test_points_lie_where_the_pixels_are_in_metres(messages: dict[str, Any]) -> 
     points = np.frombuffer(cloud.data, "<f4").reshape(3, 4, 3)
     # Every second row and column.
     np.testing.assert_allclose(points[2, 3], [6 * 5e-5, 4 * 5e-5, HEIGHT[4, 6] / 1000], rtol=1e-6)
+
+
+def test_points_lie_on_the_film_where_a_lens_shows_them() -> None:
+    """As the mesh of the same touch has them, about the image's middle."""
+    view = View(np.array([-0.03, 0.01, 0.02, -0.01, 0, 0.01, 0.02, 0.01], np.float32), 1 / 65)
+    touch = touch_of(height=HEIGHT, image=IMAGE, pixel=PIXEL, view=view)
+    (cloud,) = [m for m in touch_messages(0, touch, 2, provenance([])) if m.topic == "/points"]
+    x, y, z = np.moveaxis(np.frombuffer(cloud.body["data"], "<f4").reshape(3, 4, 3), -1, 0)
+    mesh = surface_of(HEIGHT, PIXEL, *view).vertices.reshape(*SIZE, 3)[::2, ::2]
+    np.testing.assert_allclose(1e3 * x - 3.5 * PIXEL, mesh[..., 0], atol=1e-5)
+    np.testing.assert_allclose(1e3 * y - 2.5 * PIXEL, -mesh[..., 1], atol=1e-5)
+    np.testing.assert_allclose(1e3 * z, mesh[..., 2], atol=1e-5)
 
 
 def points(cloud: Any) -> dict[str, np.ndarray]:

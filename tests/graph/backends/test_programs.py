@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pyopencl as cl
@@ -15,23 +16,24 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
+from tests.graph.conftest import SLOPES, Command, Write, one_line
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node, sizes = find_node("threshold"), {"K": 2, "H": 3, "W": 4}
+    node, sizes = find_node("label_lit"), {"K": 2, "H": 3, "W": 4}
     light = np.full((2, 3, 4), 0.5, np.float32)
-    low = device.prepare(node, {"level": 0.4, "lights": "all"}, sizes)
+    low = device.prepare(node, {"black": 0.4, "which": "lit"}, sizes)
     low.launch({"light": device.upload(light)})
     built: list[object] = []
     monkeypatch.setattr(cl.Program, "build", lambda *given, **more: built.append(given))
     found, _ = choose_device()
     assert found is not None
     another = OpenCL(found)
-    high = another.prepare(node, {"level": 0.6, "lights": "all"}, sizes)
+    high = another.prepare(node, {"black": 0.6, "which": "lit"}, sizes)
     assert not built
-    for queue, prepared, marked in ((device, low, 1), (another, high, 0), (device, low, 1)):
+    for queue, prepared, marked in ((device, low, 3), (another, high, 0), (device, low, 3)):
         (mask,) = prepared.launch({"light": queue.upload(light)})[0].values()
         assert (queue.download(mask) == marked).all()
 
@@ -45,7 +47,7 @@ from tactograph.graph.declare.find_node import find_node
 device = OpenCL(choose_device("Portable")[0])
 for height in (3, 300):
     sizes = {"K": 2, "H": height, "W": 4}
-    prepared = device.prepare(find_node("threshold"), {"level": 0.4, "lights": "all"}, sizes)
+    prepared = device.prepare(find_node("label_lit"), {"black": 0.4, "which": "lit"}, sizes)
     prepared.launch({"light": device.upload(np.zeros((2, height, 4), np.float32))})
     device.finish()
 """
@@ -57,7 +59,7 @@ def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) ->
     told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
     environment = {**told, "POCL_CACHE_DIR": str(pocl)}
     subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
-    assert len(list(pocl.rglob("threshold.so"))) == 1
+    assert len(list(pocl.rglob("label_lit.so"))) == 1
 
 
 SEVEN = """
@@ -116,6 +118,26 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert build_ahead.helpers[-1].wait() == 0
     monkeypatch.setattr(cl._cl, "_Program", only_binaries(cl._cl._Program))
     assert [seven(device, number) for number in numbers] == [*numbers]
+
+
+def test_what_was_warmed_is_not_compiled_by_the_first_run(
+    folder: Path,
+    tactograph: Command,
+    write: Write,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph, file = write(SLOPES), tmp_path / "height.npy"
+    np.save(file, np.zeros((6, 8), np.float32))
+    warmed = tactograph("warm", graph)
+    assert "2 programs are built for" in warmed.out
+    assert "the rest follows with file" in warmed.out
+    build.cache_clear()
+    compiled = Mock(side_effect=AssertionError("compiled"))
+    monkeypatch.setattr("tactograph.graph.backends.programs._onto_disk", compiled)
+    assert tactograph("run", graph, f"file={file}").code == 0
+    assert "the rest" not in tactograph("warm", graph, f"file={file}").out
+    assert "no kernels to build" in one_line(tactograph("warm", graph, "--backend", "numpy"))
 
 
 HOLDS = """

@@ -15,7 +15,7 @@ import pytest
 
 from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
-from tactograph.graph.compare.report import _pictures
+from tactograph.graph.compare.report import _pictures, _Shown
 from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.show.views import View
@@ -292,6 +292,22 @@ def test_a_map_of_which_nothing_is_known_and_labels_that_no_run_gave_are_not_dra
     truth = {"truth_height": View("truth_height", "map", "mm", some)}
     height = {"height": View("height", "map", "mm", unknown)}
     assert _pictures({"one": height | truth, "two": {"height": View("height", "map", "mm", some)}})
+
+
+def test_runs_of_equal_results_and_truths_are_one_panel() -> None:
+    flat, ball = (np.full((4, 5), level, np.float32) for level in (0, 1))
+
+    def run(height: np.ndarray, truth: np.ndarray) -> dict[str, View]:
+        named = {"height": height, "truth_height": truth}
+        return {name: View(name, "map", "mm", array) for name, array in named.items()}
+
+    runs = {
+        "x 1": run(flat, flat),
+        "x 2": run(flat, flat),
+        "x 3": run(ball, flat),
+        "x 4": run(flat, ball),
+    }
+    assert [*_Shown("height", runs).errors] == ["x 1; 1 equal", "x 3", "x 4"]
 
 
 def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -> None:

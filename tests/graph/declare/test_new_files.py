@@ -96,7 +96,7 @@ def test_outside_a_clone_a_ring_is_made_first(
 
 @pytest.mark.parametrize(
     ("folder", "message"),
-    [("1felt", "cannot be a package"), ("tactograph-live", "a ring 'live' is installed")],
+    [("1felt", "cannot be a package"), ("tactograph-core", "a ring 'core' is installed")],
 )
 def test_a_ring_that_cannot_be_is_refused(
     tactograph: Command, clone: Path, folder: str, message: str

@@ -2,6 +2,7 @@
 
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,11 @@ def test_a_step_off_the_stream_counts_where_it_is_shown(monkeypatch: pytest.Monk
         "still (untouched_film), 2 of 2",
         "light (flat_field)",
     ]
+
+
+def test_load_tells_of_a_calibration_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"calibration=.*none\.npz: there is no such file"):
+        load("reconstruct", calibration=tmp_path / "none.npz")
 
 
 def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(backend: str) -> None:
@@ -320,7 +326,7 @@ nodes:
 outputs: {lit: lit}
 """
     pipeline = load(graph_of(text), backend="opencl")
-    for shape in ((3, 4, 5), (4, 9, 7), (3, 1, 1)):
+    for shape in ((3, 4, 5), (4, 9, 7), (3, 5, 4)):
         assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 

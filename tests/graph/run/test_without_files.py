@@ -230,4 +230,4 @@ def test_a_cell_is_named_as_the_notebook_names_it(monkeypatch: pytest.MonkeyPatc
 def test_looking_for_a_pipeline_needs_no_notebook() -> None:
     code = "import json, sys; import tactograph.graph; print(json.dumps(sorted(sys.modules)))"
     loaded = json.loads(python("-c", code).stdout)
-    assert not {"IPython", "matplotlib", "networkx"} & {*loaded}
+    assert not {"IPython", "matplotlib", "pydantic"} & {*loaded}

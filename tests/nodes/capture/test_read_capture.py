@@ -11,6 +11,7 @@ from PIL import Image
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
+from tactograph.nodes.files.image_files import read_image
 
 RNG = np.random.default_rng(0)
 IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
@@ -111,6 +112,39 @@ def test_saturation_is_a_warning_with_its_share(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, images))
     assert "led2.png: 25.0% of the pixels are saturated" in notes[0]
+
+
+@pytest.mark.parametrize("white", [100, 2500, 3000, 40000])
+def test_a_pgms_own_white_is_full_scale(tmp_path: Path, white: int) -> None:
+    """Light that reaches it is cut off, which is told."""
+    light = np.linspace(0.2, 1.3, 60 * 80).reshape(60, 80).clip(0, 1)
+    for led in range(1, 5):
+        counts = np.rint(white * light * (1 if led == 2 else 0.6))
+        grey = counts.astype(">u2" if white > 255 else "u1").tobytes()
+        (tmp_path / f"led{led}.pgm").write_bytes(b"P5\n80 60\n%d\n" % white + grey)
+    with collect_warnings([]) as told:
+        image = read_one(tmp_path).image
+    assert image.max() == pytest.approx(1, abs=0.005)
+    np.testing.assert_allclose(image[1], light, atol=0.6 / white + 0.005)
+    (line,) = [line for line in told if "saturated" in line]
+    assert "led2.pgm" in line
+
+
+@pytest.mark.parametrize(
+    ("file", "bits"), [("a.png", 1), ("a.png", 2), ("a.png", 4), ("a.tiff", 1), ("a.bmp", 1)]
+)
+def test_less_than_eight_bits_are_refused(tmp_path: Path, file: str, bits: int) -> None:
+    ramp = Image.fromarray(np.arange(0, 256, 4, np.uint8).reshape(8, 8))
+    (ramp.convert("1") if bits == 1 else ramp.quantize(2**bits)).save(tmp_path / file)
+    with pytest.raises(InputError, match=rf"has {bits} bits a pixel; save it with 8 or 16"):
+        read_image(tmp_path / file)
+
+
+@pytest.mark.parametrize("side", [1, 3])
+def test_images_too_small_for_a_height_are_refused(tmp_path: Path, side: int) -> None:
+    images = np.full((4, side, 20), 99, np.uint8)
+    with pytest.raises(InputError, match=f"20 x {side} pixels; a height needs 4 x 4 or more"):
+        read_one(write(tmp_path, images))
 
 
 def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import Height
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.measure_contact import measure_contact
+from tactograph.nodes.optics.film_places import on_even_grid
+from tactograph.nodes.stream.touch import View
 
 PIXEL = 0.02
 ROWS, COLUMNS = 240, 320
@@ -136,3 +138,20 @@ def test_all_contacts_count_and_the_largest_are_measured() -> None:
     assert notes == [
         "of all contacts (figure 'contacts') the 3 largest are measured; `most` sets how many"
     ]
+
+
+@pytest.mark.parametrize("lens", [None, [-0.1, 0.02, 0.02, -0.01, 0.03, 0.01, 0.02, 0.01]])
+@pytest.mark.parametrize("camera", [0.0, 1 / 50])
+def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera: float) -> None:
+    """A dome far from the middle, as a lens from near shows it, and on an even grid."""
+    seen = cap(1.6, 1.0, 1.0, 0.4)
+    view = View(None if lens is None else np.array(lens, np.float32), camera)
+    even = np.nan_to_num(on_even_grid(seen, [], view.lens, camera)[0])
+    found, true = (
+        measure_contact(height, (height > 0.005).astype(np.uint8), PIXEL, view)
+        for height, view in ((seen, view), (even, View()))
+    )
+    for name in "area_mm2", "volume_mm3", "major_mm", "minor_mm", "depth_mm", "mean_depth_mm":
+        assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], rel=0.01)
+    for name in "x_mm", "y_mm":
+        assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)

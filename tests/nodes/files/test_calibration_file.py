@@ -1,6 +1,7 @@
 """A calibration is read back as it was written, and refused if it is not whole."""
 
 import json
+import zipfile
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -170,6 +171,11 @@ def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path:
     assert not told_by(file, "bgr")
 
 
+def add_again(file: Path, member: str) -> None:
+    with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        archive.writestr(member, archive.read(member))
+
+
 def say(file: Path, **about) -> None:
     """Change what the file says of itself."""
     with np.load(file) as archive:
@@ -198,6 +204,16 @@ SPOIL = {
     "'lens' has shape": lambda f: change(f, lens=random(7)),
     "'noise' has shape": lambda f: change(f, noise=random(3)),
     "holds 0, which no sensor has": lambda f: change(f, pixel_size=np.float32(0)),
+    "holds 1e-06, which no sensor has": lambda f: change(f, pixel_size=np.float32(1e-6)),
+    "'camera' holds 1, which no": lambda f: change(f, camera=np.float32(1)),
+    "'lens' moves what lies at the border by 100%": lambda f: change(
+        f, lens=np.float32([1, *[0] * 7])
+    ),
+    "'flat' holds -0.5": lambda f: change(f, flat=np.full((4, 6, 8), -0.5, np.float32)),
+    "'area' shows film at 0 of 48": lambda f: change(f, area=np.zeros((6, 8), np.uint8)),
+    "'lut_light' holds the same": lambda f: change(f, lut_light=np.ones((50, 4), np.float32)),
+    "'lut_slope' holds the same": lambda f: change(f, lut_slope=np.ones((50, 2), np.float32)),
+    "it holds 'flat' twice": lambda f: add_again(f, "flat.npy"),
     "'flat' is empty": lambda f: change(f, flat=random(4, 0, 8)),
     "'lut_light' is empty": lambda f: change(
         f, lut_light=random(0, 4), lut_slope=random(0, 2), lut_lit=np.zeros(0, np.uint8)

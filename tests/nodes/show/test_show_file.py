@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from rings.recording.tests.recordings import LEDS, make_recording
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
@@ -97,14 +96,6 @@ def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None
     assert "lens        0.03 0 0 0 0 0 0 0" in told
     assert "left_out  3" in told
     assert (tmp_path / "drawn" / "camera.png").is_file()
-
-
-def test_a_recording_shows_how_long_and_what(tmp_path: Path, shown: Shown) -> None:
-    make_recording(tmp_path, 3)
-    (file,) = tmp_path.glob("*.mcap")
-    told = shown(file)
-    assert "recording, 0." in told
-    assert all(f"/led{led}/image_raw  3" in told for led in range(1, LEDS + 1))
 
 
 def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:

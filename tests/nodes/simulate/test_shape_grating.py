@@ -5,7 +5,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.simulate.shape_grating import shape_grating
-from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 
 AREA = {"width_px": 401, "height_px": 401, "pixel_size_mm": 0.02, "side_mm": 6.0}
 
@@ -31,19 +30,6 @@ def test_duty_is_the_share_of_the_ridges():
 def test_ridges_run_across_the_angle():
     height = shape_grating(angle_deg=90.0, period_mm=1.03, **AREA).height
     assert (np.ptp(height[80:320, 80:320], axis=1) == 0).all()
-
-
-@pytest.mark.parametrize(("depth", "wall"), [(0.5, 40.0), (0.2, 20.0)])
-@pytest.mark.parametrize("along", ["x", "y"])
-def test_a_groove_measures_as_it_was_made(depth: float, wall: float, along: str) -> None:
-    angle = 0.0 if along == "x" else 90.0
-    one = {"middle": "groove", "period_mm": 9.0, "duty": 2 / 3, "rise_mm": depth}
-    made = shape_grating(wall_deg=wall, angle_deg=angle, **one)
-    middle = made.height[60:180, 80:240] if along == "x" else made.height[40:200, 100:220]
-    found = measure_step(middle, made.pixel_size, along=along)
-    assert found["step_depth_um"] == pytest.approx(1e3 * depth, abs=0.5)
-    assert found["step_width_mm"] == pytest.approx(3.0, abs=0.02)
-    assert found["wall_1_deg"] == pytest.approx(wall, abs=1)
 
 
 @pytest.mark.parametrize(

@@ -41,3 +41,27 @@ def test_a_figure_that_no_right_touch_has_is_known_to_its_resolution() -> None:
     half = np.array([figure.resolution for figure in CHECK_FIGURES.values()]) / 2
     assert (p_values(half, known[:-1]) > 0.1).all()
     assert (p_values(20 * half, known[:-1]) < 1e-4).all()
+
+
+def test_presses_that_depart_more_than_the_model_knows_set_the_scale() -> None:
+    """Touches like the sensor's own presses are not doubted; what departs far more is."""
+    rng = np.random.default_rng(5)
+    drawn = correlated(rng, 128)
+    press = np.median(drawn, axis=0)
+    press[0] = 3 * drawn[:, 0].max()
+    known = ranked(drawn, press[None])
+    least = [p_values(press * step, known[:-1]).min() for step in (1.0, 1.2, 10.0)]
+    trust = [of_all_checks(each, known) for each in least]
+    assert trust[0] > trust[1] > 0.01
+    assert trust[2] < 1e-4
+    assert of_all_checks(p_values(press, ranked(drawn)[:-1]).min(), ranked(drawn)) < 0.01
+
+
+def test_presses_like_drawn_touches_make_no_doubt_rarer() -> None:
+    rng = np.random.default_rng(6)
+    drawn, others = correlated(rng, 128), correlated(rng, 400)
+    alone, with_press = ranked(drawn), ranked(drawn, np.median(drawn, axis=0)[None])
+    for known in (alone, with_press):
+        found = [of_all_checks(p_values(each, known[:-1]).min(), known) for each in others]
+        assert np.mean(np.array(found) < 0.05) < 0.12
+    np.testing.assert_array_equal(alone[:-1, -20:], with_press[:-1, -20:])

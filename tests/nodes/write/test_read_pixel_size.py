@@ -9,7 +9,6 @@ from PIL import Image
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import HEIGHT_WRITERS, TIFF_TEXT, TMD_SIZES, read_tmd
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
@@ -106,13 +105,3 @@ def test_pixels_that_are_not_square_have_no_side(tmp_path: Path) -> None:
     begin = content.index(TMD_SIZES.pack(32, 24, 32 * PIXEL, 24 * PIXEL, 0, 0))
     file.write_bytes(content[:begin] + sizes + content[begin + len(sizes) :])
     assert read_tmd(file).pixel is None
-
-
-def test_texture_is_the_same_with_the_size_given_or_left_out(tmp_path: Path) -> None:
-    file = stored(tmp_path, "npy", {"pixel_size_mm": PIXEL})
-    found = []
-    for more in ({}, {"pixel_size_mm": PIXEL}):
-        graph = open_pipeline("texture", {"height": file, **more})
-        found.extend(result["texture"] for result in graph.items())
-    assert found[0] == found[1]
-    assert found[0]["texture_area_mm2"] == pytest.approx(24 * 32 * PIXEL**2)

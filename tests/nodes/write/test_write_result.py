@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import threading
 import zlib
 from pathlib import Path
 from typing import Any
@@ -175,9 +176,13 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: dict[str, Figure] = {}
-    monkeypatch.setattr(
-        FigureCanvasAgg, "print_png", lambda self, file: drawn.update({file.stem: self.figure})
-    )
+
+    def keep(canvas: FigureCanvasAgg, file: Path) -> None:
+        drawn[file.stem] = canvas.figure
+        file.touch()
+
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", keep)
+    monkeypatch.setattr("tactograph.nodes.drawing.result_pictures._mine", threading.local())
     result(tmp_path, **full())
     for name in ("height", "error", "confidence"):
         borders = drawn[name].axes[0].images[0].get_extent()
@@ -193,8 +198,8 @@ def test_pictures_count_mm_from_the_middle_as_contacts_do(
 def test_shadows_of_several_leds_have_one_dark_colour_in_all_pictures(tmp_path: Path) -> None:
     shades = []
     for name, bits in (("one", 0b1), ("several", 0b11)):
-        image, file = np.ones((4, *SHAPE), np.float32), tmp_path / f"{name}.png"
-        draw_labels(np.full(SHAPE, bits, np.uint8), image, "in shadow", file)
+        grey, file = np.ones(SHAPE, np.float32), tmp_path / f"{name}.png"
+        draw_labels(np.full(SHAPE, bits, np.uint8), grey, 4, "in shadow", file)
         picture = cv2.imread(str(tmp_path / f"{name}.png"))
         shades.append(float(picture[200:300, 200:300].mean()))
     assert shades[1] < 128 < shades[0]
@@ -206,12 +211,34 @@ def colours_of(picture: np.ndarray) -> set[int]:
     return set(colours[counts >= 2000].tolist())
 
 
-@pytest.mark.parametrize("draw", [draw_labels, draw_regions])
-def test_a_picture_does_not_show_the_touch_before(tmp_path: Path, draw: Any) -> None:
-    image, one, other = np.ones((4, *SHAPE), np.float32), np.zeros(SHAPE, np.uint8), np.eye(8, 10)
+@pytest.mark.parametrize(("draw", "about"), [(draw_labels, (4, "title")), (draw_regions, ("rib",))])
+def test_a_picture_does_not_show_the_touch_before(
+    tmp_path: Path, draw: Any, about: tuple[Any, ...]
+) -> None:
+    grey, one, other = np.ones(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.eye(8, 10)
     for name, numbers in (("first", one), ("between", other.astype(np.uint8)), ("again", one)):
-        draw(numbers, image, "title", tmp_path / f"{name}.png")
+        draw(numbers, grey, *about, tmp_path / f"{name}.png")
     first, between, again = (
         (tmp_path / f"{n}.png").read_bytes() for n in ("first", "between", "again")
     )
     assert first == again != between
+
+
+def test_an_equal_height_is_drawn_once_and_another_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run of `compare` over a late value differs from the one before in few layers."""
+    drawn: list[float] = []
+    monkeypatch.setattr("tactograph.nodes.drawing.result_pictures._mine", threading.local())
+
+    def draw(height: np.ndarray, error: object, pixel: float, file: Path) -> None:
+        drawn.append(float(height[0, 0]))
+        file.write_bytes(bytes([len(drawn)]))
+
+    monkeypatch.setattr("tactograph.nodes.drawing.result_pictures.draw_height", draw)
+    for name, level, pixel in (("a", 0, 0.1), ("b", 0, 0.1), ("c", 1, 0.1), ("d", 1, 0.2)):
+        touch = flat(height=np.full(SHAPE, level, np.float32), pixel=pixel)
+        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
+    assert drawn == [0, 1, 1]
+    pictures = [(tmp_path / name / "height.png").read_bytes() for name in "abcd"]
+    assert pictures == [b"\1", b"\1", b"\2", b"\3"]

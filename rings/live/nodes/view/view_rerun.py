@@ -22,8 +22,6 @@ from tactograph.sdk import (
     Arrows,
     Axes,
     ColourMap,
-    Height,
-    HeightError,
     InputError,
     Layer,
     LedLabels,
@@ -107,8 +105,8 @@ def view_rerun(
     age = now - touch.time if touch.time is not None else None
     stream.begin(age)
     stream.images(touch.image[:, ::image_step, ::image_step], lights)
-    stream.surface(touch.height, touch.pixel, surface_step)
-    stream.section(touch.height, deviation_of(touch), touch.pixel)
+    stream.surface(touch, surface_step)
+    stream.section(touch)
     for layer in layers_of(touch):
         stream.layer(layer, touch, image_step, lights)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
@@ -311,9 +309,9 @@ class _Stream:
             self.log(path, entity, static=True)
             self._once.add(path)
 
-    def surface(self, height: Height, pixel: float, step: int) -> None:
+    def surface(self, touch: Touch, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
-        rr = rerun()
+        rr, height = rerun(), touch.height
         highest = float(height.max())
         self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
         some = height[::step, ::step]
@@ -323,13 +321,13 @@ class _Stream:
             self.log("film/surface", mesh, static=True)
             self._shape = some.shape
             self.log("film", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        y, x = np.mgrid[:rows, :columns] * np.float32(step * pixel)
+        x, y = touch.places_mm(step)
         # Rerun's space is right-handed; with y downwards ours is not.
         vertices = np.stack([x, -y, some], axis=-1).reshape(-1, 3).astype(np.float32)
         mesh = rr.Mesh3D.from_fields(
             vertex_positions=vertices,
             vertex_colors=colour_height(some, self._top).reshape(-1, 3),
-            vertex_normals=_normals(some, step * pixel),
+            vertex_normals=_normals(some, step * touch.pixel),
         )
         self.log("film/surface", mesh)
         depth = rr.DepthImage(
@@ -345,11 +343,11 @@ class _Stream:
         turn = flip[:, None] * frame[:3, :3] * flip
         self.log(path, rr.Transform3D(translation=flip * frame[:3, 3], mat3x3=turn))
 
-    def section(self, height: Height, error: HeightError | None, pixel: float) -> None:
+    def section(self, touch: Touch) -> None:
         """The row through the highest point, x and height in mm, upwards."""
-        rr = rerun()
+        rr, height, error = rerun(), touch.height, deviation_of(touch)
         row = int(np.unravel_index(int(height.argmax()), height.shape)[0])
-        x = (np.arange(height.shape[1]) + np.float32(0.5)) * np.float32(pixel)
+        x = touch.places_mm()[0][row]
 
         def strip(z: F4) -> F4:
             # Images' y points downwards.

@@ -168,7 +168,7 @@ def test_without_a_screen_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPa
     [
         ({"viewer": "none"}, "needs a file"),
         ({"viewer": "none", "file": Path("/dev/null/live.rrd")}, "cannot be written"),
-        ({"viewer": "connect", "url": "nonsense"}, "url=nonsense"),
+        ({"viewer": "connect", "url": "nonsense"}, "`url`=nonsense"),
         ({"viewer": "connect", "url": "rerun+http://127.0.0.1:9/proxy"}, "no viewer answers at"),
     ],
 )

@@ -1,6 +1,6 @@
 """The pressure that presses the film in, and the force on every contact."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -22,10 +22,19 @@ from tactograph.sdk import (
     Metrics,
     PixelSize,
     Port,
+    View,
     node,
     warn,
 )
-from tactograph.sdk.unstable import MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk.unstable import (
+    MAX_MEASURED,
+    Most,
+    film_areas,
+    film_places,
+    largest_contacts,
+    on_even_grid,
+    view_stated,
+)
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
@@ -50,6 +59,7 @@ def press_to_pressure(
     contact: Contacts,
     pixel: PixelSize,
     error: HeightError | None = None,
+    view: View | None = None,
     *,
     modulus_kpa: Modulus,
     thickness_mm: Thickness,
@@ -78,6 +88,7 @@ def press_to_pressure(
         H x W, the height's standard deviation in mm; without it forces have no deviation.  With
         it they have that of the height, of the contact's edge (a cell), of film that moves aside,
         of presses that the frame mirrors, and of the modulus.
+    view : the calibration, for the lens and the camera's height; None: an even grid
     modulus_kpa : Young's modulus of the gel
     thickness_mm : of the gel, between film and window
     poisson : Poisson's ratio; 0.5 cannot be compressed
@@ -96,23 +107,57 @@ def press_to_pressure(
     numbers = largest_contacts(contact, most)
     layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
     layer = layer._replace(steps=steps)
-    seen, inside = in_cells(np.nan_to_num(height), cell_px), in_cells(contact > 0, cell_px)
-    by_cell = layer.pressure(seen, inside)
+    place = _Place(height, view or View())
+    by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
     size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    pressure = np.where(contact > 0, enlarged[: height.shape[0], : height.shape[1]], np.float32(0))
-    figures = _figures(pressure, contact, numbers, pixel)
+    seen = place.seen(enlarged[: height.shape[0], : height.shape[1]])
+    pressure = np.where(contact > 0, seen, np.float32(0))
+    figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
-        stated = in_cells(np.nan_to_num(error), cell_px)
-        figures |= _deviations(layer, seen, by_cell, contact, stated, figures, modulus_error)
+        cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)
+        figures |= _deviations(layer, place, contact, *cells, figures, modulus_error)
     return PressForce(pressure, figures)
+
+
+class _Place:
+    """Where on the film the pixels of a camera look, and back; nowhere else on an even grid."""
+
+    def __init__(self, height: Height, view: View) -> None:
+        self._height, self._view = height, view
+        self._places: tuple[NDArray[Any], NDArray[Any]] | None = None
+        self.areas: NDArray[Any] = np.ones((1, 1))
+        if view_stated(view):
+            self._places = film_places(height, view.lens, view.camera or 0.0)
+            self.areas = film_areas(*self._places)
+
+    def cells(self, plane: NDArray[Any], side: int) -> F4:
+        """A map as seen, on cells of an even grid on the film; 0 where no pixel sees it."""
+        if self._places is not None:
+            lens, camera = self._view
+            _, (plane,) = on_even_grid(
+                self._height, [plane.astype(np.float32)], lens, camera or 0.0
+            )
+        return in_cells(np.nan_to_num(plane), side)
+
+    def seen(self, plane: F4) -> F4:
+        """A map on an even grid, as seen."""
+        if self._places is None:
+            return plane
+        rows, columns = plane.shape
+        x, y = (
+            (place + (size - 1) / 2).astype(np.float32)
+            for place, size in zip(self._places, (columns, rows), strict=True)
+        )
+        return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR))
 
 
 def _deviations(
     layer: PressedLayer,
+    place: _Place,
+    contact: Contacts,
     height: F4,
     pressure: F4,
-    contact: Contacts,
     stated: F4,
     figures: Metrics,
     modulus_error: float,
@@ -123,14 +168,14 @@ def _deviations(
     """
     side, cell_n = layer.side, NEWTONS_PER_KPA_MM2 * layer.cell_mm**2
     wider = cv2.dilate(contact, np.ones((2 * side + 1,) * 2, np.uint8))
-    inside, wide_in = in_cells(contact > 0, side), in_cells(wider > 0, side)
+    inside, wide_in = place.cells(contact > 0, side), place.cells(wider > 0, side)
     wide = layer.pressure(height, wide_in)
     strayed = layer.strayed(height, inside * pressure)
     found: Metrics = {}
     for name in [name for name in figures if name.startswith("contact_force_n/")]:
         number = int(name.rpartition("/c")[2])
-        part = in_cells(contact == number, side)
-        edge = float((in_cells(wider == number, side) * wide).sum() - (part * pressure).sum())
+        part = place.cells(contact == number, side)
+        edge = float((place.cells(wider == number, side) * wide).sum() - (part * pressure).sum())
         by_height = layer.sensitivity(inside, part)
         chance = force_deviation(by_height * stated, layer.k)
         causes = [edge, chance, *(float((by_height * each).sum()) for each in strayed)]
@@ -141,14 +186,18 @@ def _deviations(
     return found
 
 
-def _figures(pressure: F4, contact: Contacts, numbers: NDArray[np.intp], pixel: float) -> Metrics:
+def _figures(
+    pressure: F4, contact: Contacts, numbers: NDArray[np.intp], area: NDArray[Any]
+) -> Metrics:
+    """Figures of contacts; `area` is that of a pixel in mm^2."""
     figures: Metrics = {}
+    load = pressure * area
     for number in numbers:
         y, x = np.nonzero(contact == number)
-        part = pressure[y, x]
+        part = load[y, x]
         total = float(part.sum())
-        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * pixel**2 * total
-        figures[f"contact_pressure_kpa/c{number}"] = float(part.max(initial=0))
+        figures[f"contact_force_n/c{number}"] = NEWTONS_PER_KPA_MM2 * total
+        figures[f"contact_pressure_kpa/c{number}"] = float(pressure[y, x].max(initial=0))
         if total > 0:
             figures[f"contact_force_x_px/c{number}"] = float(x @ part) / total
             figures[f"contact_force_y_px/c{number}"] = float(y @ part) / total

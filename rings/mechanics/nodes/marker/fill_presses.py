@@ -6,9 +6,9 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.rings.mechanics.nodes.marker.bare_film import bare_film
+from tactograph.rings.mechanics.nodes.marker.fill_masked import fill_masked
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
 from tactograph.sdk import node
-from tactograph.sdk.nodes import fill_masked
 from tactograph.sdk.unstable import PressImages
 
 

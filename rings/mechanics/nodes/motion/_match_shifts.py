@@ -4,7 +4,10 @@ D. Padfield, "Masked object registration in the Fourier domain", 2012.  Curvatur
 when a surface turns about z or is shifted; turns are tried one by one.
 """
 
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -26,35 +29,70 @@ MIN_SHIFT_CELLS = 3
 """Cells between the shifts of two of them."""
 
 
-def likely_motions(
-    first: Surface, second: Surface, turn_deg: float, least_overlap: float
-) -> list[F8]:
-    """Motions 4 x 4, shifts in the film's plane and turns about z, the likeliest first."""
-    candidates = []
-    size = [next_fast_len(2 * n, real=True) for n in first.height.shape]
-    others = _transforms(second, 0.0, size)
-    least = least_overlap * min(np.count_nonzero(_inner(s)) for s in (first, second))
-    turns = int(turn_deg / STEP_DEG)
-    for turn in np.arange(-turns, turns + 1) * STEP_DEG:
-        one = [plane.conj() for plane in _transforms(first, float(turn), size)]
+class Match(NamedTuple):
+    """How unlikely by chance two surfaces are alike, and motions that may lead from one to the
+    other, 4 x 4: shifts in the film's plane and turns about z, the likeliest first."""
+
+    score: float
+    motions: list[F8]
+
+
+class Spectra:
+    """A surface for correlations with others of its size.
+
+    Parameters
+    ----------
+    surface : H x W cells
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        self._surface = surface
+        self.inner = int(np.count_nonzero(_inner(surface)))
+        self._size = [next_fast_len(2 * n, real=True) for n in surface.height.shape]
+        self.level = self._turned(0.0)
+
+    def _turned(self, turn: float) -> list[NDArray[Any]]:
+        return _transforms(self._surface, turn, self._size)
+
+    def matches(
+        self, others: Sequence[Spectra], turn_deg: float, least_overlap: float
+    ) -> list[Match]:
+        """Match this surface, turned step by step, with each of the others."""
+        turns = int(turn_deg / STEP_DEG)
+        found: list[list[tuple[float, F8]]] = [[] for _ in others]
+        for turn in np.arange(-turns, turns + 1) * STEP_DEG if others else ():
+            turned = [plane.conj() for plane in self._turned(float(turn))]
+            for other, candidates in zip(others, found, strict=True):
+                least = least_overlap * min(self.inner, other.inner)
+                score, (x, y) = self._shift(turned, other, max(least, 1))
+                motion = small_motion(np.array([x, y, 0, 0, 0, np.radians(turn)]))
+                candidates.append((score, motion))
+        return [self._likeliest(candidates) for candidates in found]
+
+    def _shift(
+        self, turned: list[NDArray[Any]], other: Spectra, least: float
+    ) -> tuple[float, list[float]]:
+        """The shift in mm at which a turned surface is most like another."""
+        size, side = self._size, self._surface.side
         overlap, alike, mine, its = (
-            irfft2(one[a] * others[b], size) for a, b in ((0, 0), (1, 1), (2, 0), (0, 2))
+            irfft2(turned[a] * other.level[b], size) for a, b in ((0, 0), (1, 1), (2, 0), (0, 2))
         )
         # Correlation times the root of what overlaps: how unlikely it is by chance.
         sure = alike / np.sqrt(np.maximum(mine * its, 1e-9)) * np.sqrt(np.maximum(overlap, 0))
-        sure[overlap < max(least, 1)] = 0
+        sure[overlap < least] = 0
         y, x = np.unravel_index(int(np.argmax(sure)), sure.shape)
-        shift = [(n - m if n > m / 2 else n) * first.side for n, m in ((x, size[1]), (y, size[0]))]
-        motion = small_motion(np.array([*shift, 0, 0, 0, np.radians(turn)]))
-        candidates.append((float(sure[y, x]), motion))
-    guesses: list[F8] = []
-    for _, motion in sorted(candidates, key=lambda each: -each[0]):
-        # Turns that lead to one shift lead to one fit.
-        if all(
-            np.abs(motion - guess)[:2, 3].max() > MIN_SHIFT_CELLS * first.side for guess in guesses
-        ):
-            guesses.append(motion)
-    return guesses[:MAX_GUESSES]
+        shift = [(n - m if n > m / 2 else n) * side for n, m in ((x, size[1]), (y, size[0]))]
+        return float(sure[y, x]), shift
+
+    def _likeliest(self, candidates: list[tuple[float, F8]]) -> Match:
+        motions: list[F8] = []
+        ordered = sorted(candidates, key=lambda each: -each[0])
+        for _, motion in ordered:
+            # Turns that lead to one shift lead to one fit.
+            apart = [np.abs(motion - other)[:2, 3].max() for other in motions]
+            if min(apart, default=np.inf) > MIN_SHIFT_CELLS * self._surface.side:
+                motions.append(motion)
+        return Match(ordered[0][0], motions[:MAX_GUESSES])
 
 
 def resolves(surface: Surface) -> bool:

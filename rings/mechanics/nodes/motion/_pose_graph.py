@@ -3,17 +3,25 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import Fit
-from tactograph.rings.mechanics.nodes.motion._surface import six_numbers, small_motion
+from tactograph.rings.mechanics.nodes.motion._surface import (
+    carried,
+    six_numbers,
+    small_motion,
+)
 from tactograph.sdk import F8
 
 MIN_PAIR_VARIANCE = np.array([2e-3, 2e-3, 1e-2, 2e-3, 2e-3, 1e-3]) ** 2
 """Least variance of a pair in mm^2 and rad^2: the scatter lacks errors common to a film."""
 MAX_APART = 5.0
 """Standard deviations by which a pair may miss the poses before it counts as false."""
+
+
+MAX_STEPS = 100
+"""Most Gauss-Newton steps."""
+MIN_STEP_VARIANCE = 1e-8
+"""Square of a step in its deviations; a shorter one is the last."""
 
 
 class Pair(NamedTuple):
@@ -24,31 +32,32 @@ class Pair(NamedTuple):
     fit: Fit
 
 
-class Solved(NamedTuple):
-    """Poses 4 x 4 from each touch's coordinates to the root's, and what they rest on."""
+class Poses(NamedTuple):
+    """Where touches lie, and the pairs that say so."""
 
-    poses: dict[int, F8]
-    pairs: list[Pair]
+    motions: dict[int, F8]
+    """4 x 4, from each touch's coordinates to the root's; touches that no pair connects to the
+    root have none."""
     covariances: dict[int, F8]
-    """6 x 6 of a small motion (mm, rad) after each pose."""
+    """6 x 6 of a small motion after these (mm, rad)."""
+    pairs: list[Pair]
 
 
-def solve_poses(count: int, pairs: list[Pair]) -> Solved:
-    """Return the poses of all touches that pairs connect to the root.
+def solve_poses(count: int, pairs: list[Pair]) -> Poses:
+    """Poses of least squares over the pairs.
 
-    The worst pair that misses the poses by more than `MAX_APART` goes, until none does; touches
-    that no pair connects to the root have no pose.
+    The worst pair that misses the poses by more than `MAX_APART` goes, until none does.
     """
     pairs = list(pairs)
     while True:
         poses = _chained(count, pairs)
         kept = [pair for pair in pairs if pair.first in poses]
         if len(poses) < 2:
-            return Solved(poses, kept, {})
+            return Poses(poses, {}, kept)
         poses, covariances = _adjusted(poses, kept)
-        apart = [float(np.linalg.norm(_missed(poses, pair))) / np.sqrt(6) for pair in kept]
+        apart = [float(np.linalg.norm(_missed(poses, pair)[0])) / np.sqrt(6) for pair in kept]
         if max(apart) < MAX_APART:
-            return Solved(poses, kept, covariances)
+            return Poses(poses, covariances, kept)
         pairs.remove(kept[int(np.argmax(apart))])
 
 
@@ -67,46 +76,38 @@ def _chained(count: int, pairs: list[Pair]) -> dict[int, F8]:
             poses[first] = poses[second] @ fit.motion
 
 
-def _missed(poses: dict[int, F8], pair: Pair) -> F8:
-    """Departure of the poses from a pair's motion, in standard deviations."""
-    motion = np.linalg.inv(poses[pair.second]) @ poses[pair.first]
-    step = six_numbers(motion @ np.linalg.inv(pair.fit.motion))
-    return np.asarray(np.linalg.solve(_spread(pair), step))
-
-
-def _spread(pair: Pair) -> F8:
-    return np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
-
-
-def _spread_at_height(pair: Pair) -> F8:
-    """A root of a pair's covariance where z is known: touches that overlap agree in height, and
-    what their heights err by is stated already."""
-    others, whole = [0, 1, 3, 4, 5], pair.fit.covariance
-    by_z = whole[others, 2] / whole[2, 2]
-    root = np.zeros((6, 6))
-    given_z = whole[np.ix_(others, others)] - np.outer(by_z, whole[2, others])
-    root[np.ix_(others, others)] = np.linalg.cholesky(given_z)
-    return root
+def _missed(poses: dict[int, F8], pair: Pair) -> tuple[F8, F8]:
+    """Departure of the poses from a pair's motion, in standard deviations, and its derivative by
+    a small motion after the first pose, 6 x 6; by one after the second it is the negative."""
+    back = np.linalg.inv(poses[pair.second])
+    step = six_numbers(back @ poses[pair.first] @ np.linalg.inv(pair.fit.motion))
+    spread = np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
+    turned, (x, y, z) = np.eye(6), step[:3]
+    turned[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    both = np.linalg.solve(spread, np.column_stack([step, turned @ carried(back)]))
+    return both[:, 0], both[:, 1:]
 
 
 def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> tuple[dict[int, F8], dict[int, F8]]:
-    """Least squares over all poses but the root's; pairs that miss lose weight (Cauchy).
-
-    The second are the poses' covariances, of pairs that scatter as their fits say.
-    """
+    """Gauss-Newton over all poses but the root's; pairs that miss lose weight (Cauchy)."""
     root, *others = poses
-
-    def moved(steps: F8) -> dict[int, F8]:
-        shifts = zip(others, steps.reshape(-1, 6), strict=True)
-        return {root: poses[root]} | {n: small_motion(step) @ poses[n] for n, step in shifts}
-
-    def missed(steps: F8) -> F8:
-        now = moved(steps)
-        return np.concatenate([_missed(now, pair) for pair in pairs])
-
-    solution = least_squares(missed, np.zeros(6 * len(others)), loss="cauchy", x_scale="jac")
-    by_pair = np.linalg.pinv(solution.jac)
-    whitened = [np.linalg.solve(_spread(p), _spread_at_height(p)) for p in pairs]
-    root_of_it = (by_pair @ block_diag(*whitened)).reshape(len(others), 6, -1)
-    found = {n: half @ half.T for n, half in zip(others, root_of_it, strict=True)}
-    return moved(solution.x), {root: np.zeros((6, 6))} | found
+    place = {number: slice(6 * n, 6 * n + 6) for n, number in enumerate(others)}
+    matrix = np.zeros((6 * len(others),) * 2)
+    for _ in range(MAX_STEPS):
+        matrix[:], gradient = 0, np.zeros(len(matrix))
+        for pair in pairs:
+            missed, change = _missed(poses, pair)
+            weighted = change.T / (1 + missed**2)
+            signs = (pair.first, 1), (pair.second, -1)
+            ends = [(place[n], sign) for n, sign in signs if n != root]
+            for one, sign in ends:
+                gradient[one] += sign * weighted @ missed
+                for other, its_sign in ends:
+                    matrix[one, other] += sign * its_sign * weighted @ change
+        step = -np.linalg.solve(matrix, gradient)
+        poses = poses | {n: small_motion(step[place[n]]) @ poses[n] for n in others}
+        if step @ matrix @ step < MIN_STEP_VARIANCE:
+            break
+    spread = np.linalg.inv(matrix)
+    none = {root: np.zeros((6, 6))}
+    return poses, none | {n: spread[place[n], place[n]] for n in others}

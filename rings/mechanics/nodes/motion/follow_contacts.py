@@ -9,7 +9,14 @@ from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, node
-from tactograph.sdk.unstable import MAX_CONTACTS, MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk.unstable import (
+    MAX_CONTACTS,
+    MAX_MEASURED,
+    Lens,
+    Most,
+    largest_contacts,
+    seen_from_above,
+)
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
@@ -37,6 +44,7 @@ def follow_contacts(
     pixel: PixelSize,
     before: Contacts | None = None,
     tracks: Tracks | None = None,
+    lens: Lens | None = None,
     *,
     reach: Annotated[float, Gt(0)] = 1.5,
     patience: Annotated[int, Interval(ge=0, le=1000)] = 3,
@@ -58,6 +66,7 @@ def follow_contacts(
     before, tracks
         This node's own ``contact`` and ``tracks`` of the frame before (``previous.NODE.contact``);
         without them all contacts begin.
+    lens : of the calibration, for speeds on the film; None: an even grid
     reach
         How far a contact may move in a frame without overlapping itself, in multiples of its
         radius.
@@ -92,10 +101,12 @@ def follow_contacts(
     followed = lasting[contact]
     figures: Metrics = {}
     for lasts in largest_contacts(followed, most):
-        age, _, _, _, speed_x, speed_y = known[lasts - 1].tolist()
+        age, _, x, y, *speed = known[lasts - 1].tolist()
+        _, stretch = seen_from_above(lens, contact.shape, x, y)
+        speed_x, speed_y = pixel * stretch @ speed
         figures[f"contact_age/c{lasts}"] = age
-        figures[f"contact_speed_x_mm/c{lasts}"] = pixel * speed_x
-        figures[f"contact_speed_y_mm/c{lasts}"] = pixel * speed_y
+        figures[f"contact_speed_x_mm/c{lasts}"] = float(speed_x)
+        figures[f"contact_speed_y_mm/c{lasts}"] = float(speed_y)
     return FollowedContacts(followed, known, figures)
 
 

@@ -1,6 +1,6 @@
 """Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -13,6 +13,7 @@ from tactograph.sdk import (
     InputError,
     PixelSize,
     Port,
+    View,
     bring,
     brought,
     load,
@@ -26,9 +27,11 @@ from tactograph.sdk.unstable import (
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
     PRESS_CALIBRATION,
+    calibrated_view,
     check_heights,
     is_of_kind,
-    refuse_view,
+    on_even_grid,
+    read_view,
     warning_kind,
 )
 
@@ -54,7 +57,9 @@ def read_touches(
     pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
     calibration: Path | None = None,
 ) -> Touches:
-    """Read heights, and their errors where they are stated.
+    """Read heights on an even grid, and their errors where they are stated.
+
+    Heights as a camera sees them, by a lens or from near, are brought on to it.
 
     Of more than `most` touches, as a stream has, so many are taken, evenly spread.
 
@@ -101,8 +106,6 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
     results = [every[n] for n in _spread(len(every), most, folder, advice)]
     files = [result / "height.npy" for result in results]
-    for file in files:
-        refuse_view(file)
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, height, size in zip(results, heights, pixels, strict=True):
@@ -111,7 +114,19 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
-    return Touches(np.stack(heights), np.stack(errors), pixels[0], names)
+    return _even(heights, errors, [read_view(file) for file in files], pixels[0], names)
+
+
+def _even(
+    heights: Sequence[F4], errors: Sequence[F4], views: list[View], pixel: float, names: list[str]
+) -> Touches:
+    """Touches as their cameras see them, on an even grid on the film."""
+    planes = [
+        on_even_grid(height, [error], lens, camera or 0.0)
+        for height, error, (lens, camera) in zip(heights, errors, views, strict=True)
+    ]
+    even, deviations = np.stack([p[0] for p in planes]), np.stack([p[1][0] for p in planes])
+    return Touches(even, deviations, pixel, names)
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
@@ -124,10 +139,13 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
         raise InputError(f"{folder}: this store lacks {lacks}")
     numbers = _spread(len(maps.captures), most, folder, "run the batch over more captures")
     touches = [maps[number] for number in numbers]
-    heights = np.stack([touch["height"] for touch in touches]).astype(np.float32)
-    unknown = np.full(heights.shape[1:], np.nan, np.float32)
-    errors = np.stack([touch.get("error", unknown) for touch in touches]).astype(np.float32)
-    return Touches(heights, errors, pixel, [Path(maps.captures[n]).name for n in numbers])
+    heights = [touch["height"].astype(np.float32) for touch in touches]
+    unknown = np.full(heights[0].shape, np.nan, np.float32)
+    errors = [touch.get("error", unknown).astype(np.float32) for touch in touches]
+    made_by = maps.given.get("calibration")
+    view = View() if made_by is None else calibrated_view(Path(made_by))
+    names = [Path(maps.captures[n]).name for n in numbers]
+    return _even(heights, errors, [view] * len(heights), pixel, names)
 
 
 def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
@@ -157,13 +175,15 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     if graph == "replay":
         given["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
+    lens, camera = calibrated_view(calibration)
     told = dict[str, str]()
     with load(graph, given, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
                 told.setdefault(warning_kind(line), line)
             if number % stride == 0:
-                heights[number], pixel = result["height"].copy(), float(result["pixel"])
+                seen, pixel = result["height"].copy(), float(result["pixel"])
+                heights[number], _ = on_even_grid(seen, [], lens, camera or 0.0)
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}

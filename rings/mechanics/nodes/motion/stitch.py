@@ -3,17 +3,19 @@
 Long because pairs, poses and the fused height are three steps that nothing else needs.
 """
 
-from itertools import combinations
+import math
+import time
+from itertools import product
 from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.nodes.force.elastic_layer import wave_numbers
-from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions
-from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, Solved, solve_poses
+from tactograph.rings.mechanics.nodes.motion._match_shifts import Match, Spectra
+from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, solve_poses
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
@@ -28,7 +30,11 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
 from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
 from tactograph.sdk import F4, F8, U1, InputError, Metrics, PixelSize, Port, node, warn
 from tactograph.sdk.nodes import find_contact
+from tactograph.sdk.unstable import tell_progress
 
+MIN_PARTNERS = 4
+"""Others with which each touch is matched, besides the logarithm of their number: neighbours in a
+row and a column."""
 MATCHED_CELLS = 2
 """Side of the cells on which touches are matched, in fine ones."""
 HEIGHT_STEPS = 4
@@ -64,15 +70,16 @@ def stitch(
     least_likeness: Annotated[float, Interval(ge=0, le=1)] = 0.9,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    seconds: Annotated[float, Gt(0)] | None = None,
 ) -> StitchedSurface:
     """Put touches of one rigid object together.
 
-    Any two touches are matched by the correlation of their curvature, then by Gauss-Newton
-    (R1).  Poses are those of least squares over all pairs that share enough, loops included;
-    pairs that contradict the others go.  Where touches overlap, the height is their mean,
-    weighted by 1 / error^2.  The error is that of the mean, times what touches differ by, in
-    multiples of their errors, where that is above 1; without stated errors that alone.  What the
-    poses err by is added, as if it were the same for all touches of a place.
+    Any two touches are compared by the correlation of their curvature; the likeliest pairs of
+    each touch, n log n in all, are then matched by Gauss-Newton (R1).  Poses are those of least
+    squares over all pairs that share enough, loops included; pairs that contradict the others go.
+    Where touches overlap, the height is their mean, weighted by 1 / error^2.  The error is that
+    of the mean, times what touches differ by, in multiples of their errors, where that is above
+    1; without stated errors that alone.
 
     Parameters
     ----------
@@ -87,13 +94,17 @@ def stitch(
         where slopes are noisy.
     margin_px : width of the contacts' rims that are left out
     cell_px : side of the finest cells on which touches are matched
+    seconds : after which no further pair is tried; the likeliest come first
 
     Returns
     -------
     In the frame of the touch that has the most pairs; figures ``stitched_touches``,
     ``stitched_pairs``, ``stitched_area_mm2``, ``stitched_difference`` (of touches, in multiples of
     their errors), ``stitched_left_mm`` and ``stitched_top_mm`` (of the first cell, from that
-    touch's middle), and the poses: ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and so on.
+    touch's middle), and the poses: ``stitched_x_mm/NAME``, ``stitched_turn_z_deg/NAME`` and so on,
+    with ``stitched_unsure_mm/NAME``, the standard deviation of where the touch's corners lie.
+    Above the cells on which touches are matched, which a warning tells, the shape leaves its
+    motion open: a ball turns unseen, a cylinder slides.
 
     Raises
     ------
@@ -107,8 +118,14 @@ def stitch(
         for height, mask, error in zip(heights, touched, errors, strict=True)
     ]
     cells = [surface.coarser(cell_px) for surface in surfaces]
-    solved = solve_poses(len(names), _matched(cells, turn_deg, least_overlap, least_likeness))
-    poses = solved.poses
+    end = math.inf if seconds is None else time.monotonic() + seconds
+    pairs, untried = _matched(cells, turn_deg, least_overlap, least_likeness, end)
+    poses, covariances, pairs = solve_poses(len(names), pairs)
+    if untried:
+        warn(
+            f"stitch: after `seconds`={seconds:g}, {untried} likely pairs of touches were left "
+            "untried; allow more time, or take fewer touches"
+        )
     if len(poses) < 2:
         raise InputError(
             f"stitch: no two of {len(names)} touches fit together; they need texture in common, "
@@ -117,21 +134,31 @@ def stitch(
     out = [name for number, name in enumerate(names) if number not in poses]
     if out:
         warn(f"stitch: touches that fit no other are left out: {', '.join(out)}")
+    unsure = {n: _unsure_mm(surfaces[n], poses[n], covariances[n]) for n in sorted(poses)}
+    lost = [
+        names[n] for n, deviation in unsure.items() if deviation > MATCHED_CELLS * cells[n].side
+    ]
+    if lost:
+        warn(
+            "stitch: the shape, such as a ball's, leaves open how the object lay in these touches "
+            f"beside the others, so their places are not told: {', '.join(lost)}"
+        )
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
     grid = _grid(surfaces, poses)
-    height, error, astray, source, difference = _fused(surfaces, deviations, solved, grid)
-    error = np.hypot(error * (max(difference, 1.0) if stated else difference), astray)
+    height, error, source, difference = _fused(surfaces, deviations, poses, grid)
+    error *= max(difference, 1.0) if stated else difference
     figures: Metrics = {
         "stitched_touches": float(len(poses)),
-        "stitched_pairs": float(len(solved.pairs)),
+        "stitched_pairs": float(len(pairs)),
         "stitched_area_mm2": float(np.isfinite(height).sum() * pixel**2),
         "stitched_left_mm": grid.left,
         "stitched_top_mm": grid.top,
     }
     if stated:
         figures["stitched_difference"] = difference
-    for number in sorted(poses):
+    for number, deviation in unsure.items():
+        figures[f"stitched_unsure_mm/{names[number]}"] = deviation
         for axis, value in zip(POSE_AXES, IN_DEGREES * six_numbers(poses[number]), strict=True):
             figures[f"stitched_{axis}/{names[number]}"] = float(value)
     return StitchedSurface(height, error, source, figures)
@@ -157,41 +184,71 @@ def _slope_variance(error: F4, touched: NDArray[np.bool_], pixel: float) -> floa
 
 
 def _matched(
-    cells: list[Surface], turn_deg: float, least_overlap: float, least_likeness: float
-) -> list[Pair]:
-    """All pairs of touches that fit."""
-    pairs, coarse = [], [surface.coarser(MATCHED_CELLS) for surface in cells]
+    cells: list[Surface], turn_deg: float, least_overlap: float, least_likeness: float, end: float
+) -> tuple[list[Pair], int]:
+    """The pairs of touches that fit, and how many were not tried when the time was over.
+
+    All are correlated, which is cheap; the motion is fitted where the correlation is among the
+    best of either touch, and the likeliest pair comes first.
+    """
     sizes = [np.count_nonzero(surface.touched) for surface in cells]
-    for first, second in combinations(range(len(cells)), 2):
-        if not (coarse[first].touched.any() and coarse[second].touched.any()):
-            continue
+    coarse = [surface.coarser(MATCHED_CELLS) for surface in cells]
+    touching = [n for n, surface in enumerate(coarse) if surface.touched.any()]
+    spectra = {number: Spectra(coarse[number]) for number in touching}
+    likely: list[tuple[Match, int, int]] = []
+    for place, first in enumerate(touching):
+        tell_progress(f"touch {place + 1} of {len(touching)} compared with all others")
+        later = touching[place + 1 :]
+        others = [spectra[second] for second in later]
+        matches = spectra[first].matches(others, turn_deg, least_overlap)
+        likely += [(match, first, second) for match, second in zip(matches, later, strict=True)]
+    likely.sort(key=lambda each: -each[0].score)
+    most, partners = MIN_PARTNERS + math.ceil(math.log2(len(cells))), [0] * len(cells)
+    tried: list[tuple[Match, int, int]] = []
+    for each in likely:
+        if min(partners[n] for n in each[1:]) < most:
+            tried.append(each)
+            for n in each[1:]:
+                partners[n] += 1
+    pairs: list[Pair] = []
+    for number, (match, first, second) in enumerate(tried):
+        if time.monotonic() > end:
+            return pairs, len(tried) - number
+        tell_progress(f"pair {number + 1} of {len(tried)}, {len(pairs)} fit")
         least = least_overlap * min(sizes[first], sizes[second]) / sizes[first]
-        guesses = likely_motions(coarse[first], coarse[second], turn_deg, least_overlap)
         # Contacts of a few cells, as of small balls, have no ring that is sure.
-        fits = [fit_motion(cells[first], cells[second], [guess], rings=False) for guess in guesses]
+        fits = [fit_motion(cells[first], cells[second], [m], rings=False) for m in match.motions]
         good = [f for f in fits if f and f.likeness > least_likeness and f.overlap > least]
         if good:
             pairs.append(Pair(first, second, max(good, key=lambda f: f.likeness)))
-    return pairs
+    return pairs, 0
+
+
+def _unsure_mm(surface: Surface, motion: F8, covariance: F8) -> float:
+    """Largest standard deviation of where a touch's corners lie."""
+    planes = np.broadcast_arrays(*surface.places(), surface.height)
+    points = motion[:3, :3] @ np.stack([p[surface.touched] for p in planes]) + motion[:3, 3:]
+    corners = product(*zip(points.min(axis=1), points.max(axis=1), strict=True))
+    moved = [np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]]) for x, y, z in corners]
+    return float(np.sqrt(max(np.linalg.eigvalsh(m @ covariance @ m.T)[-1] for m in moved)))
 
 
 def _fused(
-    surfaces: list[Surface], deviations: F4, solved: Solved, grid: Surface
-) -> tuple[F4, F4, F4, U1, float]:
-    """Height, its deviation by the touches' errors and by their poses', the touch of most weight,
-    and the touches' root mean square difference from their mean, in deviations.
+    surfaces: list[Surface], deviations: F4, poses: dict[int, F8], grid: Surface
+) -> tuple[F4, F4, U1, float]:
+    """Height, its deviation, the touch of most weight, and the touches' root mean square
+    difference from their mean, in deviations.
     """
-    weights, total, square, astray = (np.zeros(grid.height.shape) for _ in range(4))
+    weights, total, square = (np.zeros(grid.height.shape) for _ in range(3))
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
     seen = np.zeros(weights.shape, np.int64)
-    for number, pose in solved.poses.items():
+    for number, pose in poses.items():
         height, weight = _turned(
             surfaces[number], deviations[number], np.asarray(np.linalg.inv(pose)), grid
         )
         weights += weight
         total += weight * height
         square += weight * height**2
-        astray += weight * _height_deviation(height, solved.covariances[number], grid)
         seen += weight > 0
         source[weight > heaviest] = number + 1
         heaviest = np.maximum(heaviest, weight)
@@ -202,16 +259,7 @@ def _fused(
     apart = square[several] - weights[several] * mean[several] ** 2
     freedom = max(int((seen[several] - 1).sum()), 1)
     difference = float(np.sqrt(max(float(apart.sum()), 0.0) / freedom))
-    astray = np.divide(astray, weights, out=np.zeros_like(total), where=known)
-    planes = (plane.astype(np.float32) for plane in (mean, error, astray))
-    return *planes, source, difference
-
-
-def _height_deviation(height: F8, covariance: F8, grid: Surface) -> F8:
-    """The deviation of heights by a small motion of this covariance (R1)."""
-    (x, y), (a, b) = grid.places(), normals(height.astype(np.float32), grid.side)
-    moved = np.broadcast_arrays(a, b, 1, y - height * b, height * a - x, x * b - y * a)
-    return np.asarray(np.sqrt(np.einsum("iyx,ij,jyx->yx", moved, covariance, moved)))
+    return mean.astype(np.float32), error.astype(np.float32), source, difference
 
 
 def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:

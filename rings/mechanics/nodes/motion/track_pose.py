@@ -11,7 +11,7 @@ from annotated_types import Interval
 
 from tactograph.rings.mechanics.layers.pose import Pose, PoseCovariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
-from tactograph.rings.mechanics.nodes.motion._match_shifts import likely_motions, resolves
+from tactograph.rings.mechanics.nodes.motion._match_shifts import Spectra, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
@@ -23,7 +23,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import SlopeVariance
+from tactograph.sdk.unstable import SlopeVariance, Vergence, on_even_grid
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
@@ -32,6 +32,8 @@ Memory = Annotated[F4, Port("9 6", "mm, rad")]
 ROW_KEY, ROW_SINCE, ROW_COUNTS = 6, 7, 8
 """Motion from the first frame to the key frame, and on to the frame before; frames, key frames,
 and the variance of the key frame's slopes (0: not stated)."""
+LEAST_SHARE = 0.5
+"""Share of a point of the even grid that is contact, from which it counts."""
 MAX_CELLS = 15_000
 """Touched cells from which larger ones do, where they resolve the contacts."""
 SPARSE_PX = 3
@@ -65,6 +67,7 @@ def track_pose(
     variance: SlopeVariance | None = None,
     key: KeySurface | None = None,
     memory: Memory | None = None,
+    camera: Vergence | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
@@ -91,6 +94,9 @@ def track_pose(
         2 x H x W, of the slopes that the height was integrated from; without it the covariance
         follows from what the fit leaves.
     key, memory : this node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``)
+    camera
+        1 / D in 1/mm, with D the height of the camera's pupil above the film: a point of height z
+        is seen 1 / (1 - z / D) as far from the middle as it lies (V1)
     cell_px
         Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
         touched, but 2 at least, and so few that the contacts are many cells wide.
@@ -106,6 +112,9 @@ def track_pose(
     curves down, as film does that an object holds: below 0.25 the film is so tight that it hides
     tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
     """
+    if camera:
+        height, (share,) = on_even_grid(height, [(contact > 0).astype(np.float32)], None, camera)
+        height, contact = np.nan_to_num(height), (share > LEAST_SHARE).view(np.uint8)
     heights, pressed = held_film(height, contact, margin_px)
     stated, inside = 0.0, np.isfinite(heights[1, ::SPARSE_PX, ::SPARSE_PX])
     if variance is not None and inside.any():
@@ -170,7 +179,8 @@ def _guesses(first: Surface, second: Surface, since: F4) -> Iterator[F8]:
     factor = JUMP_CELLS if resolves(second.coarser(JUMP_CELLS)) else 1
     one, other = (surface.coarser(factor) for surface in (first, second))
     if one.touched.any() and other.touched.any():
-        yield from likely_motions(one, other, MAX_JUMP_DEG, MIN_JUMP_OVERLAP)[:MAX_JUMPS]
+        (jump,) = Spectra(one).matches([Spectra(other)], MAX_JUMP_DEG, MIN_JUMP_OVERLAP)
+        yield from jump.motions[:MAX_JUMPS]
 
 
 def _memory(covariance: F4 | F8, key: F4 | F8, since: F4 | F8, counts: F4) -> F4:

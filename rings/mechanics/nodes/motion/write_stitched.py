@@ -50,8 +50,8 @@ def write_stitched(
         If the folder cannot be written; then no file is.
     """
     # Loading Matplotlib takes longer than the rest.
+    from tactograph.rings.mechanics.nodes.motion._seams import draw_seams
     from tactograph.sdk import draw_height, draw_map
-    from tactograph.sdk.unstable import draw_seams
 
     with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)

@@ -1,5 +1,6 @@
 """Forces of presses whose pressure is known."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -19,7 +20,11 @@ from rings.mechanics.tests.force.presses import (
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
 from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
+from tactograph.nodes.optics.film_places import film_places
+from tactograph.nodes.stream.touch import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
 
 Gel = tuple[float, float]
 GELS = [(1.5, 0.3), (2.5, 0.45), (2.5, 0.48), (2.5, 0.5)]
@@ -50,6 +55,30 @@ def test_force_and_pressure_of_a_ball(gel: Gel) -> None:
     np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.05 * PEAK)
     assert told.figures["contact_force_x_px/c1"] == pytest.approx((SHAPE[1] - 1) / 2, abs=0.1)
     assert not told.pressure[contact() == 0].any()
+
+
+def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
+    """The same press, as the film is and as a camera sees it."""
+    lens = np.array([-0.1, 0.02, 0, 0, 0.03, 0, 0, 0], np.float32)
+    view, film = View(lens, 1 / 30), height(*GELS[2])
+    # Each pixel sees the point that the even grid, brought back, has there.
+    seen = film
+    for _ in range(20):
+        x, y = film_places(seen, lens, 1 / 30)
+        column, row = (p + (s - 1) / 2 for p, s in zip((x, y), SHAPE[::-1], strict=True))
+        seen = cv2.remap(film, column.astype(np.float32), row.astype(np.float32), cv2.INTER_CUBIC)
+    reach = np.hypot(x, y) * PIXEL
+    settings = {"modulus_kpa": MODULUS, "thickness_mm": GELS[2][0], "poisson": GELS[2][1]}
+    touched = (reach < 1.2 * RADIUS).astype(np.uint8)
+    error = np.full(SHAPE, 0.005, np.float32)
+    told = press_to_pressure(seen, touched, PIXEL, error, view, **settings)
+    plain = found(film, contact(), 0.005)
+    for name in "force_n", "force_sd_n", "pressure_kpa":
+        key = f"contact_{name}/c1"
+        assert told.figures[key] == pytest.approx(plain.figures[key], rel=0.02)
+    inner = reach < 0.8 * RADIUS
+    ball = PEAK * np.sqrt(np.maximum(1 - (reach / RADIUS) ** 2, 0))
+    np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.06 * PEAK)
 
 
 def test_a_wrong_zero_and_tilt_hardly_matter() -> None:
@@ -97,3 +126,10 @@ def test_without_a_contact_there_is_no_pressure() -> None:
     none = found(height(*GELS[2]), np.zeros(SHAPE, np.uint8))
     assert not none.pressure.any()
     assert none.figures == {}
+
+
+def test_all_contacts_press_but_only_the_largest_have_figures() -> None:
+    gel = {"modulus_kpa": 100.0, "thickness_mm": 3.0}
+    pressed = press_to_pressure(HEIGHT, CONTACT, 0.1, np.full_like(HEIGHT, 1e-3), **gel)
+    assert np.all(pressed.pressure[SMALL[0] == CONTACT] != 0)
+    assert len({name.rpartition("/")[2] for name in pressed.figures}) == MAX_MEASURED

@@ -7,10 +7,12 @@ import pytest
 from scipy.ndimage import label
 
 from tactograph.nodes import U1
+from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.rings.mechanics.nodes.motion.follow_contacts import (
     FollowedContacts,
     follow_contacts,
 )
+from tests.nodes.contact.test_largest_contacts import CONTACT
 
 SHAPE = (80, 120)
 Disc = tuple[float, float, float]
@@ -36,6 +38,18 @@ def follow(frames: Iterable[list[Disc]], patience: int = 3) -> Iterator[Followed
 
 def number_at(found: FollowedContacts, x: float, y: float) -> int:
     return int(found.contact[round(y), round(x)])
+
+
+def test_speeds_are_those_on_the_film() -> None:
+    """Pixels that are wider than long."""
+    lens, before = np.array([0, 0, 0, 0, -0.1, 0, 0, 0], np.float32), None
+    for t in range(20):
+        earlier = (None, None) if before is None else before[:2]
+        frame = contacts([(20 + 3.0 * t, 20 + 2.0 * t, 6)])
+        before = follow_contacts(frame, 0.1, *earlier, lens)
+    assert before is not None
+    assert before.figures["contact_speed_x_mm/c1"] == pytest.approx(0.3 / 0.9, abs=0.01)
+    assert before.figures["contact_speed_y_mm/c1"] == pytest.approx(0.2 / 1.1, abs=0.01)
 
 
 def test_a_contact_that_moves_keeps_its_number_and_has_a_velocity() -> None:
@@ -115,3 +129,9 @@ def numbers_over(frames: int) -> set[tuple[int, ...]]:
 def test_no_number_is_lost_or_swapped_in_10_000_frames() -> None:
     (numbers,) = numbers_over(10_000)
     assert len({*numbers}) == 3
+
+
+def test_all_are_followed_but_only_the_largest_have_figures() -> None:
+    followed = follow_contacts(CONTACT, 0.1)
+    assert np.array_equal(followed.contact > 0, CONTACT > 0)
+    assert len({name.rpartition("/")[2] for name in followed.figures}) == MAX_MEASURED

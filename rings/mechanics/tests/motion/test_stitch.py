@@ -10,6 +10,9 @@ import pytest
 from rings.mechanics.tests.motion.moved_objects import (
     F8,
     PIXEL,
+    Shape,
+    ball,
+    cylinder,
     height_at,
     moved,
     plate,
@@ -26,9 +29,12 @@ from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
+from tactograph.graph.run.progress import progress_told
 from tactograph.nodes import F4
+from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.touch import Touch
+from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
@@ -72,21 +78,17 @@ def root_of(whole: StitchedSurface) -> int:
 
 
 def departure(whole: StitchedSurface) -> F8:
-    """Height less truth, in the coordinates of the root."""
+    """Height less truth; where the surface lies and how it leans is a choice of the root's."""
     root = root_of(whole)
     rows, columns = whole.height.shape
     # The grid begins where the object's touched part does, in the root's coordinates.
     y, x = np.indices((rows, columns)) * PIXEL
     x, y = x + whole.figures["stitched_left_mm"], y + whole.figures["stitched_top_mm"]
-    return np.asarray(whole.height - height_at(plate, motions()[root], x, y))
-
-
-def levelled(whole: StitchedSurface) -> F8:
-    """The same without how it leans, which is a choice of the root's."""
-    apart = departure(whole)
+    apart = whole.height - height_at(plate, motions()[root], x, y)
     known = np.isfinite(apart)
-    plane = np.column_stack([*np.nonzero(known), np.ones(known.sum())])
-    return np.asarray(apart[known] - plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0])
+    plane = np.stack([x[known], y[known], np.ones(known.sum())], axis=1)
+    apart[known] -= plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0]
+    return apart
 
 
 def held(whole: StitchedSurface) -> float:
@@ -102,7 +104,7 @@ def test_nine_touches_are_as_true_as_one_and_the_error_holds(
     assert whole.figures["stitched_touches"] == COUNT
     assert whole.figures["stitched_pairs"] >= 12
     assert whole.figures["stitched_area_mm2"] > 2.5 * touches[0][0].size * PIXEL**2
-    assert np.sqrt(np.nanmean(levelled(whole) ** 2)) < 1.3 * touches[1].mean()
+    assert np.sqrt(np.nanmean(departure(whole) ** 2)) < 1.3 * touches[1].mean()
     assert 0.8 < held(whole) < 0.97
     assert whole.figures["stitched_difference"] == pytest.approx(1, abs=0.3)
 
@@ -133,8 +135,46 @@ def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4])
 def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) -> None:
     heights = touches[0][:2]
     found = stitch(heights, np.full_like(heights, np.nan), PIXEL, ["one", "two"])
-    single = np.median(found.error[found.source == 1])
+    single = found.error[(found.source > 0) & np.isfinite(found.error)].max()
     assert single == pytest.approx(touches[1].mean(), rel=0.5)
+
+
+@pytest.mark.parametrize("shape", [ball, cylinder])
+def test_places_that_the_shape_does_not_tell_are_named(shape: Shape) -> None:
+    rng = np.random.default_rng(4)
+    way = [moved(0.7 * n, -0.4 * n, 0, 0, 0, 3 * n) for n in range(3)]
+    heights = np.array([seen(pressed(shape, motion), rng)[0] for motion in way])
+    with collect_warnings([]) as told:
+        found = stitch(heights, np.full_like(heights, 0.002), PIXEL, ["a", "b", "c"])
+    (line,) = told
+    assert "places are not told" in line
+    unsure = [found.figures[f"stitched_unsure_mm/{name}"] for name in "abc"]
+    assert sorted(unsure)[1] > 4 * PIXEL
+
+
+def test_textured_touches_are_sure(whole: StitchedSurface) -> None:
+    assert all(whole.figures[f"stitched_unsure_mm/{name}"] < 2 * PIXEL for name in NAMES)
+
+
+def test_a_time_limit_says_what_remains(touches: tuple[F4, F4]) -> None:
+    heights, errors = touches[0][:3], touches[1][:3]
+    refused = pytest.raises(InputError, match="no two of 3 touches fit")
+    with collect_warnings([]) as told, refused:
+        stitch(heights, errors, PIXEL, ["one", "two", "three"], seconds=1e-9)
+    assert "3 likely pairs of touches were left untried" in told[0]
+    assert progress_told() == "touch 3 of 3 compared with all others"
+
+
+def test_each_touch_is_matched_with_few_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of fits grows as n log n, not as the number of pairs."""
+    rng, tried = np.random.default_rng(5), []
+    surface = seen(pressed(plate, np.eye(4)), rng)[0][::3, ::3]
+    heights = np.stack([surface] * 32)
+    name = "tactograph.rings.mechanics.nodes.motion.stitch.fit_motion"
+    monkeypatch.setattr(name, lambda first, *_, **__: tried.append(first))
+    with pytest.raises(InputError, match="no two of 32"):
+        stitch(heights, np.full_like(heights, 0.002), 3 * PIXEL, [str(n) for n in range(32)])
+    assert 0 < len(tried) < 4 * 32 * (4 + 5)
 
 
 def test_touches_without_anything_in_common_are_refused(touches: tuple[F4, F4]) -> None:
@@ -191,6 +231,27 @@ def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path)
     assert np.isnan(found.errors).all()
     with pytest.raises(InputError, match="states no pixel size"):
         read_touches(folder=tmp_path)
+
+
+def test_touches_through_a_lens_are_put_on_the_even_grid(
+    touches: tuple[F4, F4], tmp_path: Path
+) -> None:
+    """Results, and heights of a recording, as a camera near the film sees them."""
+    view, height = (
+        View(np.array([-0.03, 0.01, 0.02, -0.01, 0, 0.01, 0.02, 0.01], np.float32), 1 / 65),
+        touches[0][0],
+    )
+    touch = Touch(height, np.ones((4, *height.shape), np.float32), PIXEL, view=view)
+    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
+    for name in "a", "b":
+        folder, made = tmp_path / "results" / name, {"mesh": False, "pictures": False}
+        write_result(touch, folder=folder, provenance=made_by, **made)
+        write_mcap(touch, folder=tmp_path / "log", provenance=made_by, session=session, wait=True)
+    session.close()
+    even, _ = on_even_grid(height, [], view.lens, 1 / 65)
+    for folder, pixel in ((tmp_path / "results", None), (tmp_path / "log", PIXEL)):
+        found = read_touches(folder=folder, pixel_size_mm=pixel).heights[1]
+        np.testing.assert_allclose(found, even, atol=1e-5)
 
 
 def test_frames_of_a_recording_become_one(

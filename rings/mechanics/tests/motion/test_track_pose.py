@@ -65,6 +65,22 @@ def test_steps_of_a_textured_object() -> None:
         assert found.figures["pose_open"] == 0
 
 
+def test_a_camera_from_near_enlarges_what_moves() -> None:
+    """Each pixel looks at the point that lies 1 - z / D as far from the middle."""
+    camera, before, motion = 1 / 25, None, moved(1.5, 0, 0, 0, 0, 0)
+    rows, columns = ((np.indices(SHAPE) - np.array([[[59.5]], [[79.5]]])) * PIXEL).astype(float)
+    for at in np.eye(4), motion:
+        z = np.zeros(SHAPE)
+        for _ in range(50):
+            near = 1 - camera * z
+            z = np.maximum(coin(columns * near - at[0, 3], rows * near), 0)
+        film = z.astype(np.float32)
+        state = (None, None) if before is None else before[2:4]
+        before = track_pose(film, (z > 0.05).astype(np.uint8), PIXEL, STATED, *state, camera)
+    assert before is not None
+    np.testing.assert_allclose(astray(before, motion)[:2], 0, atol=0.01)
+
+
 def test_drift_over_a_plate_that_is_larger_than_the_film() -> None:
     motions, surfaces = way(plate, PLATE_STEP, 24)
     *_, last = track(surfaces)

@@ -8,6 +8,7 @@ of balls on flat film by 25 um, a coin by 150 um.
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.metrology.nodes.scan._weighted_heights import weighted_heights
 from tactograph.rings.metrology.nodes.scan.light_model import (
     PIXEL_UNKNOWNS,
     LightModel,
@@ -19,7 +20,6 @@ from tactograph.sdk.unstable import (
     level_part,
     plane_terms,
     plane_weights,
-    weighted_heights,
     weighted_plane,
 )
 

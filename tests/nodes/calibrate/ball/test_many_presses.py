@@ -21,7 +21,7 @@ from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXE
 
 GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
 """x and y in px, the ball's radius in mm."""
-CONTACT = 33.0
+CONTACT, GLINT = 33.0, 8.0
 
 
 def pressed(x: float, y: float, radius: float) -> F4:
@@ -46,7 +46,7 @@ def ball(x: float, y: float, radius: float) -> str:
 
 @pytest.fixture(scope="module")
 def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four good presses, of two balls, and one of each kind of bad ones."""
+    """Five good presses, of two balls, one with a highlight, and one of each kind of bad ones."""
     folder = tmp_path_factory.mktemp("sensor")
     rest = render(FILM, PIXEL, RING).light
     write(folder / "flat" / "1", rest, seed=1)
@@ -60,6 +60,9 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder / "presses" / "f_moved", moved, ball(*GOOD["a"]))
     write(folder / "presses" / "g_bright", 4 * made["b"], ball(*GOOD["b"]))
     write(folder / "presses" / "h_other", made["b"], ball(*GOOD["b"][:2], 6.0))
+    y, x = np.indices(SIZE)
+    glint = np.hypot(x - GOOD["b"][0] - 8, y - GOOD["b"][1]) < GLINT
+    write(folder / "presses" / "i_glint", np.where(glint, 4, made["b"]), ball(*GOOD["b"]))
     return folder
 
 
@@ -95,17 +98,23 @@ def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
 
 def test_errors_are_of_presses_held_out(calibrated) -> None:
     quality = calibrated[0]["quality"]
-    assert quality["presses"] == 4
+    assert quality["presses"] == 5
     assert 0.05 < quality["heldout_normal_deg"] < 1
     assert 0.1 < quality["heldout_height_um"] < 10
 
 
 def test_the_tables_hold_pixels_of_all_good_presses_and_of_no_bad_one(calibrated) -> None:
     result, out = calibrated
-    used = [part.any() for part in np.split(result["mask"], 8)]
-    assert used == [True] * 4 + [False] * 4
+    used = [part.any() for part in np.split(result["mask"], 9)]
+    assert used == [True] * 4 + [False] * 4 + [True]
     entries = len(read_calibration(file=out).lut_slope)
-    assert entries == pytest.approx(4 * np.pi * CONTACT**2, rel=0.1)
+    assert entries == pytest.approx(5 * np.pi * CONTACT**2, rel=0.1)
+
+
+def test_saturated_highlights_are_left_out_of_a_press(calibrated) -> None:
+    whole, glinting = (np.split(calibrated[0]["mask"], 9)[i] for i in (1, 8))
+    lost = int(whole.sum()) - int(glinting.sum())
+    assert lost == pytest.approx(np.pi * GLINT**2, rel=0.05)
 
 
 def test_a_picture_lies_beside_the_calibration(calibrated) -> None:
@@ -125,8 +134,8 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
 
 def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
     found = read_balls(folder=sensor / "presses", radius_mm=7.0)
-    assert found.image.shape == (4, 8 * SIZE[0], SIZE[1])
-    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6]
+    assert found.image.shape == (4, 9 * SIZE[0], SIZE[1])
+    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
     assert found.known[1].tolist() == [106, 40, CONTACT]
     assert np.isnan(found.known[4]).all()
 

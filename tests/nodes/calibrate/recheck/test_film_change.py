@@ -62,11 +62,20 @@ def test_the_same_film_is_right() -> None:
     assert wrong(GEL.seen()) == set()
 
 
-def test_a_dent_that_no_film_can_have_is_another_sensor() -> None:
-    change = changed(GEL.seen())
-    deep = np.where(np.hypot(X, Y) < 1, np.float32(-54.4), change.dent)
-    film = judge_film(change.strength, change.ambient, change.shift, change.albedo, deep, PIXEL_MM)
-    assert film.film.startswith("not the film of the calibration: is this another sensor")
+@pytest.mark.parametrize(
+    ("change", "by"), [("dent", -54.4), ("strength", -3.08), ("ambient", -0.3)]
+)
+def test_what_no_film_led_or_camera_can_do_is_another_sensor(change: str, by: float) -> None:
+    found = changed(GEL.seen())
+    value = getattr(found, change)
+    if change == "dent":
+        value = np.where(np.hypot(X, Y) < 1, np.float32(by), value)
+    elif change == "strength":
+        value = value + np.array([0, 0, by, 0], np.float32)
+    else:
+        value = by
+    said = judge_film(*found._replace(**{change: value}), PIXEL_MM)
+    assert all("is this another sensor" in verdict for verdict in said[:5])
 
 
 def test_a_weak_led_is_named() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.filter.fill_masked import fill_masked
+from tactograph.rings.mechanics.nodes.marker.fill_masked import fill_masked
 
 Y, X = np.indices((30, 40)).astype(np.float32)
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import Light, PixelSize
-from tactograph.nodes.capture.read_capture import Layout, read_capture
+from tactograph.sdk import InputError, Light, PixelSize, node
+from tactograph.sdk.nodes import read_capture
+from tactograph.sdk.unstable import Layout
 
 
 class SingleCapture(NamedTuple):

@@ -3,8 +3,7 @@
 import cv2
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Light, Mask
+from tactograph.sdk import Light, Mask, node
 
 
 @node(neutral="light")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tactograph.nodes.filter.mask_image import mask_image
+from tactograph.rings.mechanics.nodes.marker.mask_image import mask_image
 
 
 def test_outside_of_the_mask_the_film_is_at_rest() -> None:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import ShadowRises
+from tactograph.sdk import node
+from tactograph.sdk.unstable import ShadowRises
 
 
 @node

@@ -8,11 +8,10 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, node
-from tactograph.nodes import F4, Light, Mask
+from tactograph.sdk import F4, Close, Light, Mask, node
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
+    from tactograph.sdk import Launch
 
 MIN_KNOWN_SHARE = np.float32(1e-3)
 """Share of the weights that must be known."""

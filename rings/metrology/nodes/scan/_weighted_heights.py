@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tactograph.nodes import F4, F8, SlopeVariance
+from tactograph.sdk import F4, F8
+from tactograph.sdk.unstable import SlopeVariance
 
 GROUND_STIFFNESS = 1e-9
 """Stiffness that holds all heights at zero, relative to the stiffest step."""

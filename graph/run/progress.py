@@ -1,0 +1,15 @@
+"""What a node that takes long is doing now, for the line that a command shows."""
+
+
+class _Doing:
+    text = ""
+
+
+def tell_progress(text: str) -> None:
+    """Say what the running node is doing, such as "pair 3 of 40"; it lasts until the node ends."""
+    _Doing.text = text
+
+
+def progress_told() -> str:
+    """Return what the running node said last; "" if nothing."""
+    return _Doing.text

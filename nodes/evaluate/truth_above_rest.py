@@ -1,0 +1,26 @@
+"""The true height above the film at rest, which graphs measure."""
+
+from typing import Annotated
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, Height, Lens
+from tactograph.nodes.height.as_seen import as_seen
+
+
+@node
+def truth_above_rest(
+    lens: Lens,
+    truth: Height | None = None,
+    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+) -> Height | None:
+    """Return how high the true film stands above the film at rest, or None without truth.
+
+    Parameters
+    ----------
+    lens : length 8, as `read_lens` gives it
+    truth : H x W in mm, the film's own height that each pixel of the camera sees
+    rest : R x C in mm on the ideal grid, the height of the film at rest; None: a plane at 0
+    """
+    if truth is None or rest is None:
+        return truth
+    return truth - as_seen(rest, lens)

@@ -1,0 +1,132 @@
+"""Whether images hold light of which a height can be made: exposure, depth, a mosaic."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError, warn
+from tactograph.nodes.files.image_files import bits_in, size_of
+
+MIN_SIDE_PX = 4
+"""Least rows and columns of a capture: a cell of those on which rough heights are found."""
+MIN_LIGHT_SHARE = 0.005
+"""Share of full scale that the brightest hundredth of an image must reach..."""
+GLINT_SHARE = 0.5
+"""Share of full scale of a highlight in an otherwise dark image."""
+MIN_COUNTS = 4
+"""... and number of converter steps that it must reach, because fewer show no gradation."""
+MAX_SATURATED = 1e-3
+"""Share of saturated pixels that raises a warning."""
+MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
+"""Share of full scale above which a plateau at the largest value is saturation, and of that value
+above which light that was not cut off has at most as many pixels."""
+PARITY_BLOCK_PX = 64
+"""Side of the middle block in which pixels of even and odd rows and columns are compared."""
+MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
+"""Spread of their means, relative and in standard errors, up to which they show one light."""
+
+
+def normalised(stack: NDArray[Any], files: list[Path], white: int | None) -> NDArray[np.float32]:
+    """The images as fractions of full scale, once `check_exposed` accepts them."""
+    check_exposed(stack, files, white)
+    return np.asarray(stack / np.float32(white or np.iinfo(stack.dtype).max), np.float32)
+
+
+def check_exposed(
+    stack: NDArray[Any],
+    names: Sequence[Path | str],
+    white: int | None,
+    *,
+    how_depth: str = "say 'bits: {bits}'",
+) -> None:
+    """Refuse images that are tiny, dark or hold too large values; warn of saturated ones.
+
+    Parameters
+    ----------
+    stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
+    names : of the K images, for messages
+    white : the integers' full scale; None: the largest of their type
+    how_depth : what to do if only `bits` of them, up to `full`, are in use
+    """
+    if min(stack.shape[1:3]) < MIN_SIDE_PX:
+        raise InputError(
+            f"{names[0]}: {size_of(stack[0])} pixels; a height needs {MIN_SIDE_PX} x {MIN_SIDE_PX} "
+            "or more"
+        )
+    counts = stack.dtype.kind == "u"
+    full = white or int(np.iinfo(stack.dtype).max) if counts else 1
+    brightest = [plane.max().item() for plane in stack]
+    shallow, told = "", False
+    if counts and full > 4095 and max(brightest) < 4096:
+        depth = 8 if max(brightest) < 256 else 12
+        shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
+    for plane, name, most in zip(stack, names, brightest, strict=True):
+        if most == 0:
+            raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
+        if most > full:
+            raise InputError(f"{name}: has values up to {most}, but white is {full}")
+        _check_bright(plane, full, name, shallow)
+        saturated = _saturated(plane, most, full)
+        if saturated > MAX_SATURATED:
+            at = "" if most == full else f" at {most} of {full}"
+            warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
+        if not told and (spread := _parity_spread(plane)):
+            told = True
+            warn(
+                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
+                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
+                "or whole frames"
+            )
+    if shallow and white is None:
+        warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
+
+
+def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
+    """The share of the pixels where light was cut off, at full scale or shortly below it.
+
+    Some cameras end before: 12 bits at the top of 16, or video's 235 of 255.
+    """
+    if most < MIN_PLATEAU_SHARE * full:
+        return 0.0
+    share = np.count_nonzero(plane == most) / plane.size
+    if most == full or share <= MAX_SATURATED:
+        return share
+    side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
+    return share if 0 < side_share < share else 0.0
+
+
+def _parity_spread(plane: NDArray[Any]) -> float:
+    """The spread of the means of even and odd pixels over their mean; 0: none, or chance."""
+    if plane.ndim > 2 or min(plane.shape) < PARITY_BLOCK_PX:
+        return 0.0
+    y, x = ((side - PARITY_BLOCK_PX) // 2 for side in plane.shape)
+    block = plane[y : y + PARITY_BLOCK_PX, x : x + PARITY_BLOCK_PX].astype(np.float32)
+    kinds = block.reshape(PARITY_BLOCK_PX // 2, 2, PARITY_BLOCK_PX // 2, 2)
+    means, mean = kinds.mean((0, 2)), max(float(block.mean()), 1e-6)
+    spread = float(np.ptp(means)) / mean
+    if spread <= MAX_PARITY_SPREAD:  # the slow deviation need not be computed
+        return 0.0
+    error = float(kinds.std((0, 2)).max()) / mean / (PARITY_BLOCK_PX // 2)
+    return spread if spread > PARITY_ERRORS * error else 0.0
+
+
+def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
+    """Refuse dark images, whose noise would give a flat height."""
+    counts = MIN_COUNTS if plane.dtype.kind == "u" else 0
+    seen, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
+    # With two per cent above the limit, the slow percentile need not be computed.
+    if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
+        return
+    light = float(np.percentile(seen, 99))
+    if light >= least:
+        return
+    hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
+    if plane.max() > GLINT_SHARE * full:
+        hint = "; a few pixels are bright: is it a ball that mirrors? See calibrate_lights_mirror"
+    raise InputError(
+        f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
+        f"and the exposure long enough?{hint}"
+    )
