@@ -40,6 +40,7 @@ COMMANDS = (
     "new-ring",
     "devices",
     "bench",
+    "warm",
     "schema",
 )
 STOPPED_MESSAGE = (

@@ -87,6 +87,10 @@ class DeviceBackend(Protocol):
         """Check nodes' kernels, and begin to compile them; each is there when it is launched."""
         ...
 
+    def build(self, nodes: Sequence[Node]) -> int:
+        """Compile nodes' kernels, but for those that need a launch, and count the programs."""
+        ...
+
     def prepare(
         self,
         node: Node,

@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from typing import Any, Literal
 
+import pyopencl as cl
+
 from tactograph.graph.backends.build_ahead import build_ahead
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
-from tactograph.graph.backends.programs import Recipe
+from tactograph.graph.backends.programs import Recipe, build
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
@@ -43,15 +45,33 @@ class OpenCL(Queue):
         NodeError
             If a source does not match its declaration.
         """
+        programs = self._programs(nodes)
+        longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
+        needed = [programs[node] for node in longest_first if node.is_idle is None]
+        perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
+        build_ahead(self.context, needed, perhaps)
+
+    def build(self, nodes: Sequence[Node]) -> int:
+        """Build nodes' kernels, with helpers, and keep them on disk; return how many programs.
+
+        What does not compile without constants of its launch is left to that.
+        """
+        self.compile(nodes)
+        count = 0
+        for source, options in {*self._programs(nodes).values()}:
+            with suppress(cl.RuntimeError):
+                build(self.context, source, options)
+                count += 1
+        return count
+
+    def _programs(self, nodes: Sequence[Node]) -> dict[Node, Recipe]:
+        """The programs of nodes without constants of a launch."""
         programs: dict[Node, Recipe] = {}
         for node in nodes:
             # A launch function may do with a library's kernels.
             with suppress(NodeError) if node.kernels.launch else nullcontext():
                 programs[node] = self.compiled(node).recipe({})
-        longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
-        needed = [programs[node] for node in longest_first if node.is_idle is None]
-        perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
-        build_ahead(self.context, needed, perhaps)
+        return programs
 
     def compiled(self, node: Node) -> Compiled:
         """A node's kernels."""

@@ -22,6 +22,8 @@ class Unknown(NamedTuple):
     step: float = 1e-4
 
 
+NUISANCES = "size", "power"
+"""Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
     "wrap": Unknown(0.0, 0.2, 0.0, 0.5, 1e-3),
@@ -32,10 +34,9 @@ SHARED_UNKNOWNS = {
     "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
     "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
     "diffuse": Unknown(0.2, 0.3, 0.0, 0.9),
-    "size": Unknown(1.0, 1.0, 0.3, 3.0),
-    "power": Unknown(1.0, 1.0, 0.3, 3.0),
 }
-"""By name; `diffuse` is one for each LED, `size` and `power` are nuisances (`Fitted`)."""
+"""By name; `diffuse` is one for each LED."""
+SHARED_UNKNOWNS |= dict.fromkeys(NUISANCES, Unknown(1.0, 1.0, 0.3, 3.0))
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002
@@ -45,6 +46,8 @@ EMISSION_UNKNOWN = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
+USUAL_NEARNESS = 0.2
+"""Widths of the image over the distance of an LED."""
 LED_UNKNOWNS = "x", "y", "nearness", "strength", "emission"
 UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
 """Number of unknowns of an LED."""
@@ -52,8 +55,6 @@ UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim", "size"
 """Unknowns without effect on the film at rest."""
-NUISANCES = "size", "power"
-"""Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 PART_UNKNOWNS = {
     "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
@@ -84,7 +85,7 @@ def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int
     """Number, departure and standard deviation of every unknown with a prior."""
     numbers = numbered(now, names)
     for k, (_, _, c, _, emission) in enumerate(now.leds):
-        yield UNKNOWNS_PER_LED * k + 2, c - 0.2 / width_mm, 0.2 / width_mm
+        yield UNKNOWNS_PER_LED * k + 2, c - USUAL_NEARNESS / width_mm, USUAL_NEARNESS / width_mm
         yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
     for name in names:
         about, values = SHARED_UNKNOWNS[name], np.atleast_1d(value_of(now, name))

@@ -26,8 +26,6 @@ MAX_PRESSES = 12
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
-STRAIGHT_ABOVE_MM = np.array([0, 0, 1], np.float32)
-"""Place of all lights until the samples tell."""
 
 
 @node
@@ -63,14 +61,16 @@ def judge_press_radius(
     seen = image[used if of is None else of[used]]
     sheet = np.concatenate(list(seen / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
-    nowhere = matt_film(np.tile(STRAIGHT_ABOVE_MM, (len(flat), 1)))
+    # A matt film throws no light on itself, wherever its lights are.
+    matt = matt_film(np.ones((len(flat), 3), np.float32))
     every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, nowhere, noise, pixel), most=None, fine=True
+        *(sheet, flat, circle[used], radius, every, matt, noise, pixel), most=None, fine=True
     )
     strength = np.ones(len(flat), np.float32)
     # The film at rest of such sensors is not lit by points.
-    found = explain(balls, np.ones_like(flat), pixel, _directions(balls), strength)
+    flat = np.ones_like(flat)
+    found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
     doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
     diffuse, scale = found.by_name[TOLD].diffuse, scale_error(found)

@@ -13,7 +13,6 @@ from tactograph.graph import NodeCall, SizeLimit, node, warn
 from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLD_COUNT,
-    MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
     SHIFT_DEVIATION_PX,
     BallCircles,
@@ -23,11 +22,13 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
+from tactograph.nodes.calibrate.film._film_unknowns import SHARED_UNKNOWNS, Unknown
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.sheet import SheetLight
@@ -44,25 +45,31 @@ PRIOR_COPIES = 25
 meant for light."""
 
 
-class _Open(NamedTuple):
-    """A parameter that may have changed: standard deviation of its change, and its bounds."""
+class _Bounds(NamedTuple):
+    """The least and the most of a parameter."""
 
-    spread: float
     low: float
     high: float
 
 
-OPEN_PARAMETERS = {
-    "thicker": _Open(0.3, -3.0, 3.0),
-    "gain": _Open(0.01, 0.8, 1.3),
-    "diffuse": _Open(0.15, -0.9, 0.9),
-    "albedo": _Open(0.05, 0.0, 0.95),
-    "base": _Open(0.3, 0.05, 5.0),
-    "roughness": _Open(0.15, 0.08, 0.6),
-    "refraction": _Open(0.15, 1.0, 2.0),
+OPEN_SPREADS = {
+    "thicker": 0.3,
+    "gain": 0.01,
+    "diffuse": 0.15,
+    "albedo": 0.05,
+    "base": 0.3,
+    "roughness": 0.15,
+    "refraction": 0.15,
 }
-"""Parameters by name.  `thicker` is in mm of gel; `diffuse` is added to the share of every LED."""
-FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_PARAMETERS))
+"""Standard deviations of what may have changed, by name.  `thicker` is in mm of gel; `diffuse` is
+added to the share of every LED."""
+OPEN_BOUNDS: dict[str, Unknown | _Bounds] = SHARED_UNKNOWNS | {
+    "thicker": _Bounds(-3.0, 3.0),
+    "diffuse": _Bounds(-0.9, 0.9),
+    "refraction": _Bounds(1.0, 2.0),
+}
+"""Their bounds: those of a first fit, but for a film that had no coat."""
+FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_SPREADS))
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
 FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
@@ -127,7 +134,8 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
     flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
     and then of the coat, are accepted if they lower the error on held-out slices of the press by
-    5 per cent.  The old film's harmonics are dropped if that lowers the error as much.
+    more than a standard error (`pays`).  The old film's harmonics are dropped if that lowers the
+    error as much.
 
     Parameters
     ----------
@@ -163,13 +171,13 @@ def refit_film(
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
     known = _known(precise, flat, before, pixel)
-    best, error, folds = _choose(known, balls)
+    best, errors, folds = _choose(known, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(known._replace(film=plain), balls)
-        if other[1] < MAX_ERROR_RATIO * error:
-            best, error, folds = other
-    before_error = _judged(known, balls, ())[1]
+        if pays(errors, other[1]):
+            best, errors, folds = other
+    before_error = float(np.mean(_judged(known, balls, ())[1]))
     whole = sample_balls(*given, most=None, bounce=bounce)
     parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
     held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
@@ -177,7 +185,7 @@ def refit_film(
     uneven = unevenness(held, pixel)
     new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
-    figures = {"check_deg/before": before_error, "check_deg/held_out": error}
+    figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
         best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
@@ -226,19 +234,19 @@ def _level(logarithm: F8) -> F8:
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 
 
-def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
+def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out slices support, its error and its folds."""
-    best, error, folds = _judged(known, balls, FILM_CHANGES[0])
+    best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names)
-        if tried[1] < MAX_ERROR_RATIO * error:
-            best, error, folds = tried
-    return best, error, folds
+        if pays(errors, tried[1]):
+            best, errors, folds = tried
+    return best, errors, folds
 
 
 def _judged(
     known: _Known, balls: Balls, names: tuple[str, ...]
-) -> tuple[_Refitted, float, list[_Refitted]]:
+) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(known, balls, names, FIRST_COAT if "base" in names else {})
     folds, errors = [], []
@@ -249,7 +257,7 @@ def _judged(
         fold = _fit(known, balls.only(~held), names, whole.changed)
         folds.append(fold)
         errors.append(normal_error(balls.only(held), fold.fitted).degrees)
-    return whole, float(np.mean(errors)), folds
+    return whole, errors, folds
 
 
 def _changed(film: Film, names: dict[str, float]) -> Film:
@@ -273,8 +281,8 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
         old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
     first = np.array([old.get(name, 0.0) for name in names])
     places = place_deviations(balls, known.shift_mm).ravel()
-    opened = [OPEN_PARAMETERS[name] for name in names]
-    spread = np.concatenate([places, [each.spread for each in opened]])
+    bounds = [OPEN_BOUNDS[name] for name in names]
+    spread = np.concatenate([places, [OPEN_SPREADS[name] for name in names]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
     whole = balls.reference_light * samples
@@ -301,8 +309,8 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
 
     usual = np.concatenate([np.zeros(3 * count), first])
     begin = [start.get(name, value) for name, value in zip(names, first, strict=True)]
-    low = np.concatenate([-10 * places, [each.low for each in opened]])
-    high = np.concatenate([10 * places, [each.high for each in opened]])
+    low = np.concatenate([-10 * places, [each.low for each in bounds]])
+    high = np.concatenate([10 * places, [each.high for each in bounds]])
     margin = 1e-6 * spread
     begin_at = np.concatenate([np.zeros(3 * count), begin])
     solved = least_squares(

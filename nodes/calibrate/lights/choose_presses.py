@@ -31,8 +31,9 @@ from tactograph.nodes.optics.sheet import (
 
 SATURATED_LIGHT = 0.998
 """Captured light that counts as saturated."""
-MAX_SATURATED_SHARE = 0.02
-"""Share of saturated pixels in a contact above which a press is rejected."""
+MAX_SATURATED_SHARE, MAX_LOST_SHARE = 0.02, 0.5
+"""Share of saturated pixels in a contact above which they are left out: fewer are outliers of the
+fits, as dirt is. Share above which the press is rejected: most of it is lost."""
 CANDIDATE_PRESSES = 8
 """Number of presses that each serve alone as a candidate reference for the others."""
 MAX_MEDIANS = 3.0
@@ -49,6 +50,8 @@ class ChosenPresses(NamedTuple):
     """The known pixels of the used presses, which presses are used, and their residuals."""
 
     mask: SheetMask
+    bare: SheetMask | None
+    """0 where a marker covers the film or a highlight saturates a used press; None: nowhere."""
     kept: Annotated[U1, Port("P", "flag", high=1)]
     residual: Annotated[F4, Port("P", "1")]
 
@@ -65,11 +68,13 @@ def choose_presses(
     pixel: PixelSize,
     names: list[str],
     shape: RestShape | None = None,
+    bare: SheetMask | None = None,
 ) -> ChosenPresses:
     """Leave out the pixels of presses that are inconsistent with the others.
 
-    A press is left out, with a warning that gives the reason, if it is saturated, if an LED
-    does not reach it, or if its light contradicts the LED positions found from the others.
+    Saturated pixels, as of highlights, are left out where they are more than 2 % of a contact.
+    A press is left out, with a warning that gives the reason, if half of it is saturated, if an
+    LED does not reach it, or if its light contradicts the LED positions found from the others.
     Consensus (Fischler and Bolles, 1981) finds these: LEDs are placed by the flat frame and
     one press at a time, and the placement with the smallest median residual is taken.  A press
     is an outlier if its residual exceeds three times the median press's and 2 % of the light.
@@ -84,27 +89,37 @@ def choose_presses(
     pixel : mm per px
     names : the presses' names, for messages
     shape : the film at rest if it is no plane
+    bare : S x W, 0 where a marker covers the film; None: nowhere
 
     Returns
     -------
-    Mask S x W, empty where a press is left out; 1 for each of the P presses that is used; root mean
-    square residual of the light of each press (0 for a single press, and for presses that were not
-    compared).
+    Mask S x W, empty where a press is left out; `bare` without saturated pixels; 1 for each of the
+    P presses that is used; root mean square residual of the light of each press (0 for a single
+    press, and for presses that were not compared).
 
     Raises
     ------
     InputError
         If no press can be used.
     """
-    presses = presses_of(light, slope, mask, height, lit, flat.shape[1])
-    pressed = [i for i, press in enumerate(presses) if press.mask.any()]
+    rows = flat.shape[1]
+    pressed = [i for i, known in enumerate(cut(mask, rows)) if known.any()]
+    lost, spoilt = _saturated(image, mask, rows)
+    if spoilt.any():
+        bare = np.asarray(~spoilt if bare is None else ~spoilt & (bare > 0), np.uint8)
+    known = mask if bare is None else mask * bare
+    presses = presses_of(light, slope, known, height, lit, rows)
     kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
     kept[pressed] = 1
     if len(presses) > 1:
-        captured = cut(image, flat.shape[1])
-        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in pressed}
-        spoilt = {i: _spoilt(captured[i], presses[i].mask, objects[i]) for i in pressed}
-        why = {i: reason for i, reason in spoilt.items() if reason}
+        why = {
+            i: f"{lost[i]:.0%} of its contact is saturated; expose shorter"
+            for i in pressed
+            if lost[i] > MAX_LOST_SHARE
+        }
+        seen = [i for i in pressed if i not in why]
+        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in seen}
+        why |= {i: reason for i in seen if (reason := _unlit(objects[i]))}
         usable = [i for i in pressed if i not in why]
         if not usable:
             raise InputError(
@@ -119,7 +134,7 @@ def choose_presses(
         for i in sorted(why):
             warn(f"press {names[i]} is left out: {why[i]}")
             kept[i] = 0
-    return ChosenPresses(np.repeat(kept, flat.shape[1])[:, None] * mask, kept, residual)
+    return ChosenPresses(np.repeat(kept, rows)[:, None] * known, bare, kept, residual)
 
 
 class _Agreement(NamedTuple):
@@ -129,11 +144,18 @@ class _Agreement(NamedTuple):
     moved: F8
 
 
-def _spoilt(captured: F4, mask: U1, there: Object) -> str | None:
-    """The reason why a press cannot be used, regardless of the others; None if it can."""
-    clipped = float((captured[:, mask > 0] >= SATURATED_LIGHT).any(axis=0).mean())
-    if clipped > MAX_SATURATED_SHARE:
-        return f"{clipped:.0%} of its contact is saturated; expose shorter"
+def _saturated(image: F4, mask: U1, rows: int) -> tuple[list[float], NDArray[np.bool_]]:
+    """The share of each contact that is saturated, and the pixels where that is too much."""
+    full = (image >= SATURATED_LIGHT).any(axis=0)
+    lost = [
+        float(f[known > 0].mean()) if known.any() else 0.0
+        for f, known in zip(cut(full, rows), cut(mask, rows), strict=True)
+    ]
+    return lost, full & np.repeat(np.array(lost) > MAX_SATURATED_SHARE, rows)[:, None]
+
+
+def _unlit(there: Object) -> str | None:
+    """The reason why the light of a press cannot be used; None if it can."""
     dark = unreached([there])
     if dark:
         return f"LED {dark[0]} reaches only {dark[1]} pixels of its contact; is it on?"

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pyopencl as cl
@@ -15,6 +16,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
+from tests.graph.conftest import SLOPES, Command, Write, one_line
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
@@ -116,6 +118,26 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert build_ahead.helpers[-1].wait() == 0
     monkeypatch.setattr(cl._cl, "_Program", only_binaries(cl._cl._Program))
     assert [seven(device, number) for number in numbers] == [*numbers]
+
+
+def test_what_was_warmed_is_not_compiled_by_the_first_run(
+    folder: Path,
+    tactograph: Command,
+    write: Write,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph, file = write(SLOPES), tmp_path / "height.npy"
+    np.save(file, np.zeros((6, 8), np.float32))
+    warmed = tactograph("warm", graph)
+    assert "2 programs are built for" in warmed.out
+    assert "the rest follows with file" in warmed.out
+    build.cache_clear()
+    compiled = Mock(side_effect=AssertionError("compiled"))
+    monkeypatch.setattr("tactograph.graph.backends.programs._onto_disk", compiled)
+    assert tactograph("run", graph, f"file={file}").code == 0
+    assert "the rest" not in tactograph("warm", graph, f"file={file}").out
+    assert "no kernels to build" in one_line(tactograph("warm", graph, "--backend", "numpy"))
 
 
 HOLDS = """

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, MinLen
@@ -24,6 +24,8 @@ MIN_PRESSES = 3
 """Fewest presses that tell modulus and thickness apart."""
 LEAST_SPREAD = 0.05
 """Relative spread of the modulus, at the worst thickness, from which presses tell a thickness."""
+THICKER = 1.01
+"""Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
 """Relative spread of the modulus over the presses that is told."""
 Newtons = Annotated[float, Gt(0)]
@@ -56,7 +58,8 @@ def fit_modulus(
     -------
     dict
         ``modulus_kpa``, ``thickness_mm``, and from two presses on ``modulus_error``, its
-        relative standard deviation.
+        relative standard deviation: by what moduli differ by, by what the presses' forces err by
+        (`press_to_pressure`), and by the thickness, where that is fitted.
 
     Raises
     ------
@@ -72,13 +75,14 @@ def fit_modulus(
         )
 
     def moduli(thickness: float) -> F8:
-        forces = [_force(press, thickness, poisson) for press in presses]
+        forces = [_force(press, thickness, poisson).newtons for press in presses]
         return np.asarray(force_n) / np.array(forces)
 
     def spread_at(log: float) -> float:
         return float(np.std(np.log(moduli(float(np.exp(log))))))
 
-    if thickness_mm is None:
+    found_mm = thickness_mm
+    if found_mm is None:
         low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
         if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
             raise InputError(
@@ -88,8 +92,8 @@ def fit_modulus(
         minimum = minimize_scalar(
             spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
         )
-        thickness_mm = float(np.exp(minimum.x))
-    each = moduli(thickness_mm)
+        found_mm = float(np.exp(minimum.x))
+    each = moduli(found_mm)
     spread = float(np.std(each) / np.mean(each))
     if spread > MAX_SPREAD:
         warn(
@@ -102,10 +106,28 @@ def fit_modulus(
             f"{results}: the modulus would be {modulus:.3g} kPa, which no gel has: are forces in "
             "newtons, and the thickness in mm?"
         )
-    figures = {"modulus_kpa": modulus, "thickness_mm": thickness_mm}
+    figures = {"modulus_kpa": modulus, "thickness_mm": found_mm}
     if len(each) > 1:
-        figures["modulus_error"] = spread / float(np.sqrt(len(each) - 1))
+        at = [_force(press, found_mm, poisson) for press in presses]
+        errs = np.array([force.deviation / force.newtons for force in at])
+        thicker = moduli(found_mm * THICKER) if thickness_mm is None else each
+        figures["modulus_error"] = _relative_error(each, thicker, errs, fitted=thickness_mm is None)
     return figures
+
+
+def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
+    """The relative standard deviation of the modulus, by least squares over presses.
+
+    Each press errs by what its force does and by what moduli differ by.  Forces err alike, so
+    that their mean error stays in the modulus.  `thicker` are the moduli of a thicker gel: where
+    the thickness is fitted, it is a second unknown.
+    """
+    unknowns = 1 + fitted
+    spread = np.std(moduli) / np.mean(moduli) * np.sqrt(len(moduli) / (len(moduli) - unknowns))
+    by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
+    weighted = by / np.hypot(errs, spread)[:, None]
+    chance = np.linalg.inv(weighted.T @ weighted)[0, 0]
+    return float(np.sqrt(chance + np.square(errs).mean()))
 
 
 def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
@@ -133,8 +155,19 @@ def _presses(results: Path, count: int) -> Sequence[tuple[F4, Contacts, float]]:
     return presses
 
 
-def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> float:
-    """The force in newtons of all contacts, at a modulus of 1 kPa."""
+class _Force(NamedTuple):
+    """Of all contacts at a modulus of 1 kPa, and its standard deviation."""
+
+    newtons: float
+    deviation: float
+
+
+def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> _Force:
     gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
-    pressure = press_to_pressure(*press, **gel, most=MAX_CONTACTS)
-    return sum(v for name, v in pressure.figures.items() if name.startswith("contact_force_n"))
+    exact = np.zeros_like(press[0])
+    figures = press_to_pressure(*press, exact, **gel, most=MAX_CONTACTS).figures
+    total, deviation = (
+        sum(value for name, value in figures.items() if name.startswith(f"contact_force_{each}/"))
+        for each in ("n", "sd_n")
+    )
+    return _Force(total, deviation)

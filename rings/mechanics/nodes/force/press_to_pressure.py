@@ -1,25 +1,21 @@
 """The pressure that presses the film in, and the force on every contact."""
 
-from functools import partial
 from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
-from scipy.fft import dctn, idctn
-from scipy.sparse.linalg import LinearOperator, cg
 
-from tactograph.rings.mechanics.nodes.force.elastic_layer import (
-    Modulus,
-    Poisson,
-    Thickness,
-    layer_compliance,
-    wave_numbers,
+from tactograph.rings.mechanics.nodes.force._pressed_layer import (
+    PressedLayer,
+    force_deviation,
+    in_cells,
+    pressed_layer,
 )
+from tactograph.rings.mechanics.nodes.force.elastic_layer import Modulus, Poisson, Thickness
 from tactograph.sdk import (
     F4,
-    F8,
     Contacts,
     Height,
     HeightError,
@@ -33,7 +29,6 @@ from tactograph.sdk import (
 from tactograph.sdk.unstable import (
     MAX_MEASURED,
     Most,
-    cores,
     film_areas,
     film_places,
     largest_contacts,
@@ -45,8 +40,6 @@ Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
 NEWTONS_PER_KPA_MM2 = 1e-3
 """A kPa mm^2 in newtons."""
-ENOUGH_SHARE = 1e-6
-"""Share of the load that is left when conjugate gradients end early."""
 MAX_STRAIN = 0.3
 """Depth over thickness above which a linear layer is too soft."""
 MAX_BORDER_SHARE = 0.01
@@ -91,7 +84,10 @@ def press_to_pressure(
         H x W, the number of the contact at each pixel, as `find_contact` gives it: outside there
         is no pressure, and inside it may come out below zero by noise.
     pixel : mm per px
-    error : H x W, the height's standard deviation in mm; without it forces have no deviation
+    error
+        H x W, the height's standard deviation in mm; without it forces have no deviation.  With
+        it they have that of the height, of the contact's edge (a cell), of film that moves aside,
+        of presses that the frame mirrors, and of the modulus.
     view : the calibration, for the lens and the camera's height; None: an even grid
     modulus_kpa : Young's modulus of the gel
     thickness_mm : of the gel, between film and window
@@ -109,31 +105,18 @@ def press_to_pressure(
     """
     _warn_of_limits(height, contact, thickness_mm)
     numbers = largest_contacts(contact, most)
-    rows, columns = (-(-size // cell_px) for size in height.shape)
-    k = wave_numbers((rows, columns), cell_px * pixel)
-    compliance = layer_compliance(k, thickness_mm, poisson).normal / modulus_kpa
-    weight = (compliance * k) ** 2
-    to_load = (compliance * k * k / weight.max()).astype(np.float32)
+    layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
+    layer = layer._replace(steps=steps)
     place = _Place(height, view or View())
-    inside = place.cells(contact > 0, cell_px)
-    relative = (weight / weight.max()).astype(np.float32)
-    solve = partial(_solve, weight=relative, inside=inside, steps=steps)
-    by_cell = solve(inside * _filtered(place.cells(height, cell_px), to_load))
-    size = columns * cell_px, rows * cell_px
+    by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
+    size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
     seen = place.seen(enlarged[: height.shape[0], : height.shape[1]])
     pressure = np.where(contact > 0, seen, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
-        deviation = place.cells(error, cell_px)
-        for number in numbers:
-            functional = _filtered(inside * solve(place.cells(contact == number, cell_px)), to_load)
-            chance = NEWTONS_PER_KPA_MM2 * (cell_px * pixel) ** 2
-            chance *= _deviation(functional * deviation, k)
-            force = figures[f"contact_force_n/c{number}"]
-            figures[f"contact_force_sd_n/c{number}"] = float(
-                np.hypot(chance, modulus_error * force)
-            )
+        cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)
+        figures |= _deviations(layer, place, contact, *cells, figures, modulus_error)
     return PressForce(pressure, figures)
 
 
@@ -155,7 +138,7 @@ class _Place:
             _, (plane,) = on_even_grid(
                 self._height, [plane.astype(np.float32)], lens, camera or 0.0
             )
-        return _cells(np.nan_to_num(plane), side)
+        return in_cells(np.nan_to_num(plane), side)
 
     def seen(self, plane: F4) -> F4:
         """A map on an even grid, as seen."""
@@ -169,42 +152,38 @@ class _Place:
         return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR))
 
 
-def _cells(plane: NDArray[Any], side: int) -> F4:
-    """Means of squares of `side` pixels; those at the border go on beyond it."""
-    down, right = (-size % side for size in plane.shape)
-    whole = np.pad(plane.astype(np.float32), ((0, down), (0, right)), mode="edge")
-    size = whole.shape[1] // side, whole.shape[0] // side
-    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
+def _deviations(
+    layer: PressedLayer,
+    place: _Place,
+    contact: Contacts,
+    height: F4,
+    pressure: F4,
+    stated: F4,
+    figures: Metrics,
+    modulus_error: float,
+) -> Metrics:
+    """The forces' standard deviations; height, pressure and stated error are those of cells.
 
-
-def _filtered(plane: F4, gain: F4) -> F4:
-    """A plane whose waves are multiplied by `gain`."""
-    spectrum = dctn(plane, norm="ortho", workers=cores())
-    return np.asarray(idctn(gain * spectrum, norm="ortho", workers=cores()), np.float32)
-
-
-def _solve(load: F4, weight: F4, inside: F4, steps: int) -> F4:
-    """Conjugate gradients for the plane that `weight` turns into `load`.
-
-    `inside` is each cell's share of contact.
+    A contact's edge may lie a cell farther out: what force that adds is an error as well.
     """
-
-    def moved(plane: F4) -> F4:
-        return inside * _filtered(inside * plane.reshape(load.shape), weight)
-
-    operator = LinearOperator((load.size, load.size), moved, dtype=np.float32)
-    plane, _ = cg(operator, load.ravel(), rtol=ENOUGH_SHARE, maxiter=steps)
-    return np.asarray(plane.reshape(load.shape), np.float32)
-
-
-def _deviation(sensitivity: F4, k: F8) -> float:
-    """The standard deviation of a sum over the height, its errors those of integrated slopes.
-
-    `sensitivity` is the sum's derivative by the height, times the height's deviation.
-    """
-    variance = np.divide(1, k * k, out=np.zeros_like(k), where=k > 0)
-    spectrum = dctn(sensitivity, norm="ortho", workers=cores())
-    return float(np.sqrt(np.sum(spectrum**2 * variance) / np.mean(variance)))
+    side, cell_n = layer.side, NEWTONS_PER_KPA_MM2 * layer.cell_mm**2
+    wider = cv2.dilate(contact, np.ones((2 * side + 1,) * 2, np.uint8))
+    inside, wide_in = place.cells(contact > 0, side), place.cells(wider > 0, side)
+    wide = layer.pressure(height, wide_in)
+    strayed = layer.strayed(height, inside * pressure)
+    found: Metrics = {}
+    for name in [name for name in figures if name.startswith("contact_force_n/")]:
+        number = int(name.rpartition("/c")[2])
+        part = place.cells(contact == number, side)
+        edge = float((place.cells(wider == number, side) * wide).sum() - (part * pressure).sum())
+        by_height = layer.sensitivity(inside, part)
+        chance = force_deviation(by_height * stated, layer.k)
+        causes = [edge, chance, *(float((by_height * each).sum()) for each in strayed)]
+        of_modulus = modulus_error * figures[name]
+        found[f"contact_force_sd_n/c{number}"] = float(
+            np.hypot(cell_n * np.linalg.norm(causes), of_modulus)
+        )
+    return found
 
 
 def _figures(

@@ -84,9 +84,9 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
         )
     if (held := figures.get("held_out_percent")) is not None:
         said += (
-            f"<p>Of points of shapes that were held out {held:.1f} % (standard "
-            f"uncertainty {figures['held_out_error_percent']:.1f} %, as shapes differ) lie "
-            "within the intervals of the budget that the others give.</p>"
+            f"<p>Of points of shapes that were held out {held:.1f} % (standard uncertainty "
+            f"{figures['held_out_error_percent']:.1f} %, as shapes differ) lie within the "
+            "intervals of the budget that the others give.</p>"
         )
     return f"<table>{head}{''.join(lines)}</table>{said}"
 
@@ -103,7 +103,7 @@ def _response(curve: F8 | None, figures: Metrics) -> tuple[str, str] | None:
     axes.fill_between(z, -half, half, color=GREY, alpha=0.3, linewidth=0, label="U")
     axes.errorbar(true, apart, spread, color=BLUE, marker="o", capsize=3, label="found - true")
     axes.set(xlabel="true height / um", ylabel="deviation / um", title="Response along z")
-    axes.legend()
+    axes.legend(loc="upper center")
     return "Response along z", _uri(figure)
 
 

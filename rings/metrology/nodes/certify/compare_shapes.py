@@ -68,7 +68,7 @@ def compare_shapes(
     Raises
     ------
     InputError
-        If a touch shows no known shape.
+        If no touch shows a known shape, or what is touched is not known.
     """
     if height is None or pixel is None:
         return Compared()
@@ -85,13 +85,16 @@ def compare_shapes(
                 "the captures hold no truth_height_mm.npy, so their shape is not known; of balls "
                 "give `ball_radius_mm`"
             )
+        shapes = [pairs for pairs in shapes if len(pairs[0]) > MIN_POINTS and np.ptp(pairs[0]) > 0]
         if not shapes:
-            warn(f"touch {number + 1} shows no whole ball; it is left out")
+            warn(f"touch {number + 1} shows no whole known shape; it is left out")
         for pairs in shapes:
             count = len(pairs[0])
             parts.append((*pairs, np.full(count, len(parts)), np.full(count, number)))
     if not parts:
-        raise InputError("no touch shows a whole ball; is `ball_radius_mm` right?")
+        raise InputError(
+            "no touch shows a whole known shape; are they touches, and is `ball_radius_mm` right?"
+        )
     true, points, doubt, shape, touch = (np.concatenate(each) for each in zip(*parts, strict=True))
     return Compared(true, points, doubt, shape.astype(np.int32), touch.astype(np.int32))
 

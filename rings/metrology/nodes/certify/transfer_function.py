@@ -40,7 +40,7 @@ def transfer_function(
     -------
     Transfer
         ``topographic_spatial_resolution_mm``, the longest wave whose response is one half, the
-        W_R of ISO 25178-600; ``transfer_at_long_waves``, the response of the lowest tenth.
+        W_R of ISO 25178-600.
     """
     if height is None or truth is None or pixel is None:
         return Transfer({})
@@ -63,11 +63,7 @@ def transfer_function(
     else:
         cut = NYQUIST
         warn("all waves that pixels show come through by more than half: pixels limit resolution")
-    few = max(len(response) // 10, 1)
-    figures = {
-        "topographic_spatial_resolution_mm": float(pixel / cut),
-        "transfer_at_long_waves": float(response[:few].mean()),
-    }
+    figures = {"topographic_spatial_resolution_mm": float(pixel / cut)}
     return Transfer(figures, np.stack([cycles / pixel, response]))
 
 

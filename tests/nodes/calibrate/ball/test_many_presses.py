@@ -21,7 +21,7 @@ from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXE
 
 GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
 """x and y in px, the ball's radius in mm."""
-CONTACT = 33.0
+CONTACT, GLINT = 33.0, 8.0
 
 
 def pressed(x: float, y: float, radius: float) -> F4:
@@ -46,7 +46,7 @@ def ball(x: float, y: float, radius: float) -> str:
 
 @pytest.fixture(scope="module")
 def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four good presses, of two balls, and one of each kind of bad ones."""
+    """Five good presses, of two balls, one with a highlight, and one of each kind of bad ones."""
     folder = tmp_path_factory.mktemp("sensor")
     rest = render(FILM, PIXEL, RING).light
     write(folder / "flat" / "1", rest, seed=1)
@@ -60,6 +60,9 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder / "presses" / "f_moved", moved, ball(*GOOD["a"]))
     write(folder / "presses" / "g_bright", 4 * made["b"], ball(*GOOD["b"]))
     write(folder / "presses" / "h_other", made["b"], ball(*GOOD["b"][:2], 6.0))
+    y, x = np.indices(SIZE)
+    glint = np.hypot(x - GOOD["b"][0] - 8, y - GOOD["b"][1]) < GLINT
+    write(folder / "presses" / "i_glint", np.where(glint, 4, made["b"]), ball(*GOOD["b"]))
     return folder
 
 
@@ -95,17 +98,23 @@ def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
 
 def test_errors_are_of_presses_held_out(calibrated) -> None:
     quality = calibrated[0]["quality"]
-    assert quality["presses"] == 4
+    assert quality["presses"] == 5
     assert 0.05 < quality["heldout_normal_deg"] < 1
     assert 0.1 < quality["heldout_height_um"] < 10
 
 
 def test_the_tables_hold_pixels_of_all_good_presses_and_of_no_bad_one(calibrated) -> None:
     result, out = calibrated
-    used = [part.any() for part in np.split(result["mask"], 8)]
-    assert used == [True] * 4 + [False] * 4
+    used = [part.any() for part in np.split(result["mask"], 9)]
+    assert used == [True] * 4 + [False] * 4 + [True]
     entries = len(read_calibration(file=out).lut_slope)
-    assert entries == pytest.approx(4 * np.pi * CONTACT**2, rel=0.1)
+    assert entries == pytest.approx(5 * np.pi * CONTACT**2, rel=0.1)
+
+
+def test_saturated_highlights_are_left_out_of_a_press(calibrated) -> None:
+    whole, glinting = (np.split(calibrated[0]["mask"], 9)[i] for i in (1, 8))
+    lost = int(whole.sum()) - int(glinting.sum())
+    assert lost == pytest.approx(np.pi * GLINT**2, rel=0.05)
 
 
 def test_a_picture_lies_beside_the_calibration(calibrated) -> None:
@@ -125,8 +134,8 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
 
 def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
     found = read_balls(folder=sensor / "presses", radius_mm=7.0)
-    assert found.image.shape == (4, 8 * SIZE[0], SIZE[1])
-    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6]
+    assert found.image.shape == (4, 9 * SIZE[0], SIZE[1])
+    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
     assert found.known[1].tolist() == [106, 40, CONTACT]
     assert np.isnan(found.known[4]).all()
 
@@ -194,33 +203,6 @@ def covered(*places: tuple[float, float], contact: float = 40.0) -> str:
 def test_what_to_press_next(places, contact: float, advice: str) -> None:
     said = covered(*places, contact=contact)
     assert advice in said
-
-
-def test_the_balls_that_are_marked_in_a_scan_are_found_there(tmp_path: Path) -> None:
-    """Marks are some pixels off, and a scan knows radius and pixel size."""
-    places = [(40.0, 35.0), (110.0, 36.0), (39.0, 85.0), (109.0, 86.0)]
-    height = FILM.copy()
-    for x, y in places:
-        centre = np.array([x, y], np.float32)
-        ball = ball_slopes(BLANK, centre, 18.0, PIXEL, radius_mm=2.0, margin_px=0.0)
-        height = np.maximum(height, ball.height)
-    light = render(height, PIXEL, RING, samples=2).light
-    write(tmp_path / "scan", light)
-    marks = "".join(
-        f"  - {{type: GridCircle, gx: {k % 2}, gy: {k // 2}, x: {x - 2}, y: {y + 1}, r: 20}}\n"
-        for k, (x, y) in enumerate(places)
-    )
-    (tmp_path / "scan" / "scan.yaml").write_text(
-        f"images: [led1.png, led2.png, led3.png, led4.png]\nmmperpixel: {PIXEL}\n"
-        f"calibradius: 2\ncrop: [0, 0, 0, 0]\nannotations:\n{marks}"
-    )
-    taken = read_balls(folder=tmp_path / "scan", crop=(10, 10, SIZE[1], SIZE[0]))
-    assert (taken.radius.tolist(), taken.pixel_size) == ([2.0], PIXEL)
-    flat = 0.6 * render(FILM, PIXEL, RING).light[:, 10:, 10:]
-    found = find_balls(
-        taken.image / flat, flat, taken.radius, taken.known, taken.names, PIXEL, taken.marks
-    )
-    np.testing.assert_allclose(found.circle[:, :2] + 10, places, atol=0.3)
 
 
 def test_a_press_without_marks_among_marked_ones_is_told(tmp_path: Path) -> None:

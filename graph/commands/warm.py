@@ -1,0 +1,37 @@
+"""``tactograph warm``: build a graph's kernels ahead of its first run."""
+
+from __future__ import annotations
+
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+
+
+@graph_command("warm", short_help="Build a graph's kernels ahead of its first run.")
+@run_options
+def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
+    """Build the kernels of GRAPH, as when a robot boots, and keep them on disk.
+
+    They serve every process of this user on this device, as long as kernels and driver are the
+    same.  Some hang on the calibration and on the image: with all values that GRAPH needs one item
+    is run as well.  Nothing else is written.
+    """
+    from tactograph.graph.backends.device_backend import open_device
+    from tactograph.graph.errors import InputError
+    from tactograph.graph.files.typed_values import read_words
+    from tactograph.graph.plan.make_plan import make_plan
+
+    read = options.read(graph)
+    given = read_words(read, values)
+    names = read.backends if options.backend is None else (options.backend,)
+    device, reason = open_device(names, options.device)
+    if device is None:
+        raise InputError(f"{read.name}: no kernels to build: {reason}")
+    plan = make_plan(read, {**read.placeholders, **given}, device=device)
+    placed = [(plan.tasks[name].node, place) for name, place in plan.placements.items()]
+    nodes = [node for node, place in placed if place.on_device]
+    nodes += [node.calls[name] for node, place in placed for name in place.calls]
+    count = device.build(nodes)
+    missing = read.placeholders.keys() - given.keys()
+    if not missing:
+        next(options.open(read, given, sinks=False).items(), None)
+    rest = f"; the rest follows with {', '.join(sorted(missing))}" if missing else ""
+    say(f"{read.name}: {count} programs are built for {device.name}{rest}")
