@@ -69,7 +69,8 @@ def judge_press_radius(
     )
     strength = np.ones(len(flat), np.float32)
     # The film at rest of such sensors is not lit by points.
-    found = explain(balls, np.ones_like(flat), pixel, _directions(balls), strength)
+    flat = np.ones_like(flat)
+    found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
     doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
     diffuse, scale = found.by_name[TOLD].diffuse, scale_error(found)

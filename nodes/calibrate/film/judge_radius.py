@@ -179,7 +179,7 @@ def explain(
     lights: F4,
     strength: F4,
     shape: RestShape | None = None,
-    camera: float = 0.0,
+    camera: float | None = 0.0,
 ) -> Alternatives:
     """Fit the plain film with the values told and with each of them free.
 
@@ -188,13 +188,13 @@ def explain(
     balls, flat, pixel, lights, strength, shape
         Samples as `sample_balls` returns them, and what else `fit_film` is given.
     camera
-        One over the pupil's height above the film, which is not free then; 0: not known.
+        One over the pupil's height above the film; 0: it is free.  None: the camera is far.
     """
     rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
-    start = start._replace(film=start.film._replace(camera=camera)).with_leds(leds)
+    start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
     samples = thinned(balls, MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
@@ -225,7 +225,7 @@ def explain(
             if has_given_up:
                 yield explained(fitted(parts, fitted(frozenset(), first)))[0]
 
-    free = {name: parts for name, parts in PARTS.items() if name != CAMERA or not camera}
+    free = {name: parts for name, parts in PARTS.items() if name != CAMERA or camera == 0}
     found = {
         name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
     }
@@ -282,17 +282,23 @@ def unconfirmed(
     found: Alternatives, radius: float, left: float = math.inf, which: str = "", advice: str = ""
 ) -> str:
     """Return what is open if a gel that diffuses no light is not excluded, with another radius."""
-    if not _is_open(found, left):
+    open_ones = _open_ones(found, left)
+    others = []
+    if CLEAR in open_ones:
+        others.append(f"{radius * found.by_name[CLEAR].size:.3g} mm if it diffuses none")
+    if SIZE in open_ones:
+        size, times = found.by_name[SIZE], _times(found.odds(SIZE))
+        likelier = (
+            f"{radius * size.size:.3g} mm, {times} likelier, if it diffuses {size.diffuse:.0%}"
+        )
+        others.append(likelier)
+    if not others:
         return ""
-    told, clear, size = (found.by_name[name] for name in (TOLD, CLEAR, SIZE))
-    likeliest = ""
-    if _is_other(found) and found.odds(SIZE) > math.sqrt(SURE_ODDS):
-        likeliest = f"; {radius * size.size:.3g} mm is {_times(found.odds(SIZE))} likelier"
     return (
         f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
-        f"{told.diffuse:.0%} of the light, {radius * clear.size:.3g} mm if it diffuses none"
-        f"{likeliest}. Heights may be {scale_error(found, left):.0%} off. Measure the ball and the "
-        f"pixel size{which}, or press deeper, until the ball throws a shadow on itself{advice}"
+        f"{found.by_name[TOLD].diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+        f"{scale_error(found, left):.0%} off. Measure the ball and the pixel size{which}, or press "
+        f"deeper, until the ball throws a shadow on itself{advice}"
     )
 
 
@@ -302,16 +308,27 @@ def scale_error(found: Alternatives, left: float = math.inf) -> float:
     Either the radius is another, or the pixel size is, by the inverse: then all heights change by
     that once more.  Neither is likelier, so the squares of both are averaged.
     """
-    open_ones = [SIZE] * (_is_other(found) and found.odds(SIZE) > SURE_ODDS)
-    open_ones += [CLEAR] * _is_open(found, left)
-    either = [(found.cap[name], found.cap[name] / found.by_name[name].size) for name in open_ones]
+    either = [
+        (found.cap[name], found.cap[name] / found.by_name[name].size)
+        for name in _open_ones(found, left)
+    ]
     return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
 
 
-def _is_open(found: Alternatives, left: float) -> bool:
-    """Whether the light allows another radius, and a gel that diffuses none."""
-    likely = min(found.odds(CLEAR), found.odds(CLEAR, left)) > 1 / SURE_ODDS
-    return _is_other(found, CLEAR) and likely
+def _open_ones(found: Alternatives, left: float) -> list[str]:
+    """The alternatives with other radii that the light leaves open.
+
+    A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses some
+    explains anything that it does better by chance, and is open if it is half way to sure.
+    """
+    from_odds = {CLEAR: 1 / SURE_ODDS, SIZE: math.sqrt(SURE_ODDS)}
+    return [
+        name
+        for name, least in from_odds.items()
+        if _is_other(found, name)
+        and found.odds(name) > least
+        and found.odds(name, left) > 1 / SURE_ODDS
+    ]
 
 
 def _is_other(found: Alternatives, name: str = SIZE) -> bool:
