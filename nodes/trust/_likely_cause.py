@@ -15,7 +15,7 @@ import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS
-from tactograph.nodes.trust.banded_rows import BANDS, is_banded
+from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 
 ROWS, COLUMNS = 30, 40
 """Cells on which mistakes are tried: few, since there are a hundred."""
@@ -41,6 +41,7 @@ SIDES: dict[str, Callable[[F4], F4]] = {
     "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
     "turned by half": lambda planes: planes[..., ::-1, ::-1],
 }
+"""What undoes each way in which a camera may be held or its images turned."""
 
 
 class _Mistake(NamedTuple):
@@ -63,7 +64,7 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     if alike := _alike(raw):
         return alike
     if is_banded(light):
-        return BANDS
+        return BANDS_TOLD
     small, rest = _resized(raw), np.maximum(_resized(flat), np.float32(1e-3))
     as_it_is = _left(small / rest, lights)
     if as_it_is < FITS:
