@@ -116,7 +116,7 @@ def surfaces() -> Iterator[Row]:
     """Nine touches of a plate of 31 x 24 mm."""
     heights, errors = test_stitch.noisy_touches()
     whole, single = stitch(heights, errors, moved_objects.PIXEL, test_stitch.NAMES), errors.mean()
-    together = float(np.sqrt(np.nanmean(np.square(test_stitch.departure(whole)))))
+    together = float(np.sqrt(np.nanmean(np.square(test_stitch.levelled(whole)))))
     yield (
         "surface of nine touches: RMSE",
         f"{1e3 * together:.2f} um ({together / single:.2f} of a touch's)",

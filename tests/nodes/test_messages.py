@@ -118,8 +118,19 @@ def _imported(node: str) -> set[Path]:
         if file in found:
             continue
         found.add(file)
-        for each in ast.walk(_tree(file)):
-            if isinstance(each, ast.ImportFrom) and (each.module or "").startswith("tactograph."):
-                names = [each.module, *(f"{each.module}.{alias.name}" for alias in each.names)]
-                waiting += [source for name in names if (source := _source(str(name)))]
+        waiting += _imports(file)
     return found
+
+
+@cache
+def _imports(file: Path) -> list[Path]:
+    """The files of the package that a file imports."""
+    taken = (each for each in ast.walk(_tree(file)) if isinstance(each, ast.ImportFrom))
+    modules = [(str(each.module), each.names) for each in taken]
+    names = [
+        name
+        for module, parts in modules
+        if module.startswith("tactograph.")
+        for name in (module, *(f"{module}.{part.name}" for part in parts))
+    ]
+    return [source for name in names if (source := _source(name))]

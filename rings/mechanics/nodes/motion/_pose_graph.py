@@ -40,6 +40,8 @@ class Poses(NamedTuple):
     root have none."""
     covariances: dict[int, F8]
     """6 x 6 of a small motion after these (mm, rad)."""
+    leans: dict[int, F8]
+    """The same as pairs scatter, by what heights alone do not tell (`_leaning`)."""
     pairs: list[Pair]
 
 
@@ -53,11 +55,11 @@ def solve_poses(count: int, pairs: list[Pair]) -> Poses:
         poses = _chained(count, pairs)
         kept = [pair for pair in pairs if pair.first in poses]
         if len(poses) < 2:
-            return Poses(poses, {}, kept)
-        poses, covariances = _adjusted(poses, kept)
+            return Poses(poses, {}, {}, kept)
+        poses, covariances, leans = _adjusted(poses, kept)
         apart = [float(np.linalg.norm(_missed(poses, pair)[0])) / np.sqrt(6) for pair in kept]
         if max(apart) < MAX_APART:
-            return Poses(poses, covariances, kept)
+            return Poses(poses, covariances, leans, kept)
         pairs.remove(kept[int(np.argmax(apart))])
 
 
@@ -81,27 +83,49 @@ def _missed(poses: dict[int, F8], pair: Pair) -> tuple[F8, F8]:
     a small motion after the first pose, 6 x 6; by one after the second it is the negative."""
     back = np.linalg.inv(poses[pair.second])
     step = six_numbers(back @ poses[pair.first] @ np.linalg.inv(pair.fit.motion))
-    spread = np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
+    spread = _spread(pair)
     turned, (x, y, z) = np.eye(6), step[:3]
     turned[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
     both = np.linalg.solve(spread, np.column_stack([step, turned @ carried(back)]))
     return both[:, 0], both[:, 1:]
 
 
-def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> tuple[dict[int, F8], dict[int, F8]]:
-    """Gauss-Newton over all poses but the root's; pairs that miss lose weight (Cauchy)."""
+def _spread(pair: Pair) -> F8:
+    return np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
+
+
+def _leaning(pair: Pair) -> F8:
+    """A root of a pair's covariance at a known z: touches that overlap agree in height, and what
+    their heights err by is stated already."""
+    whole, others = pair.fit.covariance, [0, 1, 3, 4, 5]
+    at_z = whole - np.outer(whole[2], whole[2]) / whole[2, 2]
+    root = np.zeros((6, 6))
+    root[np.ix_(others, others)] = np.linalg.cholesky(at_z[np.ix_(others, others)])
+    return root
+
+
+def _adjusted(
+    poses: dict[int, F8], pairs: list[Pair]
+) -> tuple[dict[int, F8], dict[int, F8], dict[int, F8]]:
+    """Gauss-Newton over all poses but the root's; pairs that miss lose weight (Cauchy).
+
+    Also returned are covariances and leans, as `Poses` has them.
+    """
     root, *others = poses
     place = {number: slice(6 * n, 6 * n + 6) for n, number in enumerate(others)}
     matrix = np.zeros((6 * len(others),) * 2)
     for _ in range(MAX_STEPS):
         matrix[:], gradient = 0, np.zeros(len(matrix))
-        for pair in pairs:
+        leaning = np.zeros((len(matrix), 6 * len(pairs)))
+        for number, pair in enumerate(pairs):
             missed, change = _missed(poses, pair)
             weighted = change.T / (1 + missed**2)
             signs = (pair.first, 1), (pair.second, -1)
             ends = [(place[n], sign) for n, sign in signs if n != root]
+            scatter = np.linalg.solve(_spread(pair), _leaning(pair))
             for one, sign in ends:
                 gradient[one] += sign * weighted @ missed
+                leaning[one, 6 * number : 6 * number + 6] = sign * weighted @ scatter
                 for other, its_sign in ends:
                     matrix[one, other] += sign * its_sign * weighted @ change
         step = -np.linalg.solve(matrix, gradient)
@@ -109,5 +133,10 @@ def _adjusted(poses: dict[int, F8], pairs: list[Pair]) -> tuple[dict[int, F8], d
         if step @ matrix @ step < MIN_STEP_VARIANCE:
             break
     spread = np.linalg.inv(matrix)
+    leans = spread @ leaning
     none = {root: np.zeros((6, 6))}
-    return poses, none | {n: spread[place[n], place[n]] for n in others}
+    return (
+        poses,
+        none | {n: spread[place[n], place[n]] for n in others},
+        none | {n: leans[place[n]] @ leans[place[n]].T for n in others},
+    )

@@ -120,7 +120,7 @@ def stitch(
     cells = [surface.coarser(cell_px) for surface in surfaces]
     end = math.inf if seconds is None else time.monotonic() + seconds
     pairs, untried = _matched(cells, turn_deg, least_overlap, least_likeness, end)
-    poses, covariances, pairs = solve_poses(len(names), pairs)
+    poses, covariances, leans, pairs = solve_poses(len(names), pairs)
     if untried:
         warn(
             f"stitch: after `seconds`={seconds:g}, {untried} likely pairs of touches were left "
@@ -146,8 +146,8 @@ def stitch(
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)
     grid = _grid(surfaces, poses)
-    height, error, source, difference = _fused(surfaces, deviations, poses, grid)
-    error *= max(difference, 1.0) if stated else difference
+    height, error, astray, source, difference = _fused(surfaces, deviations, poses, leans, grid)
+    error = np.hypot(error * np.float32(max(difference, 1.0) if stated else difference), astray)
     figures: Metrics = {
         "stitched_touches": float(len(poses)),
         "stitched_pairs": float(len(pairs)),
@@ -234,12 +234,16 @@ def _unsure_mm(surface: Surface, motion: F8, covariance: F8) -> float:
 
 
 def _fused(
-    surfaces: list[Surface], deviations: F4, poses: dict[int, F8], grid: Surface
-) -> tuple[F4, F4, U1, float]:
-    """Height, its deviation, the touch of most weight, and the touches' root mean square
-    difference from their mean, in deviations.
+    surfaces: list[Surface],
+    deviations: F4,
+    poses: dict[int, F8],
+    leans: dict[int, F8],
+    grid: Surface,
+) -> tuple[F4, F4, F4, U1, float]:
+    """Height, its deviation by the touches' errors and by their poses', the touch of most weight,
+    and the touches' root mean square difference from their mean, in deviations.
     """
-    weights, total, square = (np.zeros(grid.height.shape) for _ in range(3))
+    weights, total, square, astray = (np.zeros(grid.height.shape) for _ in range(4))
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
     seen = np.zeros(weights.shape, np.int64)
     for number, pose in poses.items():
@@ -249,6 +253,7 @@ def _fused(
         weights += weight
         total += weight * height
         square += weight * height**2
+        astray += weight * _height_deviation(height, leans[number], grid)
         seen += weight > 0
         source[weight > heaviest] = number + 1
         heaviest = np.maximum(heaviest, weight)
@@ -259,7 +264,17 @@ def _fused(
     apart = square[several] - weights[several] * mean[several] ** 2
     freedom = max(int((seen[several] - 1).sum()), 1)
     difference = float(np.sqrt(max(float(apart.sum()), 0.0) / freedom))
-    return mean.astype(np.float32), error.astype(np.float32), source, difference
+    astray = np.divide(astray, weights, out=np.zeros_like(total), where=known)
+    mean, error, astray = (plane.astype(np.float32) for plane in (mean, error, astray))
+    return mean, error, astray, source, difference
+
+
+def _height_deviation(height: F8, covariance: F8, grid: Surface) -> F8:
+    """The deviation of heights by a small motion of this covariance (R1)."""
+    (x, y), (a, b) = grid.places(), normals(height.astype(np.float32), grid.side)
+    moved = np.broadcast_arrays(a, b, 1, y - height * b, height * a - x, x * b - y * a)
+    square = np.einsum("iyx,ij,jyx->yx", moved, covariance, moved, optimize=True)
+    return np.asarray(np.sqrt(np.maximum(square, 0)))
 
 
 def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:

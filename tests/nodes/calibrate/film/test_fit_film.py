@@ -142,6 +142,7 @@ def test_a_single_ball_tells_diffuse_light() -> None:
     assert found.film.camera == 0, "one ball does not tell how high the pupil is"
 
 
+@pytest.mark.slow
 def test_slants_after_a_single_ball_rest_on_direct_light(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shadows that are brighter than a gel makes them would take a degree off."""
     gel, plain = MATT._replace(diffuse=np.full(4, 0.4, np.float32), gain=1.05, wrap=0.1), press
