@@ -34,7 +34,7 @@ MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
 MAX_ORDERS = 24
 """Orders of more than four LEDs are too many: only two of them are exchanged."""
-SWAPPED = 2
+IMAGES_SWAPPED = 2
 """Images out of place where two are exchanged."""
 SIDES: dict[str, Callable[[F4], F4]] = {
     "mirrored left to right": lambda planes: planes[..., ::-1],
@@ -98,7 +98,7 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
     in_place, *others = _orders(len(raw))
-    swaps = [order for order in others if _moved(order) == SWAPPED]
+    swaps = [order for order in others if _moved(order) == IMAGES_SWAPPED]
     for order in swaps:
         yield _Mistake(_words("", order), raw[list(order)])
     for side, turn in SIDES.items():
@@ -129,7 +129,7 @@ def _words(side: str, order: tuple[int, ...]) -> str:
     if side:
         return f"the images are {side} beside those of the calibration, with which they would fit"
     wrong = [place for place, led in enumerate(order) if led != place]
-    if len(wrong) == SWAPPED:
+    if len(wrong) == IMAGES_SWAPPED:
         return (
             f"the images of LED {wrong[0] + 1} and LED {wrong[1] + 1} are swapped: exchanged, they "
             "fit the calibration (check names and wires)"
