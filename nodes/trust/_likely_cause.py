@@ -36,7 +36,7 @@ MAX_ORDERS = 24
 """Orders of more than four LEDs are too many: only two of them are exchanged."""
 IMAGES_SWAPPED = 2
 """Images out of place where two are exchanged."""
-SIDES: dict[str, Callable[[F4], F4]] = {
+TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
     "mirrored left to right": lambda planes: planes[..., ::-1],
     "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
     "turned by half": lambda planes: planes[..., ::-1, ::-1],
@@ -101,7 +101,7 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     swaps = [order for order in others if _moved(order) == IMAGES_SWAPPED]
     for order in swaps:
         yield _Mistake(_words("", order), raw[list(order)])
-    for side, turn in SIDES.items():
+    for side, turn in TURNED_IMAGES.items():
         yield _Mistake(_words(side, in_place), turn(raw))
     for order in others:
         if order not in swaps:
