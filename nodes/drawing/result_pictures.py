@@ -68,7 +68,7 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
     figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
     picture, of_all = _coloured(left, height, ColourMap("height", "mm"), pixel)
-    coloured = np.where(height <= picture.norm.vmax, height, -np.inf)
+    coloured = np.where(height <= picture.get_clim()[1], height, -np.inf)
     top = int(np.unravel_index(int(coloured.argmax()), height.shape)[0])
     y = (top - (rows - 1) / 2) * pixel
     left.axhline(y, color="white", linewidth=0.7, linestyle="--")

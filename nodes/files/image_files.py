@@ -109,7 +109,8 @@ def _check_plain(image: Image.Image, file: Path) -> None:
 
 def _raw_mode(image: Image.Image) -> str:
     """How a file holds its pixels, in Pillow's words, such as "L;4" for four bits of grey."""
-    how = image.tile[0].args if image.tile else ""
+    tiles: Any = getattr(image, "tile", None)
+    how = tiles[0].args if tiles else ""
     return str(how[0] if isinstance(how, tuple) else how)
 
 

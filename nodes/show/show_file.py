@@ -4,6 +4,7 @@ Long because calibrations, stores and results are each told by a module of their
 """
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -69,7 +70,8 @@ def _look(file: Path) -> Shown:
     if file.is_dir():
         for suffix in brought("show"):
             if parts := sorted(file.glob(f"*.{suffix}")):
-                shows = [bring("show", suffix).show(part) for part in parts]
+                reader: Any = bring("show", suffix)
+                shows = [reader.show(part) for part in parts]
                 return Shown([line for each in shows for line in each.lines], {})
         return show_capture(file)
     others = "".join(f", a .{name}" for name in brought("show"))

@@ -81,7 +81,7 @@ class Spectra:
         sure = alike / np.sqrt(np.maximum(mine * its, 1e-9)) * np.sqrt(np.maximum(overlap, 0))
         sure[overlap < least] = 0
         y, x = np.unravel_index(int(np.argmax(sure)), sure.shape)
-        shift = [(n - m if n > m / 2 else n) * side for n, m in ((x, size[1]), (y, size[0]))]
+        shift = [float(n - m if n > m / 2 else n) * side for n, m in ((x, size[1]), (y, size[0]))]
         return float(sure[y, x]), shift
 
     def _likeliest(self, candidates: list[tuple[float, F8]]) -> Match:

@@ -81,12 +81,14 @@ def _chained(count: int, pairs: list[Pair]) -> dict[int, F8]:
 def _missed(poses: dict[int, F8], pair: Pair) -> tuple[F8, F8]:
     """Departure of the poses from a pair's motion, in standard deviations, and its derivative by
     a small motion after the first pose, 6 x 6; by one after the second it is the negative."""
-    back = np.linalg.inv(poses[pair.second])
+    back: F8 = np.asarray(np.linalg.inv(poses[pair.second]), np.float64)
     step = six_numbers(back @ poses[pair.first] @ np.linalg.inv(pair.fit.motion))
     spread = _spread(pair)
     turned, (x, y, z) = np.eye(6), step[:3]
     turned[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    both = np.linalg.solve(spread, np.column_stack([step, turned @ carried(back)]))
+    both: F8 = np.asarray(
+        np.linalg.solve(spread, np.column_stack([step, turned @ carried(back)])), np.float64
+    )
     return both[:, 0], both[:, 1:]
 
 
@@ -128,11 +130,11 @@ def _adjusted(
                 leaning[one, 6 * number : 6 * number + 6] = sign * weighted @ scatter
                 for other, its_sign in ends:
                     matrix[one, other] += sign * its_sign * weighted @ change
-        step = -np.linalg.solve(matrix, gradient)
+        step: F8 = -np.asarray(np.linalg.solve(matrix, gradient), np.float64)
         poses = poses | {n: small_motion(step[place[n]]) @ poses[n] for n in others}
         if step @ matrix @ step < MIN_STEP_VARIANCE:
             break
-    spread = np.linalg.inv(matrix)
+    spread: F8 = np.asarray(np.linalg.inv(matrix), np.float64)
     leans = spread @ leaning
     none = {root: np.zeros((6, 6))}
     return (
