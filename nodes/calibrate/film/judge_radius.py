@@ -153,7 +153,9 @@ def judge_radius(
         shape=shape,
     )
     first, left = float(radius[used[0]]), _left(fitted)
-    found = explain(balls, flat, pixel, lights, strength, shape, film.camera)
+    # On a film that is no plane, the pupil is where its shape was seen from.
+    camera = film.camera if shape is None else film.camera or None
+    found = explain(balls, flat, pixel, lights, strength, shape, camera)
     doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
     if is_clear and not force:
         raise InputError(doubts[0] + FORCE_ADVICE)
