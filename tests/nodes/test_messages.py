@@ -74,7 +74,7 @@ def _files() -> list[Path]:
 
 
 def _sentences(tree: ast.AST) -> Iterator[str]:
-    """The texts of a file that may be messages: of several words, and no docstrings."""
+    """The texts of a file that may be messages: of several words, no docstrings, no pages."""
     inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     inner |= {part for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
     for node in ast.walk(tree):
@@ -83,7 +83,7 @@ def _sentences(tree: ast.AST) -> Iterator[str]:
         is_text = isinstance(node, ast.JoinedStr) or (
             isinstance(node, ast.Constant) and isinstance(node.value, str)
         )
-        if is_text and node not in inner and " " in "".join(texts):
+        if is_text and node not in inner and " " in "".join(texts) and texts[0][:1] != "<":
             yield "".join(texts)
 
 
