@@ -105,8 +105,9 @@ def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[Axes
     low, high = float(known.min()), float(known.max())
     inner = [float(level) for level in np.percentile(known, [OUTER_PERCENT, 100 - OUTER_PERCENT])]
     wide = high - low > 2 * (inner[1] - inner[0]) and inner[1] > inner[0]
-    limits = inner if wide else [low, high]
-    scale = (LogNorm if how.logarithmic and low < high else Normalize)(*limits)
+    least, most = inner if wide else (low, high)
+    is_log = how.logarithmic and low < high
+    scale = LogNorm(least, most) if is_log else Normalize(least, most)
     picture = axes.imshow(plane, cmap=how.colours, extent=_extent(plane, pixel), norm=scale)
     if not wide:
         return picture, ""

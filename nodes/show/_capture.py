@@ -11,9 +11,9 @@ from tactograph.nodes.capture.read_capture import Capture, Layout, read_capture
 from tactograph.nodes.files.image_files import size_of, write_image
 from tactograph.nodes.show.shown import Shown, section
 
-MOST = 20
+MAX_LISTED = 20
 """Most captures of a stream that are listed."""
-FULL = 255
+MAX_BYTE = 255
 
 
 def show_capture(folder: Path) -> Shown:
@@ -24,11 +24,15 @@ def show_capture(folder: Path) -> Shown:
     InputError
         If it holds no capture.
     """
-    captures = [*islice(read_capture.function(folder=folder, layout=Layout()), MOST + 1)]
+    captures = [*islice(read_capture.function(folder=folder, layout=Layout()), MAX_LISTED + 1)]
     first = captures[0]
     if len(captures) > 1:
-        count = f"{len(captures)} captures" if len(captures) <= MOST else f"over {MOST} captures"
-        names = [f"  {capture.name}" for capture in captures[:MOST]]
+        count = (
+            f"{len(captures)} captures"
+            if len(captures) <= MAX_LISTED
+            else f"over {MAX_LISTED} captures"
+        )
+        names = [f"  {capture.name}" for capture in captures[:MAX_LISTED]]
         lines = [f"{folder}: {count}; the first:", *_lines(first), *section("names", names)]
     else:
         lines = [f"{folder}: capture", *_lines(first)]
@@ -64,4 +68,4 @@ def _draw(image: Light, file: Path) -> None:
     blank = [np.zeros_like(image[0])] * (-len(image) % across)
     planes = [*image, *blank]
     rows = [np.hstack(planes[at : at + across]) for at in range(0, len(planes), across)]
-    write_image(file, np.rint(np.clip(np.vstack(rows), 0, 1) * FULL).astype(np.uint8))
+    write_image(file, np.rint(np.clip(np.vstack(rows), 0, 1) * MAX_BYTE).astype(np.uint8))

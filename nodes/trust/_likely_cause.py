@@ -15,9 +15,9 @@ import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS
-from tactograph.nodes.trust.banded_rows import BANDS, is_banded
+from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 
-ROWS, COLUMNS = 30, 40
+TRIED_ROWS, TRIED_COLUMNS = 30, 40
 """Cells on which mistakes are tried: few, since there are a hundred."""
 MIN_CHANGE, MIN_LIGHT = 0.06, 0.3
 """Departure of light from rest from which on film is touched, and light that is no shadow."""
@@ -25,22 +25,23 @@ RING_CELLS = 3
 """Width of the border at which film should be at rest."""
 MIN_GAIN, MAX_LEFT = 2.5, 0.15
 """What images leave as they are, over what they leave without the mistake; and what may be left."""
-FITS = 0.05
+MAX_OF_FITTING = 0.05
 """What is left of light that fits as it is."""
 UPSIDE_DOWN = 0.3
 """What counts as left where the touch goes below the film at rest."""
-GAMMA = 2.2
+USUAL_GAMMA = 2.2
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
 MAX_ORDERS = 24
 """Orders of more than four LEDs are too many: only two of them are exchanged."""
-SWAPPED = 2
+IMAGES_SWAPPED = 2
 """Images out of place where two are exchanged."""
-SIDES: dict[str, Callable[[F4], F4]] = {
+TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
     "mirrored left to right": lambda planes: planes[..., ::-1],
     "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
     "turned by half": lambda planes: planes[..., ::-1, ::-1],
 }
+"""What undoes each way in which a camera may be held or its images turned."""
 
 
 class _Mistake(NamedTuple):
@@ -63,10 +64,10 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     if alike := _alike(raw):
         return alike
     if is_banded(light):
-        return BANDS
+        return BANDS_TOLD
     small, rest = _resized(raw), np.maximum(_resized(flat), np.float32(1e-3))
     as_it_is = _left(small / rest, lights)
-    if as_it_is < FITS:
+    if as_it_is < MAX_OF_FITTING:
         return ""
     best, least = "", as_it_is / MIN_GAIN
     for words, taken in _mistakes(small):
@@ -93,14 +94,14 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     """Simple ones first."""
     yield _Mistake(
         "the images look as if a gamma had been applied (record raw light: gamma and contrast off)",
-        raw ** np.float32(GAMMA),
+        raw ** np.float32(USUAL_GAMMA),
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
     in_place, *others = _orders(len(raw))
-    swaps = [order for order in others if _moved(order) == SWAPPED]
+    swaps = [order for order in others if _moved(order) == IMAGES_SWAPPED]
     for order in swaps:
         yield _Mistake(_words("", order), raw[list(order)])
-    for side, turn in SIDES.items():
+    for side, turn in TURNED_IMAGES.items():
         yield _Mistake(_words(side, in_place), turn(raw))
     for order in others:
         if order not in swaps:
@@ -128,7 +129,7 @@ def _words(side: str, order: tuple[int, ...]) -> str:
     if side:
         return f"the images are {side} beside those of the calibration, with which they would fit"
     wrong = [place for place, led in enumerate(order) if led != place]
-    if len(wrong) == SWAPPED:
+    if len(wrong) == IMAGES_SWAPPED:
         return (
             f"the images of LED {wrong[0] + 1} and LED {wrong[1] + 1} are swapped: exchanged, they "
             "fit the calibration (check names and wires)"
@@ -167,5 +168,8 @@ def _left(light: F4, lights: LightPositions) -> float:
 
 
 def _resized(planes: F4) -> F4:
-    small = [cv2.resize(plane, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA) for plane in planes]
+    small = [
+        cv2.resize(plane, (TRIED_COLUMNS, TRIED_ROWS), interpolation=cv2.INTER_AREA)
+        for plane in planes
+    ]
     return np.asarray(small, np.float32)

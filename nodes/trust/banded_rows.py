@@ -8,7 +8,7 @@ STRIP_SHARE = 0.125
 """Share of the columns at either border on which bands are looked for."""
 MIN_BAND, MIN_LIKENESS = 0.01, 0.8
 """Standard deviation of the light of rows, and its correlation between both borders, of bands."""
-BANDS = (
+BANDS_TOLD = (
     "whole rows are brighter or darker than those beside them, at both borders alike: the light "
     "flickers while the camera reads its rows (expose for whole periods of the mains, keep lamps "
     "away, or drive the LEDs by steady current)"

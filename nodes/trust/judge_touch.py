@@ -1,4 +1,7 @@
-"""One verdict on a touch, from all that can be checked without knowing the truth."""
+"""One verdict on a touch, from all that can be checked without knowing the truth.
+
+Long because the mistakes that explain a doubted touch are tried one by one.
+"""
 
 from typing import Annotated
 
