@@ -27,6 +27,9 @@ hypothesis.settings.load_profile("untimed")
 os.environ["TACTOGRAPH_CACHE"] = "off"
 # Most programs are built but once or twice; PoCL's own files serve the second time.
 os.environ["PYOPENCL_NO_CACHE"] = "1"
+needs_rings = pytest.mark.skipif(
+    not any((ROOT / "rings").glob("*/nodes")), reason="says something of the rings"
+)
 MadeOnce = Callable[[str, Callable[[Path], object]], Path]
 Calibration = Callable[[str], str]
 RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}

@@ -15,7 +15,7 @@ from tactograph.graph.files.layer import read_layer
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import Ring, bring, rings
 from tactograph.sdk import sources
-from tests.fixtures import ROOT
+from tests.fixtures import ROOT, needs_rings
 
 SHIPPED = sorted(folder.parent.name for folder in (ROOT / "rings").glob("*/nodes"))
 CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")
@@ -66,7 +66,7 @@ def test_every_name_of_the_sdk_is_there_and_on_its_page() -> None:
     assert [name for name in sources() if f"`{name}`" not in page] == []
 
 
-@pytest.mark.skipif(not SHIPPED, reason="there are no rings")
+@needs_rings
 def test_every_name_of_the_sdk_is_used_by_a_ring_or_a_template() -> None:
     files = [*product(ROOT / "rings"), *(ROOT / "graph/declare/templates").iterdir()]
     text = "\n".join(file.read_text() for file in files)
@@ -91,8 +91,8 @@ def register(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[object
 
 def test_a_ring_whose_package_is_gone_is_named_and_the_others_work(register: object) -> None:
     assert callable(register)
-    with pytest.warns(UserWarning, match="ring 'felt' of felt: there is no package felt"):
-        assert [ring.name for ring in register("felt", "felt")] == ["core"]
+    with pytest.warns(UserWarning, match="ring 'baize' of baize: there is no package baize"):
+        assert [ring.name for ring in register("baize", "baize")] == ["core"]
 
 
 def test_without_rings_every_graph_of_the_core_is_whole(register: object) -> None:
@@ -107,13 +107,13 @@ def test_without_rings_every_graph_of_the_core_is_whole(register: object) -> Non
 
 def test_a_ring_adds_variants_to_a_graph_of_the_core(register: object, tmp_path: Path) -> None:
     assert callable(register)
-    (tmp_path / "felt" / "pipelines" / "variants").mkdir(parents=True)
-    text = "format: 1\nbase: paper\nvariants: {felt: {patch: [{neutral: shadow}]}}\n"
-    (tmp_path / "felt" / "pipelines" / "variants" / "paper.yaml").write_text(text)
-    register("felt", "felt")
-    felt = read_graph("paper_felt")
-    assert felt.hash == read_graph("paper_no_shadow").hash
-    assert "paper_felt" in shipped_names()
+    (tmp_path / "tweed" / "pipelines" / "variants").mkdir(parents=True)
+    text = "format: 1\nbase: paper\nvariants: {tweed: {patch: [{neutral: shadow}]}}\n"
+    (tmp_path / "tweed" / "pipelines" / "variants" / "paper.yaml").write_text(text)
+    register("tweed", "tweed")
+    tweed = read_graph("paper_tweed")
+    assert tweed.hash == read_graph("paper_no_shadow").hash
+    assert "paper_tweed" in shipped_names()
 
 
 def test_what_a_ring_brings_is_imported_when_it_is_named(register: object, tmp_path: Path) -> None:

@@ -138,7 +138,7 @@ class Simulator:
         shape = {"file": "none.npy", "pixel_size_mm": "$pixel_size_mm"}
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]
         graph = {"format": 1, "extends": self.ring.graph, "patch": patch, "outputs": outputs}
-        view = {"lens_at_corner": 0.0} if self.hand else {}
+        view = {"lens_at_corner": 0.0, **self.canvas} if self.hand else {}
         given = {"out": self.folder / "unused", "pixel_size_mm": self.ring.pixel_mm}
         return load(graph, given | view)
 

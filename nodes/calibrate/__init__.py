@@ -35,8 +35,6 @@ FOLD_COUNT = 4
 """Number of folds that are held out in turn: every fourth ball or slice."""
 BALL_SLICES = 16
 """Slices of a ball, which are held out where there is only one ball."""
-MAX_ERROR_RATIO = 0.95
-"""Factor by which a further change of the film must lower the held-out error."""
 MAX_INDEPENDENT = 200
 """Most independent values per LED that a check press counts as, since departures are smooth."""
 DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01

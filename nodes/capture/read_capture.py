@@ -46,6 +46,7 @@ from tactograph.nodes.files.image_files import (
 from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
+TRUE_REST_FILE = "rest_height_mm.npy"
 TRUE_SLOPE_FILE = "truth_slope.npy"
 TRUE_SHADOW_FILE = "truth_shadow.png"
 
@@ -58,6 +59,8 @@ class Capture(NamedTuple):
     truth: Height | None = None
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
+    truth_rest: Height | None = None
+    """The true film at rest, where the truth is the height of a film that is no plane."""
     pixel_size: PixelSize | None = None
     """Pixel size in the images' own file (`scan_pixel_size`)."""
 
@@ -138,7 +141,8 @@ def read_capture(
     Returns
     -------
     Images K x H x W, the folder's name, and the ground truth that a simulator wrote beside
-    them: height in mm (``truth_height_mm.npy``), slope (``truth_slope.npy``) and shadow labels
+    them: height in mm (``truth_height_mm.npy``; that of the film at rest, ``rest_height_mm.npy``,
+    may also be in the folder around it), slope (``truth_slope.npy``) and shadow labels
     (``truth_shadow.png``), each None if the file is absent; and the pixel size that a scan states.
 
     Raises
@@ -234,12 +238,22 @@ def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
         _true_height(folder / TRUE_HEIGHT_FILE, layout.crop, image),
         _true_slope(folder / TRUE_SLOPE_FILE, layout.crop, image),
         _true_shadow(folder / TRUE_SHADOW_FILE, layout.crop, image),
+        _true_rest(folder, layout.crop, image),
         (listed.pixel_size or None) if (listed := listed_capture(folder)) else None,
     )
 
 
 def _true_height(file: Path, crop: Crop | None, image: Light) -> Height | None:
     return _fitting(read_truth(file), crop, image, file) if file.is_file() else None
+
+
+def _true_rest(folder: Path, crop: Crop | None, image: Light) -> Height | None:
+    """The film at rest beside a true height, in its folder or the one around it."""
+    places = (folder / TRUE_REST_FILE, folder.parent / TRUE_REST_FILE)
+    file = next((place for place in places if place.is_file()), None)
+    if file is None or not (folder / TRUE_HEIGHT_FILE).is_file():
+        return None
+    return _true_height(file, crop, image)
 
 
 def _true_slope(file: Path, crop: Crop | None, image: Light) -> Slope | None:

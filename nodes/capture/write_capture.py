@@ -10,7 +10,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import Lights, write_image
 
 
 @node
@@ -23,6 +23,7 @@ def write_capture(
     lights: LightPositions | None = None,
     *,
     folder: Path,
+    order: Lights = "leds",
     bits: Annotated[int, Interval(ge=1, le=16)] = 8,
 ) -> None:
     """Write ``led1.png`` ... as a camera would, and the ground truth of a reconstruction.
@@ -36,6 +37,7 @@ def write_capture(
         film's own, also where the film at rest is no plane.
     lights, pixel : the LED positions in mm, if they are known, and the pixel size: ``scene.json``
     folder : created if needed
+    order : "bgr" or "rgb" if the lights are the channels of one picture, ``touch.png``
     bits : bit depth of the images; up to 8 give 8-bit files, more give 16-bit ones
 
     Raises
@@ -45,8 +47,13 @@ def write_capture(
     """
     dtype, full = (np.uint8, 255) if bits <= 8 else (np.uint16, 65535)
     with atomic_files(folder) as target:
-        for k, plane in enumerate(image, start=1):
-            write_image(target / f"led{k}.png", np.rint(plane * full).astype(dtype))
+        counts = np.rint(image * full).astype(dtype)
+        if order == "leds":
+            for k, plane in enumerate(counts, start=1):
+                write_image(target / f"led{k}.png", plane)
+        else:
+            colours = counts if order == "bgr" else counts[::-1]
+            write_image(target / "touch.png", np.ascontiguousarray(np.moveaxis(colours, 0, -1)))
         np.save(target / "truth_height_mm.npy", height)
         np.save(target / "truth_slope.npy", slope)
         scene: dict[str, Any] = {"pixel_size_mm": pixel}

@@ -1,14 +1,18 @@
 """Measure the size, depth and position of each contact."""
 
+from typing import Annotated
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import node, warn
-from tactograph.nodes import Contacts, Height, Metrics, PixelSize
+from tactograph.graph import Port, node, warn
+from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
+from tactograph.nodes.height.as_seen import as_seen
 from tactograph.nodes.optics.lens import seen_from_above
+from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 from tactograph.nodes.stream.touch import View
 
 PIXEL_VARIANCE = 1 / 12
@@ -21,6 +25,7 @@ def measure_contact(
     contact: Contacts,
     pixel: PixelSize,
     view: View | None = None,
+    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
     *,
     most: Most = MAX_MEASURED,
 ) -> Metrics:
@@ -34,6 +39,7 @@ def measure_contact(
     contact : H x W, the number of the contact at each pixel, as `find_contact` gives it
     pixel : mm per px
     view : the calibration, for the lens and the camera's height; None: an even grid
+    rest : R x C in mm on the even grid, the height of the film at rest; None: a plane
     most
         Largest number of contacts that are measured.  Of more, a warning tells.
 
@@ -64,10 +70,36 @@ def measure_contact(
             "measured; `most` sets how many"
         )
         numbers = largest_contacts(contact, most)
+    shape = None if rest is None else rest_shape(_seen(rest, view), pixel, view.camera or 0.0)
+    if shape is not None:
+        figures["rest_relief_mm"] = float(np.ptp(shape.height))
     for number in numbers:
-        measured = _measured(height, (contact == number).view(np.uint8), pixel, view)
+        mask = (contact == number).view(np.uint8)
+        measured = _measured(height, mask, pixel, view)
+        if shape is not None:
+            measured |= _on_film(height, mask > 0, shape)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
+
+
+def _seen(rest: F4, view: View) -> Height:
+    """The height of the film at rest that each pixel of the camera sees."""
+    return rest if view.lens is None else as_seen(rest, view.lens)
+
+
+def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metrics:
+    """Figures of one contact on a film that is no plane."""
+    depth, low = height[mask].astype(np.float64), shape.height[mask].astype(np.float64)
+    p, q = shape.slope[:, mask].astype(np.float64)
+    longer, c = np.sqrt(1 + p * p + q * q), shape.camera
+    side = shape.pixel * (1 - c * low)
+    # A pixel sees more film the farther away that is: 1 - c z over its side at height 0.
+    share = 1 - c * depth / (1 - c * low)
+    return {
+        "volume_mm3": float((side * side * depth * (1 + share + share * share) / 3).sum()),
+        "normal_depth_mm": float((depth / longer).max()),
+        "film_area_mm2": float((side * side * longer).sum()),
+    }
 
 
 def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View) -> Metrics:

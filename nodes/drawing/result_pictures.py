@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from tactograph.graph.cache.keys import content_key
 from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
@@ -29,6 +30,8 @@ from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 # Fixed margins and `print_png` take half the time of a layout that measures every text and of
 # `savefig`, which draws twice.
 DPI = 110
+OUTER_PERCENT = 0.1
+"""Per cent of the pixels on either side that colours leave out, where they run away."""
 
 
 def draw_result(touch: Touch, folder: Path) -> None:
@@ -61,14 +64,15 @@ def _once(file: Path, draw: Callable[..., None], *shown: Any) -> None:
 def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
     """The height map in mm, and the cross-section through its highest point with its error."""
     rows, columns = height.shape
-    top = int(np.unravel_index(int(np.nanargmax(height)), height.shape)[0])
     figure = Figure(figsize=(10, 4), dpi=DPI)
     figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    picture, of_all = _coloured(left, height, ColourMap("height", "mm"), pixel)
+    coloured = np.where(height <= picture.norm.vmax, height, -np.inf)
+    top = int(np.unravel_index(int(coloured.argmax()), height.shape)[0])
     y = (top - (rows - 1) / 2) * pixel
-    picture = left.imshow(height, cmap="viridis", extent=_extent(height, pixel))
     left.axhline(y, color="white", linewidth=0.7, linestyle="--")
-    left.set(xlabel="x / mm", ylabel="y / mm", title="height above the film at rest")
+    left.set(xlabel="x / mm", ylabel="y / mm", title=f"height{of_all}")
     figure.colorbar(picture, ax=left, label="mm")
     across = (np.arange(columns) - (columns - 1) / 2) * pixel
     right.plot(across, height[top], linewidth=1)
@@ -84,10 +88,30 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
 def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
     """A map in a colour scale."""
     figure, axes = _one_plane()
-    picture = axes.imshow(how.scale * plane, cmap=how.colours, extent=_extent(plane, pixel))
-    axes.set(xlabel="x / mm", ylabel="y / mm", title=how.title)
+    picture, of_all = _coloured(axes, how.scale * plane, how, pixel)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{how.title}{of_all}")
     figure.colorbar(picture, ax=axes, label=how.unit)
     FigureCanvasAgg(figure).print_png(file)
+
+
+def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[AxesImage, str]:
+    """A map in colours, and its whole range in words where few pixels run out of the colours.
+
+    Colours end where one pixel in a thousand is left on either side, if those span more than all
+    others: else a corner that runs away leaves one colour for the rest.
+    """
+    known = plane[np.isfinite(plane) & (plane > 0 if how.logarithmic else True)]
+    if not known.size:
+        known = np.ones(1, np.float32)
+    low, high = float(known.min()), float(known.max())
+    inner = [float(level) for level in np.percentile(known, [OUTER_PERCENT, 100 - OUTER_PERCENT])]
+    wide = high - low > 2 * (inner[1] - inner[0]) and inner[1] > inner[0]
+    limits = inner if wide else [low, high]
+    scale = (LogNorm if how.logarithmic and low < high else Normalize)(*limits)
+    picture = axes.imshow(plane, cmap=how.colours, extent=_extent(plane, pixel), norm=scale)
+    if not wide:
+        return picture, ""
+    return picture, f" ({low:.3g} to {high:.3g} {how.unit} in all)"
 
 
 def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:

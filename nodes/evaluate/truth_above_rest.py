@@ -11,6 +11,7 @@ from tactograph.nodes.height.as_seen import as_seen
 def truth_above_rest(
     lens: Lens,
     truth: Height | None = None,
+    own_rest: Height | None = None,
     rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
 ) -> Height | None:
     """Return how high the true film stands above the film at rest, or None without truth.
@@ -19,8 +20,11 @@ def truth_above_rest(
     ----------
     lens : length 8, as `read_lens` gives it
     truth : H x W in mm, the film's own height that each pixel of the camera sees
-    rest : R x C in mm on the ideal grid, the height of the film at rest; None: a plane at 0
+    own_rest : H x W in mm, the true film at rest; None: it is that of the calibration
+    rest : R x C in mm on the ideal grid, the calibration's film at rest; None: a plane at 0
     """
-    if truth is None or rest is None:
-        return truth
-    return truth - as_seen(rest, lens)
+    if truth is None:
+        return None
+    if own_rest is not None:
+        return truth - own_rest
+    return truth if rest is None else truth - as_seen(rest, lens)

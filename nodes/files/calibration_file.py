@@ -133,7 +133,10 @@ def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> Non
     typed = {n: np.asarray(array, kind.values[n].dtype) for n, array in arrays.items()}
     every = _load(file, kind) | typed
     _check_head(file, kind, every)
-    _check_arrays(kind, every)
+    try:
+        _check_arrays(kind, every)
+    except ValueError as error:
+        raise InputError(f"{file}: stays as it was: {error}; check {kind.made_from}") from None
     _write_archive(file, every)
 
 

@@ -23,6 +23,8 @@ MAX_SATURATED = 1e-3
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
 """Share of full scale above which a plateau at the largest value is saturation, and of that value
 above which light that was not cut off has at most as many pixels."""
+SURE_PARITY_SPREAD = 0.3
+"""Spread that no lens resolves between neighbours over the whole block: such images are refused."""
 PARITY_BLOCK_PX = 64
 """Side of the middle block in which pixels of even and odd rows and columns are compared."""
 MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
@@ -75,11 +77,14 @@ def check_exposed(
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
         if not told and (spread := _parity_spread(plane)):
             told = True
-            warn(
+            mosaic = (
                 f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
                 f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
                 "or whole frames"
             )
+            if spread > SURE_PARITY_SPREAD:
+                raise InputError(mosaic)
+            warn(mosaic)
     if shallow and white is None:
         warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
 

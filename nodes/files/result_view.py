@@ -52,17 +52,21 @@ def view_of_text(text: str, file: Path) -> View:
 
 
 def calibrated_view(calibration: Path) -> View:
-    """Return the view of a sensor's calibration.
+    """Return the view of a sensor's calibration, for what takes its film for a plane.
 
     Raises
     ------
     InputError
-        If it cannot be read.
+        If it cannot be read, or its film is no plane at rest.
     """
     try:
         arrays = load_arrays(calibration)
     except (OSError, ValueError) as error:
         raise InputError(f"{calibration}: cannot be read: {error}") from None
+    if np.any(arrays.get("rest", 0)):
+        raise InputError(
+            f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
+        )
     return view_in({"camera": 0.0, **arrays}, calibration)
 
 

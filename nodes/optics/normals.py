@@ -36,17 +36,26 @@ def linear_normal(v: F4, light: F4, weight: F4) -> F4:
 
 
 def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
-    """Return the 4 x 4 products a'Wb of the gradients, prediction and residual at a normal n.
+    """Return the 2 x 4 products a'Wb of the gradients, with them, prediction and residual.
 
-    a and b are the derivatives J of n.v_k by the two tangents, the light n.v_k itself, and the
-    residual m_k - n.v_k.  W is the inverse of the light's covariance: the variance of each LED,
-    and that of the film's brightness, which all LEDs share (``uneven``, standard deviation).
+    a are the derivatives J of n.v_k by the two tangents at a normal n; b are these, the light
+    n.v_k itself, and the residual m_k - n.v_k.  W is the inverse of the light's covariance: the
+    variance of each LED, and that of the film's brightness, which all LEDs share (``uneven``,
+    standard deviation).
     """
     x, y, z = n
     shown = dot(v, n)
     columns = np.stack([v[0] * z - v[2] * x, v[1] * z - v[2] * y, shown, light - shown])
+    sums = np.einsum("akn,kn,bkn->abn", columns[:3], weight, columns)
+    return sums[:2] - brightness_share(sums[2, 2], 1, uneven) * sums[2, :2, None] * sums[2]
+
+
+def light_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
+    """Return the 2 x 2 products a'Wb of the light n.v_k and the residual: `tangent_products`."""
+    shown = dot(v, n)
+    columns = np.stack([shown, light - shown])
     sums = np.einsum("akn,kn,bkn->abn", columns, weight, columns)
-    return sums - brightness_share(sums[2, 2], 1, uneven) * sums[2, :, None] * sums[2]
+    return sums - brightness_share(sums[0, 0], 1, uneven) * sums[0, :, None] * sums[0]
 
 
 def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
@@ -59,8 +68,8 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
     """
     x, y, z = n
     products = tangent_products(v, light, weight, n, uneven)
-    shown, residual = products[:2, 2], products[:2, 3]
-    c = _inverse(products[:2, :2], 1e-6)
+    shown, residual = products[:, 2], products[:, 3]
+    c = _inverse(products[:, :2], 1e-6)
     g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
     spread = np.einsum("abn,abn->n", c, g)
     bias = times(g, times(c, shown)) + spread * shown / 2 + n[:2] / z
@@ -83,7 +92,7 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
     """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
-    h = tangent_products(v, light, weight, n, uneven)[:2, :2]
+    h = tangent_products(v, light, weight, n, uneven)[:, :2]
     known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > MIN_SINE_SQUARED * h[0, 0] * h[1, 1]
     p, q = slope
     carry = np.array([[1 + p * p, p * q], [p * q, 1 + q * q]])

@@ -13,6 +13,7 @@ from tactograph.graph.errors import one_line
 from tactograph.graph.rings import bring, brought
 from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.show._calibration import show_calibration
+from tactograph.nodes.show._capture import show_capture
 from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show.shown import Shown
 
@@ -27,7 +28,8 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     ----------
     file
         A calibration or a lens (``.npz``), a batch's store (``.zarr``), a result (its folder or
-        its ``result.json``), or a file that a ring can show, such as a recording (``.mcap``).
+        its ``result.json``), a file that a ring can show, such as a recording (``.mcap``), or a
+        folder of those, or captures: a folder of images, a scan, or a folder of such.
     folder : where the pictures go; None: none are drawn
 
     Raises
@@ -64,8 +66,14 @@ def _look(file: Path) -> Shown:
     if file.is_file() and (further := bring("show", file.suffix[1:])) is not None:
         shown: Shown = further.show(file)
         return shown
+    if file.is_dir():
+        for suffix in brought("show"):
+            if parts := sorted(file.glob(f"*.{suffix}")):
+                shows = [bring("show", suffix).show(part) for part in parts]
+                return Shown([line for each in shows for line in each.lines], {})
+        return show_capture(file)
     others = "".join(f", a .{name}" for name in brought("show"))
     raise InputError(
         f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, a "
-        "batch's store (.zarr), or the folder of a result"
+        "batch's store (.zarr), the folder of a result, of a recording, or of captures"
     )

@@ -61,3 +61,4 @@ class LiveFrames(NamedTuple):
     truth: Height | None = None
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
+    truth_rest: Height | None = None

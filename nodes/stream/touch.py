@@ -60,12 +60,14 @@ class Touch:
 
 @dataclass(frozen=True)
 class ColourMap:
-    """A map H x W in a colour scale; `scale` turns the layer's unit into that of the scale."""
+    """A map H x W in a colour scale; `scale` turns the layer's unit into that of the scale, and
+    `logarithmic` is for what spans decades."""
 
     title: str
     unit: str = ""
     colours: Literal["viridis", "magma", "gray"] = "viridis"
     scale: float = 1.0
+    logarithmic: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F8, Metrics
+from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust._light_evidence import RIM_SHARE
+from tactograph.nodes.trust._likely_cause import likely_cause
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     CheckRanks,
@@ -35,6 +36,9 @@ def judge_touch(
     rim_share: RimShare | None = None,
     added: Annotated[float, Port(unit="1")] | None = None,
     lines: LineChanges | None = None,
+    light: CoarseLight | None = None,
+    flat: CoarseLight | None = None,
+    lights: LightPositions | None = None,
     *,
     false_alarms: Annotated[float, Interval(gt=0, lt=1)] = 0.01,
     force: bool = False,
@@ -54,6 +58,9 @@ def judge_touch(
     rim_share : what `film_on_rims` found
     added : what `added_light` found
     lines : what `line_changes` found; a part of the check of the light
+    light, flat, lights
+        The light relative to the film at rest, that film, and the LEDs: by them a touch that is
+        doubted is tried as if its images were in another order, mirrored, and so on.
     false_alarms : share of right touches that may be doubted
     force : go on where all checks fail
     filled : whether an object fills the frame: then no film at rest is looked for
@@ -84,7 +91,10 @@ def judge_touch(
         made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
         trust, alone, why = _verdict(p, known, made, false_alarms)
         if trust < false_alarms:
-            causes = _said(why, evidence, added or 0.0)
+            likely = ""
+            if light is not None and flat is not None and lights is not None:
+                likely = likely_cause(light, flat, lights)
+            causes = likely or _said(why, evidence, added or 0.0)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
@@ -128,7 +138,8 @@ def _said(causes: list[str], evidence: TouchEvidence, added: float) -> str:
         "sense_apart": _sense(apart[other]),
         "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
     }
-    return ", and ".join(cause.format(**facts) for cause in causes)
+    first, *others = (cause.format(**facts) for cause in causes)
+    return ". ".join([first, *(cause[0].upper() + cause[1:] for cause in others)])
 
 
 def _sense(change: float) -> str:

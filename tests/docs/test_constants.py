@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.fixtures import needs_rings
+
 ROOT = Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("constants", ROOT / "benchmarks" / "constants.py")
 assert SPEC is not None
@@ -13,6 +15,7 @@ constants = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(constants)
 
 
+@needs_rings
 def test_the_page_is_that_of_the_code() -> None:
     """`python benchmarks/constants.py --write` makes it so."""
     assert constants.PAGE.read_text() == constants.page()

@@ -28,7 +28,7 @@ from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import brought
 from tests.each import each
-from tests.fixtures import ROOT, MadeOnce, python
+from tests.fixtures import ROOT, MadeOnce, needs_rings, python
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("rings/*/docs/*.md")])
 RUN = ("sh", "python", "yaml")
@@ -59,8 +59,18 @@ def blocks(page: Path) -> Iterator[Block]:
             yield Block(language, info, token.content, f"{page.name}:{token.map[0] + 1}")
 
 
-LONG = ("batch.md", "calibrate.md", "export.md", "sensors.md", "simulate.md", "variants.md")
+LONG = (
+    "batch.md",
+    "calibrate.md",
+    "captures.md",
+    "export.md",
+    "sensors.md",
+    "simulate.md",
+    "variants.md",
+)
 """Pages that calibrate again and again, or need packages that 'make test' does not install."""
+OF_RINGS = ("compose.md", "graph_files.md")
+"""Pages of `docs` whose examples are graphs of rings."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [
     (block.where, line)
@@ -123,9 +133,14 @@ def test_a_users_script_is_type_checked(wheel: Path, tmp_path: Path) -> None:
     assert "Found 1 error" in done.stdout
 
 
+def marks_of(page: Path) -> list[pytest.MarkDecorator]:
+    slow = [pytest.mark.slow] if page.name in LONG else []
+    return [*slow, needs_rings] if page.name in OF_RINGS else slow
+
+
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, marks=pytest.mark.slow if page.name in LONG else []) for page in RUNNABLE],
+    [pytest.param(page, marks=marks_of(page)) for page in RUNNABLE],
     ids=lambda page: page.name,
 )
 def test_a_page_does_what_it_says(
@@ -192,6 +207,7 @@ def _run_shell(text: str, where: str, folder: Path, environment: dict[str, str])
     assert done.returncode == 0, f"{where}\n{text}\n{done.stdout}\n{done.stderr}"
 
 
+@needs_rings
 @each("where, line", [(w, line) for w, line in COMMAND_LINES if line.startswith("tactograph ")])
 def test_a_command_that_is_only_shown_exists(
     where: str, line: str, capsys: pytest.CaptureFixture[str]

@@ -13,7 +13,6 @@ import cv2
 import jsonschema
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 
 from tactograph.graph import command
 from tactograph.graph.backends.devices import how_to_get_one
@@ -367,7 +366,7 @@ def test_a_resolved_graph_is_plain_yaml_of_the_same_graph(
 ) -> None:
     done = tactograph("resolve", name)
     assert done.code == 0, done.err
-    assert "extends" not in YAML(typ="safe", pure=True).load(done.out)
+    assert not re.search("^extends:", done.out, re.MULTILINE)
     graph, again = read_graph(name), read_graph(write(done.out))
     assert again.hash == graph.hash
     assert again.as_dict() == graph.as_dict()

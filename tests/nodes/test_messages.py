@@ -74,7 +74,7 @@ def _files() -> list[Path]:
 
 
 def _sentences(tree: ast.AST) -> Iterator[str]:
-    """The texts of a file that may be messages: of several words, and no docstrings."""
+    """The texts of a file that may be messages: of several words, no docstrings, no pages."""
     inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     inner |= {part for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
     for node in ast.walk(tree):
@@ -83,7 +83,7 @@ def _sentences(tree: ast.AST) -> Iterator[str]:
         is_text = isinstance(node, ast.JoinedStr) or (
             isinstance(node, ast.Constant) and isinstance(node.value, str)
         )
-        if is_text and node not in inner and " " in "".join(texts):
+        if is_text and node not in inner and " " in "".join(texts) and texts[0][:1] != "<":
             yield "".join(texts)
 
 
@@ -118,8 +118,19 @@ def _imported(node: str) -> set[Path]:
         if file in found:
             continue
         found.add(file)
-        for each in ast.walk(_tree(file)):
-            if isinstance(each, ast.ImportFrom) and (each.module or "").startswith("tactograph."):
-                names = [each.module, *(f"{each.module}.{alias.name}" for alias in each.names)]
-                waiting += [source for name in names if (source := _source(str(name)))]
+        waiting += _imports(file)
     return found
+
+
+@cache
+def _imports(file: Path) -> list[Path]:
+    """The files of the package that a file imports."""
+    taken = (each for each in ast.walk(_tree(file)) if isinstance(each, ast.ImportFrom))
+    modules = [(str(each.module), each.names) for each in taken]
+    names = [
+        name
+        for module, parts in modules
+        if module.startswith("tactograph.")
+        for name in (module, *(f"{module}.{part.name}" for part in parts))
+    ]
+    return [source for name in names if (source := _source(name))]

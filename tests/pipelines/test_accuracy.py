@@ -35,7 +35,10 @@ FILMS = {
 """Root mean square error of the height in px, of film pressed by 27 to 84 px."""
 
 
-@pytest.mark.parametrize(("rig", "shape"), FILMS)
+@pytest.mark.parametrize(
+    ("rig", "shape"),
+    [pytest.param(*film, marks=pytest.mark.slow if "vga16" in film[0] else []) for film in FILMS],
+)
 def test_reconstruct_reaches_its_error_on_soft_presses(
     reconstruct: Reconstruct, rig: str, shape: str
 ) -> None:

@@ -36,6 +36,7 @@ def test_a_touch_is_measured_in_its_result(sensor: Path) -> None:
     assert figures["contact_y_mm/c1"] == pytest.approx(0, abs=0.3)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise"])
 @pytest.mark.parametrize("offset", [(-11.0, 0.0), (9.6, 7.2)])
 def test_what_is_seen_of_a_ball_that_the_border_cuts_is_as_high_as_it_is(

@@ -11,8 +11,8 @@ from tests.pipelines.matt_film import TOUCH, Image, calibrated, run, said, see
 
 ROWS, COLUMNS = np.mgrid[:120, :160]
 VIEWS = {
-    "all film": np.ones((120, 160), bool),
     "a round view": np.hypot(COLUMNS - 79.5, ROWS - 59.5) < 58,
+    "all film": np.ones((120, 160), bool),
     "a black frame": np.pad(np.ones((84, 136), bool), ((18, 18), (12, 12))),
 }
 
@@ -34,6 +34,7 @@ def view(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return folder
 
 
+@pytest.mark.one_case
 def test_the_edge_of_the_film_is_drawn(view: Path) -> None:
     picture = cv2.imread(str(view / "cal.png"))
     part = picture[: picture.shape[0] // 2, : picture.shape[1] // 2].astype(int)
@@ -41,6 +42,7 @@ def test_the_edge_of_the_film_is_drawn(view: Path) -> None:
     assert bool(blue.sum() > 50) == (not np.load(view / "seen.npy").all())
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
 def test_what_is_no_film_changes_no_height(view: Path, graph: str) -> None:
     given = {"capture": str(view / "touch"), "calibration": str(view / "cal.npz")}

@@ -40,6 +40,7 @@ def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
     return float(np.sqrt(np.mean((result["height"] - TOUCH) ** 2)))
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
 def test_near_lamps_give_heights_in_mm(tmp_path: Path, graph: str) -> None:
     result = calibrated(tmp_path, table(tmp_path / "leds.csv", NEAR), NEAR)

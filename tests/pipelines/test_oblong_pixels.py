@@ -42,6 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
 def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, graph: str) -> None:
     given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}

@@ -42,7 +42,7 @@ REACHED = [
     ("near33", "sphere", 1.0, 5.0, 0.2),
     ("far28", "cat", 1.5, 8.0, 3.0),
     ("near33", "cat", 2.0, 10.0, 6.0),
-    ("far28_vga16", "cat", 0.2, 10.0, 0.0),
+    pytest.param("far28_vga16", "cat", 0.2, 10.0, 0.0, marks=pytest.mark.slow),
 ]
 
 

@@ -12,7 +12,7 @@ from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.light.untouched_film import untouched_film
-from tests.fixtures import RIG_PIXEL_MM, SHARED, Calibration, MadeOnce, Raytraced
+from tests.fixtures import RIG_PIXEL_MM, ROOT, SHARED, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
 RIG = "near33"
@@ -126,6 +126,20 @@ def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
 ) -> None:
     with pytest.raises(InputError, match="no plane at rest"):
         run(graph, calibration=curved("dome"), capture=raytraced / RIG / "cat_film")
+
+
+@pytest.mark.slow
+def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None:
+    rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest_radius_mm": 35.0}
+    run("calibrate", file, capture=rig / "presses", flat=rig / "flat", **given)
+    off, band = {}, 0.0
+    for graph in ("paper", "reconstruct", "precise"):
+        found = run(graph, capture=rig / "cat_film", calibration=file)["metrics"]
+        assert found["trust"] > 0.01, graph
+        off[graph], band = found["rmse_um"], found.get("in_90_percent_band", 0.0)
+    assert (off["paper"] < 90, off["reconstruct"] < 3, off["precise"] < 1.5) == (True,) * 3, off
+    assert band > 85
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ from tactograph.nodes import F8, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate import (
     BALL_SLICES,
     FOLD_COUNT,
-    MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
     Circles,
 )
@@ -25,6 +24,7 @@ from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.capture.read_presses import PressImages
 from tactograph.nodes.optics.reflectance_map import (
     PLACE_DEGREE,
@@ -72,7 +72,7 @@ def refit_reflectance_map(
     which stay the same.  A check press may change, per light: a gain of all harmonics and one
     of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
     fits them with priors of no change, in this order.  A further change is accepted if it lowers
-    the error of the normals on held-out slices of the press by 5 per cent.
+    the error of the normals on held-out slices of the press by more than a standard error (`pays`).
 
     Parameters
     ----------
@@ -96,20 +96,23 @@ def refit_reflectance_map(
     bench = make_bench(image[kept], flat, radius_mm, pixel, PLACE_DEGREE)
     circles, old = circle[kept].astype(np.float64), reflectance.astype(np.float64)
     best, before, microns = _judged(bench, old, circles, ())
-    error = before
+    errors = before
     for parts in MAP_CHANGES:
         tried, degrees, height = _judged(bench, old, circles, parts)
-        if degrees < MAX_ERROR_RATIO * error:
-            best, error, microns = tried, degrees, height
+        if pays(errors, degrees):
+            best, errors, microns = tried, degrees, height
     now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
     gains = (now * then).sum((1, 2)) / np.square(then).sum((1, 2))
-    figures = {"check_deg/before": before, "check_deg/held_out": error, "check_um": microns}
+    figures = {"check_deg/before": float(np.mean(before)), "check_um": microns}
+    figures["check_deg/held_out"] = float(np.mean(errors))
     figures |= {f"gain_percent/light{k}": 100 * float(g) for k, g in enumerate(gains, start=1)}
     return MapRefit(best.astype(np.float32), figures)
 
 
-def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple[F8, float, float]:
-    """The map fitted to all slices, and the held-out errors in degrees and um."""
+def _judged(
+    bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]
+) -> tuple[F8, list[float], float]:
+    """The map fitted to all slices, each held-out error in degrees, and their mean in um."""
     y, x = np.indices(bench.shape)
     turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
     # The fold that holds out each pixel of each press, P x H x W.
@@ -124,7 +127,7 @@ def _judged(bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]) -> tuple
             off, um, _ = judge_contact(slope, height, *here)
             degrees.append(off)
             microns.append(um)
-    return whole, float(np.mean(degrees)), float(np.mean(microns))
+    return whole, degrees, float(np.mean(microns))
 
 
 def _fit(

@@ -17,16 +17,15 @@ from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
 from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.optics.film import lit_share
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-PART_ERROR_RATIO, HARMONICS_ERROR_RATIO, SINGLE_BALL_ERROR_RATIO = 0.97, 0.99, 0.7
-"""Factor by which the held-out error must fall: for a part of the model; for harmonics; and for
-either with a single ball, whose held-out slices lie between those that are fitted..."""
-MIN_GAIN_DEG = 0.02
-"""... and the number of degrees by which it must fall."""
+SINGLE_BALL_ERROR_RATIO = 0.7
+"""Factor by which a single ball's held-out error must fall as well: its slices lie between those
+that are fitted."""
 MAX_ROUNDS, MAX_CHANGE = 4, 0.004
 """Most rounds that find the balls' positions and the light from film to film in turn, and the
 relative change of albedo and contact radius below which they end."""
@@ -86,12 +85,13 @@ class Trial(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A fitted model: its parts, the harmonics' degree, and its held-out error."""
+    """A fitted model: its parts, the harmonics' degree, its held-out error, and that by fold."""
 
     parts: frozenset[str]
     degree: int | None
     fitted: Fitted
     error: float
+    errors: list[float]
     folds: list[Fitted]
     """The fit without each fold, in the order of `Trial.folds`."""
 
@@ -113,7 +113,8 @@ def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | Non
         errors.append(normal_error(test, refitted).degrees)
         folds.append(refitted)
         weights.append(held.sum())
-    return Model(parts, degree, fitted, float(np.average(errors, weights=weights)), folds)
+    error = float(np.average(errors, weights=weights))
+    return Model(parts, degree, fitted, error, errors, folds)
 
 
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
@@ -157,7 +158,7 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        alone = _pays(better.error, best.error, trial)
+        alone = _pays(better, best)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:
@@ -173,7 +174,7 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and better.error > MAX_ERROR_RATIO * best.error:
             break
-        if not alone and not _pays(better.error, best.error, trial):
+        if not alone and not _pays(better, best):
             break
         trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}
@@ -215,7 +216,7 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
             break
         tried = judge(trial, physics.parts, physics.fitted, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried.error, best.error, trial, HARMONICS_ERROR_RATIO):
+        if _pays(tried, best):
             best = tried
     if best.degree is not None:
         bent = add_harmonics(
@@ -264,9 +265,15 @@ def _may_pay(best: Model, trial: Trial) -> bool:
     if best.error <= GOOD_ERROR_DEG:
         return False
     error, noise = normal_error(trial.balls, best.fitted)
-    return _pays(NOISE_FLOOR * noise, error, trial)
+    return NOISE_FLOOR * noise < _least_share(best) * error
 
 
-def _pays(error: float, before: float, trial: Trial, enough: float = PART_ERROR_RATIO) -> bool:
-    share = enough if len(trial.balls.centre) > 1 else SINGLE_BALL_ERROR_RATIO
-    return error < share * before and error < before - MIN_GAIN_DEG
+def _pays(larger: Model, before: Model) -> bool:
+    """Whether a larger model pays on what was held out."""
+    falls = larger.error < _least_share(before) * before.error
+    return falls and pays(before.errors, larger.errors)
+
+
+def _least_share(model: Model) -> float:
+    """The share of its error to which a model's successor must come down."""
+    return SINGLE_BALL_ERROR_RATIO if len(model.fitted.shifts) == 1 else 1.0

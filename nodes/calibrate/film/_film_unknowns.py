@@ -22,7 +22,7 @@ class Unknown(NamedTuple):
     step: float = 1e-4
 
 
-NUISANCES = "size", "power"
+TOLD_UNKNOWNS = "size", "power"
 """Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1, 0.8, 1.3),
@@ -36,7 +36,7 @@ SHARED_UNKNOWNS = {
     "diffuse": Unknown(0.2, 0.3, 0.0, 0.9),
 }
 """By name; `diffuse` is one for each LED."""
-SHARED_UNKNOWNS |= dict.fromkeys(NUISANCES, Unknown(1.0, 1.0, 0.3, 3.0))
+SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0, 0.3, 3.0))
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002
@@ -63,7 +63,7 @@ PART_UNKNOWNS = {
 }
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
-MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in NUISANCES}
+MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in TOLD_UNKNOWNS}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
 those that direct light determines besides the LEDs."""
 
@@ -74,7 +74,7 @@ def opened(start: Fitted, names: list[str]) -> Fitted:
     changed: dict[str, Any] = {
         name: SHARED_UNKNOWNS[name].start
         for name in names
-        if name not in NUISANCES and np.all(getattr(start.film, name) == getattr(off, name))
+        if name not in TOLD_UNKNOWNS and np.all(getattr(start.film, name) == getattr(off, name))
     }
     if "diffuse" in changed:
         changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])
@@ -117,13 +117,13 @@ def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
 
 def value_of(now: Fitted, name: str) -> Any:
     """Return the value of a shared parameter."""
-    return getattr(now if name in NUISANCES else now.film, name)
+    return getattr(now if name in TOLD_UNKNOWNS else now.film, name)
 
 
 def with_values(now: Fitted, values: dict[str, Any]) -> Fitted:
     """Return a fit with other values of shared parameters, by name."""
-    nuisances = {name: values[name] for name in values if name in NUISANCES}
-    of_film = {name: values[name] for name in values if name not in NUISANCES}
+    nuisances = {name: values[name] for name in values if name in TOLD_UNKNOWNS}
+    of_film = {name: values[name] for name in values if name not in TOLD_UNKNOWNS}
     return now._replace(film=now.film._replace(**of_film), **nuisances)
 
 

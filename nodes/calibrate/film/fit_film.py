@@ -119,10 +119,10 @@ def fit_film(
     The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
-    it lowers the error of held-out balls by 3 per cent.  Harmonics come last, of the highest
-    degree in position that lowers the error further.  With a single ball, slices of it are held
-    out instead, and a part must lower their error by 30 per cent.  No part is tried where noise
-    leaves it too little to gain.
+    it lowers the error of held-out balls by more than a standard error (`pays`).  Harmonics come
+    last, of the highest degree in position that lowers the error further.  With a single ball,
+    slices of it are held out instead, and a part must also lower their error by 30 per cent.  No
+    part is tried where noise leaves it too little to gain.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    TOLD,
+    AS_TOLD,
     doubts_of,
     explain,
     scale_error,
@@ -69,10 +69,11 @@ def judge_press_radius(
     )
     strength = np.ones(len(flat), np.float32)
     # The film at rest of such sensors is not lit by points.
-    found = explain(balls, np.ones_like(flat), pixel, _directions(balls), strength)
+    flat = np.ones_like(flat)
+    found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
     doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
-    diffuse, scale = found.by_name[TOLD].diffuse, scale_error(found)
+    diffuse, scale = found.by_name[AS_TOLD].diffuse, scale_error(found)
     quality = {"diffuse_percent": 100 * diffuse, "scale_error_percent": 100 * scale}
     return Judged(quality, doubts, is_open)
 

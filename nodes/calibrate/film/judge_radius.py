@@ -28,7 +28,7 @@ from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls, thinned
 from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST, rest_left
-from tactograph.nodes.calibrate.film._film_unknowns import NUISANCES, USUAL_NEARNESS
+from tactograph.nodes.calibrate.film._film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
@@ -53,9 +53,13 @@ FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as do
 CAMERA_ADVICE = "; if the camera is near the film, give its height (`film.camera`=MM)"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
-TOLD, SIZE, POWER, CAMERA, CLEAR = "told", *NUISANCES, "camera", "clear"
-PARTS = {name: frozenset({"plain", name} - {TOLD}) for name in (TOLD, SIZE, POWER, CAMERA)}
-PARTS[CLEAR] = frozenset({"touched", SIZE})
+OTHER_SIZE, OTHER_POWER = TOLD_UNKNOWNS
+AS_TOLD, OTHER_CAMERA, CLEAR_GEL = "told", "camera", "clear"
+FREE_PARTS = {
+    name: frozenset({"plain", name} - {AS_TOLD})
+    for name in (AS_TOLD, OTHER_SIZE, OTHER_POWER, OTHER_CAMERA)
+}
+FREE_PARTS[CLEAR_GEL] = frozenset({"touched", OTHER_SIZE})
 """The parts of a plain film that are fitted, by what is free; a lobe, or light from film to film,
 can hide a wrong radius."""
 
@@ -77,7 +81,7 @@ class Explained(NamedTuple):
 
 
 class Alternatives(NamedTuple):
-    """What each of `PARTS` explains, and how many independent values the light counts as.
+    """What each of `FREE_PARTS` explains, and how many independent values the light counts as.
 
     `cap` is how high the balls are if their radius is another, over their height if it is as told.
     """
@@ -91,7 +95,7 @@ class Alternatives(NamedTuple):
 
         The likelihood of n residuals of unknown spread goes as the spread to the power of -n.
         """
-        over = self.by_name[TOLD].departure if over is None else over
+        over = self.by_name[AS_TOLD].departure if over is None else over
         digits = self.values * math.log10(over / self.by_name[name].departure)
         return float(10.0 ** min(digits, 300.0))
 
@@ -149,7 +153,9 @@ def judge_radius(
         shape=shape,
     )
     first, left = float(radius[used[0]]), _left(fitted)
-    found = explain(balls, flat, pixel, lights, strength, shape, film.camera)
+    # On a film that is no plane, the pupil is where its shape was seen from.
+    camera = film.camera if shape is None else film.camera or None
+    found = explain(balls, flat, pixel, lights, strength, shape, camera)
     doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
     if is_clear and not force:
         raise InputError(doubts[0] + FORCE_ADVICE)
@@ -163,12 +169,12 @@ def judge_radius(
         is_open = unconfirmed(found, first, left, RADIUS_INPUTS, advice)
         # The small balls of a grid throw no shadow, however deep they are pressed.
         doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
-    departure = found.by_name[TOLD].departure
+    departure = found.by_name[AS_TOLD].departure
     quality = fitted | {"light_departure_percent": 100 * departure}
     quality["scale_error_percent"] = 100 * scale
-    if found.odds(SIZE, left) > 1 / SURE_ODDS:
-        likelier = _is_other(found) and found.odds(SIZE) > SURE_ODDS
-        quality["light_radius_mm"] = first * (found.by_name[SIZE].size if likelier else 1)
+    if found.odds(OTHER_SIZE, left) > 1 / SURE_ODDS:
+        likelier = _is_other(found) and found.odds(OTHER_SIZE) > SURE_ODDS
+        quality["light_radius_mm"] = first * (found.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
 
 
@@ -179,7 +185,7 @@ def explain(
     lights: F4,
     strength: F4,
     shape: RestShape | None = None,
-    camera: float = 0.0,
+    camera: float | None = 0.0,
 ) -> Alternatives:
     """Fit the plain film with the values told and with each of them free.
 
@@ -188,13 +194,13 @@ def explain(
     balls, flat, pixel, lights, strength, shape
         Samples as `sample_balls` returns them, and what else `fit_film` is given.
     camera
-        One over the pupil's height above the film, which is not free then; 0: not known.
+        One over the pupil's height above the film; 0: it is free.  None: the camera is far.
     """
     rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
-    start = start._replace(film=start.film._replace(camera=camera)).with_leds(leds)
+    start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
     samples = thinned(balls, MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
@@ -211,10 +217,12 @@ def explain(
         )
 
     def starts(parts: frozenset[str]) -> list[Fitted]:
-        if CAMERA in parts:
+        if OTHER_CAMERA in parts:
             near = start.film._replace(camera=USUAL_NEARNESS / width)
             return [start, start._replace(film=near)]
-        return [start._replace(size=size) for size in (FIRST_SIZES if SIZE in parts else (1.0,))]
+        return [
+            start._replace(size=size) for size in (FIRST_SIZES if OTHER_SIZE in parts else (1.0,))
+        ]
 
     def tried(parts: frozenset[str]) -> Iterable[Explained]:
         # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
@@ -225,12 +233,16 @@ def explain(
             if has_given_up:
                 yield explained(fitted(parts, fitted(frozenset(), first)))[0]
 
-    free = {name: parts for name, parts in PARTS.items() if name != CAMERA or not camera}
+    free = {
+        name: parts for name, parts in FREE_PARTS.items() if name != OTHER_CAMERA or camera == 0
+    }
     found = {
         name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
     }
     values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))
-    cap = {name: _cap(balls, found[name].size) / _cap(balls, 1.0) for name in (SIZE, CLEAR)}
+    cap = {
+        name: _cap(balls, found[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
+    }
     return Alternatives(found, values, cap)
 
 
@@ -246,7 +258,7 @@ def doubts_of(
     left : what the film chosen for the values told leaves of the light
     which : in brackets, where radius and pixel size are given
     """
-    others = [name for name in (SIZE, CAMERA, POWER) if _is_other(found, name)]
+    others = [name for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER) if _is_other(found, name)]
     likely = [
         name
         for name in others
@@ -257,18 +269,18 @@ def doubts_of(
         best, *rest = likely
         least = found.by_name[best].departure
         alike = [name for name in rest if found.odds(name, least) > 1 / REFUSED_ODDS]
-        given = found.by_name[TOLD].departure
+        given = found.by_name[AS_TOLD].departure
         doubt = (
             f"{_value(found, best, radius)} explains the light better than "
             f"{_told(best, radius)}, {_times(found.odds(best))} likelier "
             f"({least:.1%} unexplained instead of {given:.1%})"
             + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
             + _cure(found, best, which)
-            + CAMERA_ADVICE * (best == SIZE and CAMERA in found.by_name)
+            + CAMERA_ADVICE * (best == OTHER_SIZE and OTHER_CAMERA in found.by_name)
         )
         return [doubt], min(found.odds(best), found.odds(best, left)) > REFUSED_ODDS
-    told = found.by_name[TOLD].departure
-    if left < math.inf and found.odds(TOLD, left) > REFUSED_ODDS:
+    told = found.by_name[AS_TOLD].departure
+    if left < math.inf and found.odds(AS_TOLD, left) > REFUSED_ODDS:
         doubt = (
             f"no model of the film explains balls and untouched film together: the best leaves "
             f"{left:.1%} of the light unexplained, where a plain film leaves {told:.1%}. Check the "
@@ -282,17 +294,23 @@ def unconfirmed(
     found: Alternatives, radius: float, left: float = math.inf, which: str = "", advice: str = ""
 ) -> str:
     """Return what is open if a gel that diffuses no light is not excluded, with another radius."""
-    if not _is_open(found, left):
+    open_ones = _open_ones(found, left)
+    others = []
+    if CLEAR_GEL in open_ones:
+        others.append(f"{radius * found.by_name[CLEAR_GEL].size:.3g} mm if it diffuses none")
+    if OTHER_SIZE in open_ones:
+        size, times = found.by_name[OTHER_SIZE], _times(found.odds(OTHER_SIZE))
+        likelier = (
+            f"{radius * size.size:.3g} mm, {times} likelier, if it diffuses {size.diffuse:.0%}"
+        )
+        others.append(likelier)
+    if not others:
         return ""
-    told, clear, size = (found.by_name[name] for name in (TOLD, CLEAR, SIZE))
-    likeliest = ""
-    if _is_other(found) and found.odds(SIZE) > math.sqrt(SURE_ODDS):
-        likeliest = f"; {radius * size.size:.3g} mm is {_times(found.odds(SIZE))} likelier"
     return (
         f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
-        f"{told.diffuse:.0%} of the light, {radius * clear.size:.3g} mm if it diffuses none"
-        f"{likeliest}. Heights may be {scale_error(found, left):.0%} off. Measure the ball and the "
-        f"pixel size{which}, or press deeper, until the ball throws a shadow on itself{advice}"
+        f"{found.by_name[AS_TOLD].diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+        f"{scale_error(found, left):.0%} off. Measure the ball and the pixel size{which}, or press "
+        f"deeper, until the ball throws a shadow on itself{advice}"
     )
 
 
@@ -302,49 +320,65 @@ def scale_error(found: Alternatives, left: float = math.inf) -> float:
     Either the radius is another, or the pixel size is, by the inverse: then all heights change by
     that once more.  Neither is likelier, so the squares of both are averaged.
     """
-    open_ones = [SIZE] * (_is_other(found) and found.odds(SIZE) > SURE_ODDS)
-    open_ones += [CLEAR] * _is_open(found, left)
-    either = [(found.cap[name], found.cap[name] / found.by_name[name].size) for name in open_ones]
+    either = [
+        (found.cap[name], found.cap[name] / found.by_name[name].size)
+        for name in _open_ones(found, left)
+    ]
     return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
 
 
-def _is_open(found: Alternatives, left: float) -> bool:
-    """Whether the light allows another radius, and a gel that diffuses none."""
-    likely = min(found.odds(CLEAR), found.odds(CLEAR, left)) > 1 / SURE_ODDS
-    return _is_other(found, CLEAR) and likely
+def _open_ones(found: Alternatives, left: float) -> list[str]:
+    """The alternatives with other radii that the light leaves open.
+
+    A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses some
+    explains anything that it does better by chance, and is open if it is half way to sure.
+    """
+    from_odds = {CLEAR_GEL: 1 / SURE_ODDS, OTHER_SIZE: math.sqrt(SURE_ODDS)}
+    return [
+        name
+        for name, least in from_odds.items()
+        if _is_other(found, name)
+        and found.odds(name) > least
+        and found.odds(name, left) > 1 / SURE_ODDS
+    ]
 
 
-def _is_other(found: Alternatives, name: str = SIZE) -> bool:
+def _is_other(found: Alternatives, name: str = OTHER_SIZE) -> bool:
     """Whether an alternative is another value than that told."""
     if name not in found.by_name:
         return False
     each = found.by_name[name]
-    value = {SIZE: each.size, CLEAR: each.size, POWER: each.power, CAMERA: 1 + each.camera}[name]
-    return bool(abs(value - 1) > (0 if name == CAMERA else SAME_SIZE))
+    value = {
+        OTHER_SIZE: each.size,
+        CLEAR_GEL: each.size,
+        OTHER_POWER: each.power,
+        OTHER_CAMERA: 1 + each.camera,
+    }[name]
+    return bool(abs(value - 1) > (0 if name == OTHER_CAMERA else SAME_SIZE))
 
 
 def _value(found: Alternatives, name: str, radius: float) -> str:
     each = found.by_name[name]
-    if name == SIZE:
+    if name == OTHER_SIZE:
         return f"a ball of {radius * each.size:.3g} mm radius"
-    if name == POWER:
+    if name == OTHER_POWER:
         return f"light that the camera raises to the power of {each.power:.3g}"
     return f"a camera {1 / each.camera:.3g} mm above the film"
 
 
 def _told(name: str, radius: float) -> str:
-    if name == SIZE:
+    if name == OTHER_SIZE:
         return f"one of {radius:.3g} mm"
-    return "linear light" if name == POWER else "one far away"
+    return "linear light" if name == OTHER_POWER else "one far away"
 
 
 def _cure(found: Alternatives, name: str, which: str) -> str:
     """What to do about the likeliest alternative."""
-    if name == CAMERA:
+    if name == OTHER_CAMERA:
         return ": give its height (`film.camera`=MM), or a lens"
-    if name == POWER:
+    if name == OTHER_POWER:
         return ": the camera's values are not linear: switch its gamma and contrast off"
-    size = found.by_name[SIZE].size
+    size = found.by_name[OTHER_SIZE].size
     wrong = "too large" if size < 1 else "too small"
     if size < FIRST_SIZES[0] ** 0.5:
         wrong = "its diameter"
@@ -381,7 +415,7 @@ def _of_distance(found_mm: float, given_mm: float, radius: float, found: Alterna
     contradiction = (
         f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
     )
-    for name in (SIZE, CLEAR):
+    for name in (OTHER_SIZE, CLEAR_GEL):
         other = found.by_name[name]
         if _is_other(found, name) and abs(other.distance / given_mm - 1) < DISTANCE_TOLERANCE:
             return [contradiction + f"`evidence.radius`={radius * other.size:.3g} would agree"]

@@ -13,7 +13,6 @@ from tactograph.graph import NodeCall, SizeLimit, node, warn
 from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLD_COUNT,
-    MAX_ERROR_RATIO,
     MAX_INDEPENDENT,
     SHIFT_DEVIATION_PX,
     BallCircles,
@@ -29,6 +28,7 @@ from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.sheet import SheetLight
@@ -134,7 +134,8 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
     flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
     and then of the coat, are accepted if they lower the error on held-out slices of the press by
-    5 per cent.  The old film's harmonics are dropped if that lowers the error as much.
+    more than a standard error (`pays`).  The old film's harmonics are dropped if that lowers the
+    error as much.
 
     Parameters
     ----------
@@ -170,13 +171,13 @@ def refit_film(
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
     known = _known(precise, flat, before, pixel)
-    best, error, folds = _choose(known, balls)
+    best, errors, folds = _choose(known, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(known._replace(film=plain), balls)
-        if other[1] < MAX_ERROR_RATIO * error:
-            best, error, folds = other
-    before_error = _judged(known, balls, ())[1]
+        if pays(errors, other[1]):
+            best, errors, folds = other
+    before_error = float(np.mean(_judged(known, balls, ())[1]))
     whole = sample_balls(*given, most=None, bounce=bounce)
     parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
     held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
@@ -184,7 +185,7 @@ def refit_film(
     uneven = unevenness(held, pixel)
     new_misfit = misfit(held, away, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
-    figures = {"check_deg/before": before_error, "check_deg/held_out": error}
+    figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
         best.film._replace(grain=max(rough, film.grain), uneven=max(uneven, film.uneven)),
@@ -233,19 +234,19 @@ def _level(logarithm: F8) -> F8:
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 
 
-def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, float, list[_Refitted]]:
+def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out slices support, its error and its folds."""
-    best, error, folds = _judged(known, balls, FILM_CHANGES[0])
+    best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names)
-        if tried[1] < MAX_ERROR_RATIO * error:
-            best, error, folds = tried
-    return best, error, folds
+        if pays(errors, tried[1]):
+            best, errors, folds = tried
+    return best, errors, folds
 
 
 def _judged(
     known: _Known, balls: Balls, names: tuple[str, ...]
-) -> tuple[_Refitted, float, list[_Refitted]]:
+) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(known, balls, names, FIRST_COAT if "base" in names else {})
     folds, errors = [], []
@@ -256,7 +257,7 @@ def _judged(
         fold = _fit(known, balls.only(~held), names, whole.changed)
         folds.append(fold)
         errors.append(normal_error(balls.only(held), fold.fitted).degrees)
-    return whole, float(np.mean(errors)), folds
+    return whole, errors, folds
 
 
 def _changed(film: Film, names: dict[str, float]) -> Film:

@@ -3,6 +3,7 @@
 Long because it draws up to six pictures on one page.
 """
 
+import textwrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from tactograph.nodes.drawing.new_picture import (
 from tactograph.nodes.optics.reflectance_map import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
+TITLE_LETTERS = 150
+"""Letters in a line of the title."""
 HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.16, 0.6
 """Inches: the page, a line of its title, and the title of axes with the space around it."""
 MAX_NAMES = 20
@@ -57,6 +60,7 @@ def plot_calibration(
     held_out: HeldOut | None = None,
     advice: str | None = None,
     area: Mask | None = None,
+    verdict: str | None = None,
     *,
     file: BesidePicture,
 ) -> None:
@@ -77,11 +81,13 @@ def plot_calibration(
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
     area : H x W of the frames, 1 where they show film; its edge is dotted
+    verdict : of the calibration, which the picture begins with
     file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
-    title = _title(quality) + (f"\n{advice}" if advice else "")
+    said = [textwrap.fill(verdict, TITLE_LETTERS)] if verdict else []
+    title = "\n".join([*said, _title(quality), *([advice] if advice else [])])
     figure = Figure(figsize=(11 if len(lights) == 1 else 16, HEIGHT_IN), dpi=100)
     # Fixed margins take half the time of a layout that measures every text.
     top = 1 - (LINE_IN * (title.count("\n") + 1) + AXES_TITLE_IN) / HEIGHT_IN

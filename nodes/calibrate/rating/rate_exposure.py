@@ -13,6 +13,7 @@ from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
 from tactograph.nodes.trust.added_light import added_share
+from tactograph.nodes.trust.banded_rows import BANDS, is_banded
 
 SKIRT_RADII = 1.5
 """Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
@@ -84,6 +85,9 @@ def rate_exposure(
     for number, press in enumerate(presses):
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
+        if is_banded(press):
+            doubts.append(where + BANDS)
+            continue
         free = _free(press, circle[of == number])
         led, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from tactograph.nodes import Metrics
 
 SURE_ODDS = 1e3
@@ -23,6 +25,16 @@ class Advice(NamedTuple):
 
     quality: Metrics
     advice: str
+
+
+def pays(before: list[float], after: list[float]) -> bool:
+    """Return whether a larger model lowers the held-out error by more than a standard error.
+
+    The rule of one standard error (Breiman et al., "Classification and regression trees", 1984),
+    for errors by fold, which both models share.
+    """
+    gained = np.subtract(before, after)
+    return bool(gained.mean() > gained.std(ddof=1) / np.sqrt(gained.size))
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:

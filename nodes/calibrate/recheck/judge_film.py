@@ -1,4 +1,7 @@
-"""Judge from today's untouched film whether a calibration is still valid, cause by cause."""
+"""Judge from today's untouched film whether a calibration is still valid, cause by cause.
+
+Long because each cause has its sentence, and says what to do.
+"""
 
 from typing import Annotated, NamedTuple
 

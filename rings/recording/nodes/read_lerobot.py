@@ -36,6 +36,7 @@ class DatasetTouch(NamedTuple):
     truth: Height | None = None
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
+    truth_rest: Height | None = None
 
 
 @node

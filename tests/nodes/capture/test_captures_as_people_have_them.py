@@ -217,6 +217,9 @@ def test_a_raw_mosaic_and_interlaced_lines_are_told(tmp_path: Path, what: str) -
     _, notes = read_one(write(tmp_path / "odd", LEDS, (255 * light).astype(np.uint8)))
     assert len(notes) == 1, "once, not for each image"
     assert "led1.png: is it a colour camera" in notes[0]
+    light *= np.where(UNEVEN[what], 0.6, 1)
+    with pytest.raises(InputError, match=r"led1.png: is it a colour camera's raw mosaic"):
+        read_one(write(tmp_path / "odd", LEDS, (255 * light).astype(np.uint8)))
 
 
 def test_presses_can_be_cropped(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from tactograph import nodes
 from tactograph.graph.errors import WriteError
+from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.capture.write_capture import write_capture
-from tactograph.nodes.files.image_files import read_image, write_image
+from tactograph.nodes.files.image_files import Lights, read_image, write_image
 
 LIGHT, LEVEL = np.full((4, 6, 8), 0.5, np.float32), np.zeros((6, 8), np.float32)
 
@@ -45,3 +46,13 @@ def test_no_node_writes_an_image_unheard() -> None:
     """`cv2.imwrite` says by what it returns whether it wrote."""
     files = Path(nodes.__path__[0]).rglob("*.py")
     assert not [f.name for f in files if re.search(r"cv2\.imwrite\(", f.read_text("utf-8"))]
+
+
+@pytest.mark.parametrize("order", ["bgr", "rgb"])
+def test_colours_are_one_picture_that_is_read_back(tmp_path: Path, order: Lights) -> None:
+    counts = np.arange(3 * 8 * 12).reshape(3, 8, 12) % 200 + 20
+    image, flat = (counts / 255).astype(np.float32), np.zeros((8, 12), np.float32)
+    write_capture(image, flat, np.stack([flat, flat]), 0.1, folder=tmp_path, order=order)
+    assert (tmp_path / "touch.png").is_file()
+    (capture,) = read_capture(folder=tmp_path, lights=order)
+    np.testing.assert_allclose(capture.image, image, atol=1e-6)

@@ -155,3 +155,16 @@ def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera
         assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], rel=0.01)
     for name in "x_mm", "y_mm":
         assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)
+
+
+def test_a_contact_on_a_film_that_is_no_plane_is_measured_along_it() -> None:
+    """On a film that slopes by 0.75, seen from near: a plate of 0.1 mm along the camera's axis."""
+    right, _ = places(0, 0)
+    camera, slope = 1 / 50, 0.75
+    rest = (slope * right / (1 + camera * slope * right)).astype(np.float32)
+    height = ellipse(0, 0, 2.0, 2.0, 0.0)
+    found = measure_contact(height, (height > 0).astype(np.uint8), PIXEL, View(None, camera), rest)
+    assert found["rest_relief_mm"] == pytest.approx(np.ptp(rest), rel=1e-5)
+    assert found["contact_normal_depth_mm/c1"] == pytest.approx(0.1 * 0.8, rel=1e-3)
+    assert found["contact_film_area_mm2/c1"] == pytest.approx(np.pi / 0.8, rel=0.01)
+    assert found["contact_volume_mm3/c1"] == pytest.approx(0.1 * np.pi, rel=0.01)

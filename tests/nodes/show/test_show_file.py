@@ -21,6 +21,7 @@ from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.show._calibration import _dots
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
@@ -116,6 +117,20 @@ def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown
     assert "warnings:\n  too bright\n" in told
     assert "contacts  0" in told
     assert (tmp_path / "drawn" / "height.png").is_file()
+
+
+def test_captures_show_their_light_and_images(tmp_path: Path, shown: Shown) -> None:
+    images = np.full((4, 24, 32), 102, np.uint8)
+    images[:, 0, 0] = 204
+    for touch in "a", "b":
+        (tmp_path / "touches" / touch).mkdir(parents=True)
+        for led, image in enumerate(images, start=1):
+            write_image(tmp_path / "touches" / touch / f"led{led}.png", image)
+    told = shown(tmp_path / "touches" / "a")
+    assert "images: 4 lights of 32 x 24 pixels" in told
+    assert "  4: median 0.400, brightest 0.800" in told
+    assert (tmp_path / "drawn" / "capture.png").is_file()
+    assert "2 captures; the first:" in shown(tmp_path / "touches")
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "cal.npz", "result.json", "frames.mcap", "folder"])

@@ -10,13 +10,21 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.drawing.result_pictures import draw_labels, draw_regions
-from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.drawing.result_pictures import (
+    draw_height,
+    draw_labels,
+    draw_map,
+    draw_regions,
+)
+from tactograph.nodes.files.image_files import read_image
+from tactograph.nodes.layers.error import ERROR_MAP
+from tactograph.nodes.stream.touch import ColourMap, Touch, View
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tactograph.nodes.write.write_result import write_result
@@ -242,3 +250,26 @@ def test_an_equal_height_is_drawn_once_and_another_anew(
     assert drawn == [0, 1, 1]
     pictures = [(tmp_path / name / "height.png").read_bytes() for name in "abcd"]
     assert pictures == [b"\1", b"\1", b"\2", b"\3"]
+
+
+def test_colours_end_where_a_corner_runs_away_and_the_range_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    titles: list[str] = []
+    monkeypatch.setattr(Axes, "set_title", lambda _, text: titles.append(text))
+    height = np.maximum(0, 1 - np.hypot(*np.mgrid[-30:30, -40:40]) / 20).astype(np.float32)
+    draw_height(height, None, 0.1, tmp_path / "plain.png")
+    height[0, :2] = 40
+    draw_height(height, None, 0.1, tmp_path / "corner.png")
+    assert titles[0] == "height"
+    assert titles[2] == "height (0 to 40 mm in all)"
+    assert titles[3].endswith("0.05 mm"), "the section is not drawn through the corner"
+
+
+def test_an_error_that_spans_decades_is_drawn_by_its_logarithm(tmp_path: Path) -> None:
+    spans = (1e-3 * 10 ** np.linspace(0, 3, 200)).reshape(10, 20).astype(np.float32)
+    for name, plane in (("spans", spans), ("none", 0 * spans), ("unknown", np.nan * spans)):
+        draw_map(plane, ERROR_MAP, 0.1, tmp_path / f"{name}.png")
+    draw_map(spans, ColourMap("", "", "magma"), 0.1, tmp_path / "linear.png")
+    log, linear = (read_image(tmp_path / f"{name}.png") for name in ("spans", "linear"))
+    assert log[150:250].mean() > linear[150:250].mean() + 10

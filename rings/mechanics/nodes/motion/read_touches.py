@@ -1,5 +1,6 @@
 """Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -38,6 +39,8 @@ from tactograph.sdk.unstable import (
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
+RELIEF = "rest_relief_mm"
+"""The figure of a touch whose film is no plane at rest (`measure_contact`)."""
 
 
 class Touches(NamedTuple):
@@ -108,6 +111,11 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     files = [result / "height.npy" for result in results]
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
+    for result in results:
+        if RELIEF in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+            raise InputError(
+                f"{result}: its film is no plane at rest; touches of planes alone are put together"
+            )
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")

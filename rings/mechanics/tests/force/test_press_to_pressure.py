@@ -75,7 +75,7 @@ def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
     plain = found(film, contact(), 0.005)
     for name in "force_n", "force_sd_n", "pressure_kpa":
         key = f"contact_{name}/c1"
-        assert told.figures[key] == pytest.approx(plain.figures[key], rel=0.02)
+        assert told.figures[key] == pytest.approx(plain.figures[key], rel=0.03)
     inner = reach < 0.8 * RADIUS
     ball = PEAK * np.sqrt(np.maximum(1 - (reach / RADIUS) ** 2, 0))
     np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.06 * PEAK)

@@ -51,7 +51,7 @@ def measure_touches(
     if captures is None:
         return Touches()
     given: dict[str, Any] = {"capture": str(captures), "calibration": str(calibration)}
-    outputs = {"truth": "frames.truth", "pixel": "cal.pixel_size"}
+    outputs = {"truth": "truth", "pixel": "cal.pixel_size"}
     chosen = graph or certified_sensor(calibration).graph
     asked = {"format": 1, "extends": [chosen], "outputs": outputs}
     with load(asked, given | ({"crop": crop} if crop else {})) as pipeline:

@@ -38,7 +38,7 @@ def measurement_noise(height: Heights | None = None) -> Metrics:
     if height is None:
         return {}
     if len(height) < MIN_REPEATS:
-        raise InputError("`still` holds one capture; noise is what two or more differ by")
+        raise InputError("one still capture was given; noise is what two or more differ by")
     maps = UM_PER_MM * height.astype(np.float64)
     apart = np.diff(maps, axis=0)
     apart = apart - np.nanmean(apart, axis=(1, 2), keepdims=True)

@@ -124,6 +124,7 @@ def test_the_transfer_function_is_that_of_the_rendered_truth(sensor: Path, tmp_p
     assert stated["amplification_coefficient"] is None
 
 
+@pytest.mark.slow
 def test_wrong_input_is_told_in_one_line(raytraced: Raytraced, calibration: Calibration) -> None:
     given = [f"calibration={calibration('near33')}", f"captures={raytraced / 'near33' / 'flat'}"]
     for words, told in (

@@ -29,10 +29,11 @@ def test_many_shapes_give_back_the_errors_that_were_put_in_and_k_of_two() -> Non
 
 
 def test_few_shapes_have_a_larger_factor_and_hold_as_much() -> None:
-    found = [uncertainty_budget(touched(6, seed), {}, {}, draws=1000).metrics for seed in range(40)]
+    draws = (touched(12, seed) for seed in range(20))
+    found = [uncertainty_budget(each, {}, {}, draws=1000).metrics for each in draws]
     factors = [each["coverage_factor"] for each in found]
-    assert min(factors) > 2.2
-    assert 93 < np.mean([each["held_out_percent"] for each in found]) < 97.5
+    assert min(factors) > 2.1
+    assert 93 < np.mean([each["held_out_percent"] for each in found]) < 97
 
 
 def test_known_inputs_count_and_are_not_counted_twice() -> None:

@@ -14,11 +14,11 @@ from tactograph.nodes.calibrate.film._ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
 from tactograph.nodes.calibrate.film.judge_radius import (
-    CAMERA,
-    CLEAR,
-    POWER,
-    SIZE,
-    TOLD,
+    AS_TOLD,
+    CLEAR_GEL,
+    OTHER_CAMERA,
+    OTHER_POWER,
+    OTHER_SIZE,
     Alternatives,
     Explained,
     doubts_of,
@@ -82,8 +82,8 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
     light = found(raytraced / rig, factor)
     (doubt,), is_clear = doubts_of(light, BALL * factor)
     assert is_clear
-    assert factor * light.by_name[SIZE].size == pytest.approx(1, rel=0.02)
-    assert f"a ball of {BALL * factor * light.by_name[SIZE].size:.3g} mm radius" in doubt
+    assert factor * light.by_name[OTHER_SIZE].size == pytest.approx(1, rel=0.02)
+    assert f"a ball of {BALL * factor * light.by_name[OTHER_SIZE].size:.3g} mm radius" in doubt
     assert ("its diameter" in doubt) == (factor == 2)
     assert ("given too large" in doubt) == (1 < factor < 2)
     assert ("pixel size too large" in doubt) == (factor < 1)
@@ -101,14 +101,14 @@ def left_by(**departures: float) -> Alternatives:
     """Alternatives that leave given shares of the light."""
     plain = Explained(1.0, 1.0, 0.0, 0.03, 50.0, 0.0)
     others = {
-        SIZE: plain._replace(size=0.5, diffuse=0.4),
-        CLEAR: plain._replace(size=0.6),
-        POWER: plain._replace(power=1 / 2.2),
-        CAMERA: plain._replace(camera=1 / 60),
-        TOLD: plain,
+        OTHER_SIZE: plain._replace(size=0.5, diffuse=0.4),
+        CLEAR_GEL: plain._replace(size=0.6),
+        OTHER_POWER: plain._replace(power=1 / 2.2),
+        OTHER_CAMERA: plain._replace(camera=1 / 60),
+        AS_TOLD: plain,
     }
     some = {name: others[name]._replace(departure=left) for name, left in departures.items()}
-    return Alternatives(others | some, 80, {SIZE: 0.4, CLEAR: 0.5})
+    return Alternatives(others | some, 80, {OTHER_SIZE: 0.4, CLEAR_GEL: 0.5})
 
 
 def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:

@@ -1,0 +1,68 @@
+"""A touch that is doubted names the mistake that explains it, and no other."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F4
+from tactograph.nodes.trust._likely_cause import likely_cause
+
+ROWS, COLUMNS = 60, 80
+LIGHTS = np.array([[-40, -30, 40], [42, -31, 40], [38, 33, 40], [-39, 30, 40]], np.float32)
+Change = Callable[[F4], F4]
+
+
+def flat() -> F4:
+    """Each LED is brightest at its own corner."""
+    y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
+    lean = [0.5 + 0.08 * (np.sign(u) * x + np.sign(v) * y) for u, v, _ in LIGHTS]
+    return np.asarray(lean, np.float32)
+
+
+def touch() -> F4:
+    """A dome and a smaller one beside it."""
+    y, x = np.mgrid[:ROWS, :COLUMNS].astype(np.float32)
+    height = 6 * np.exp(-((x - 34) ** 2 + (y - 26) ** 2) / 120)
+    height += 3 * np.exp(-((x - 52) ** 2 + (y - 38) ** 2) / 40)
+    q, p = np.gradient(height)
+    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    light = np.tensordot(LIGHTS / LIGHTS[:, 2:], normal, 1)
+    return np.asarray(np.maximum(light, 0) * flat(), np.float32)
+
+
+def banded(raw: F4) -> F4:
+    rows = 1 - 0.1 * np.sin(np.arange(ROWS) / 1.5)[:, None]
+    return np.asarray(raw * rows, np.float32)
+
+
+MISTAKES: dict[str, Change] = {
+    "LED 1 and LED 2 are swapped": lambda raw: raw[[1, 0, 2, 3]],
+    "LED 2 and LED 4 are swapped": lambda raw: raw[[0, 3, 2, 1]],
+    "taken as 4, 1, 2, 3 they fit": lambda raw: raw[[1, 2, 3, 0]],
+    "are mirrored left to right": lambda raw: raw[:, :, ::-1],
+    "are mirrored top to bottom": lambda raw: raw[:, ::-1],
+    "are turned by half": lambda raw: raw[:, ::-1, ::-1],
+    "look like negatives": lambda raw: 1 - raw,
+    "as if a gamma had been applied": lambda raw: raw ** np.float32(1 / 2.2),
+    "the light flickers": banded,
+    "LED 1 and LED 3 show the same light": lambda raw: raw[[0, 1, 0, 3]],
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_a_mistake_is_named(words: str) -> None:
+    light = MISTAKES[words](touch()) / flat()
+    assert words in likely_cause(light, flat(), LIGHTS)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_touch_that_fits_but_for_its_brightness_names_none(share: float) -> None:
+    assert not likely_cause(np.float32(share) * touch() / flat(), flat(), LIGHTS)
+
+
+def test_what_no_mistake_explains_names_none() -> None:
+    noise = np.random.default_rng(3).normal(1, 0.3, (4, ROWS, COLUMNS)).astype(np.float32)
+    assert not likely_cause(noise, flat(), LIGHTS)
+    rest = np.ones((4, ROWS, COLUMNS), np.float32)
+    assert not likely_cause(rest, np.random.default_rng(3).uniform(0.4, 0.6, rest.shape), LIGHTS)
