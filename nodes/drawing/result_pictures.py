@@ -39,14 +39,13 @@ def draw_result(touch: Touch, folder: Path) -> None:
     _once(folder / "height.png", draw_height, touch.height, deviation_of(touch), touch.pixel)
     count, grey = touch.image.shape[0], touch.image.mean(axis=0)
     for layer in layers_of(touch):
-        file = picture_file(layer, folder)
         match layer.kind.drawn:
             case ColourMap() as how:
-                _once(file, draw_map, layer.value, how, touch.pixel)
+                _once(picture_file(layer, folder), draw_map, layer.value, how, touch.pixel)
             case LedLabels(title):
-                _once(file, draw_labels, layer.value, grey, count, title)
+                _once(picture_file(layer, folder), draw_labels, layer.value, grey, count, title)
             case Regions(noun):
-                _once(file, draw_regions, layer.value, grey, noun)
+                _once(picture_file(layer, folder), draw_regions, layer.value, grey, noun)
 
 
 def _once(file: Path, draw: Callable[..., None], *shown: Any) -> None:

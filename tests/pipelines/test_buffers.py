@@ -37,7 +37,7 @@ def test_a_height_loads_no_library_that_only_pictures_and_curved_films_need(
     calibration: Path,
 ) -> None:
     """Each of them takes 7 to 60 MB, and a tenth of the start or more."""
-    heavy = {"matplotlib", "scipy", "networkx", "rich", "jinja2"}
+    heavy = {"matplotlib", "scipy", "rich", "jinja2"}
     code = (
         "import sys, numpy as np\n"
         "from tactograph import load\n"

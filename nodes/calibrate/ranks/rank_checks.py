@@ -83,12 +83,13 @@ def rank_checks(
             walls = given | {"count": max(count // 2, 1), "rigid": True}
             own, rims = _own("reconstruct", presses, even, RIM_PORTS)
             on_rims = rims > MAX_RIM_SHARE
+            soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
             kind, ranks = (
                 CALIBRATION_KIND,
                 [
                     ranked(_drawn("reconstruct", "drawn_touches", given), own[~on_rims]),
                     ranked(_drawn("reconstruct", "drawn_touches", walls), own[on_rims]),
-                    ranked(_drawn(tables, "drawn_touches", given), _own(tables, presses, even)[0]),
+                    ranked(_drawn(tables, "drawn_touches", given), _own(tables, soft, even)[0]),
                 ],
             )
     replace_arrays(file, kind, {"ranks": np.stack(ranks)})

@@ -28,6 +28,27 @@ def test_a_cap_has_its_height(tmp_path: Path) -> None:
     np.testing.assert_allclose(scaled["error"], 0.05 * np.abs(z), atol=1e-4)
 
 
+def test_edges_within_pixels_are_stated_and_level_film_is_at_zero(tmp_path: Path) -> None:
+    """A groove whose sharp edges lie within pixels, which see the light of both sides."""
+    fine, (rows, columns) = 4, cap().shape
+    file = tmp_path / "model.yaml"
+    model = write_model(file, flat=False)
+    u, v = (np.interp(np.arange(fine * len(w)) / fine, np.arange(len(w)), w)
+            for w in (model.u, model.v))  # fmt: skip
+    finer = model._replace(u=np.float32(u), v=np.float32(v))
+    z = groove_shape(0.12, 40, 0.6, (fine * rows, fine * columns), PIXEL / fine)
+    light = seen(np.roll(z, 3, axis=1), finer, PIXEL / fine)
+    mean = light.reshape(len(light), rows, fine, columns, fine).mean(axis=(2, 4))
+    noise = np.random.default_rng(2).normal(1, 0.01, mean.shape)
+    write_scan(tmp_path / "scan", (mean * noise).astype(np.float32))
+    given = {"capture": tmp_path / "scan", "model": file, "cell_px": 4}
+    found = run("reconstruct_scan", **given)
+    true = np.roll(z, 3, axis=1)[fine // 2 :: fine, fine // 2 :: fine]
+    off, level, deep = found["height"] - true, true == 0, true < -0.119
+    assert abs(off[level].mean()) < 2e-4
+    assert np.mean(np.abs(off[deep]) < BAND_DEVIATIONS * found["error"][deep]) > 0.8
+
+
 def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
     write_scan(tmp_path / "scan", seen(cap(), write_model(file)))

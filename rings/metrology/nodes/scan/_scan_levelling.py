@@ -74,7 +74,10 @@ class ScanLevelling:
 
     def heights(self, slope: F4) -> F8:
         """The levelled height, H x W in mm, of slopes 2 x H x W that count as the scan's did."""
-        height = self._integrate(self._flat(slope))
+        return self.levelled(self._integrate(self._flat(slope)))
+
+    def levelled(self, height: F4 | F8) -> F8:
+        """A height less the plane of what is level, H x W in mm."""
         return np.asarray(height - np.tensordot(self._plane @ height.ravel(), self.terms, 1))
 
     def _flat(self, slope: F4) -> F4:

@@ -16,7 +16,17 @@ from tactograph.rings.metrology.nodes.scan.known_step import KnownStep
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
-from tactograph.sdk import Height, HeightError, Metrics, PixelSize, SizeLimit, node, warn
+from tactograph.sdk import (
+    F4,
+    Height,
+    HeightError,
+    Metrics,
+    PixelSize,
+    Port,
+    SizeLimit,
+    node,
+    warn,
+)
 from tactograph.sdk.nodes import integrate_dct
 from tactograph.sdk.unstable import UM_PER_MM, Scale
 
@@ -26,6 +36,15 @@ NOMINAL_GROWTH = 0.01
 """Share of a height by which it errs, over the square of its slope, in the last part."""
 GROWTH_OF_SCALE = 0.7
 """The same of a scan by a model that a known step has found wrong, over what it is wrong by."""
+
+EDGE_LACK = (1 / 6) / (5 / 144) - 1
+"""What an edge's slopes lack, over what `pixel_mean_slope` adds.  An edge anywhere in its pixel
+leaves a variance of 1/6 of the squared change of the normal, the mean of f (1 - f); half the
+change over two pixels, squared, over 12, at the pixel and both neighbours, is 5/144 of it."""
+
+RawHeight = Annotated[F4, Port("Y X", "mm")]
+"""The integral of a scan's slopes, on pixels."""
+PixelSlope = Annotated[F4, Port("2 Y X", "mm/mm")]
 
 
 class ScanLevel(NamedTuple):
@@ -45,6 +64,9 @@ def level_scan(
     single: ModelSlope,
     model: LightModel,
     pixel: PixelSize,
+    raw: RawHeight,
+    turned: PixelSlope,
+    mean: PixelSlope,
     known: KnownStep | None = None,
     *,
     scale: Scale | None = None,
@@ -52,12 +74,16 @@ def level_scan(
     cell: Annotated[int, Interval(ge=1, le=64)] = 16,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> ScanLevel:
-    """Return what to add to the integral of a scan's slopes, on cells.
+    """Return what to add to `raw`, on cells, and how far the height may be off.
 
     Cells are integrated a second time, with weights: a slope counts by what the light that its
     cell leaves unexplained may do to it.  So steep film, which is measured worst, bends no level
     film.  From the slopes a drift is taken first, as far as film is known to be flat: a light model
     tells level film only up to slopes that change linearly over the frame.
+
+    An edge within a pixel mixes the light of both its sides: the slope of the mean normal is not
+    the mean slope.  `pixel_mean_slope` takes the change for an even one and adds a part of what is
+    lacking; the rest is integrated alike (`EDGE_LACK`).
 
     Parameters
     ----------
@@ -66,6 +92,9 @@ def level_scan(
         each: the mean light over an edge tells nothing of how steep its wall is.
     model : the light model on cells
     pixel : side of a cell in mm
+    raw : the integral of the slopes of all pixels
+    turned, mean
+        2 x Y x X, the slopes of pixels' mean light, and what `pixel_mean_slope` makes of them.
     known
         What a known step settles: heights will be scaled, so each part of the error is less what
         the step's depth has of it, and the factor's uncertainty is one more.  A model that the step
@@ -92,7 +121,12 @@ def level_scan(
     """
     levelling, slope = ScanLevelling(found, model, pixel, level, cell), found.slope
     height = levelling.heights(slope)
-    bend = height - integrate_dct(slope, pixel)
+    by_cells = integrate_dct(slope, pixel)
+    apart = by_cells - _in_cells(raw, cell)
+    added = np.stack([_in_cells(each, cell) for each in mean - turned])
+    lacking = EDGE_LACK * levelling.levelled(integrate_dct(added, pixel))
+    # What is level is at zero on pixels, too, where edges hold another share of the height.
+    bend = height - by_cells + (apart - levelling.levelled(apart))
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
     bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
     lean = float(np.abs(drifting).max())
@@ -106,6 +140,7 @@ def level_scan(
     squares = (np.sum(each * each, axis=0) for each in (slope, single.slope))
     square = cv2.dilate(np.maximum(*squares), np.ones((3, 3)))
     growth = levelling.heights(slope * np.minimum(square, MAX_SQUARED_SLOPE))
+    errors = np.concatenate([errors, [lacking]]).astype(np.float32)
     parts = np.concatenate([errors, [NOMINAL_GROWTH * growth]]).astype(np.float32)
     factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
@@ -120,3 +155,11 @@ def level_scan(
     error = np.sqrt(np.square(errors).sum(axis=0) + factor**2 * inside).astype(np.float32)
     figures |= known.metrics if known else {}
     return ScanLevel(np.asarray(bend, np.float32), error, figures, parts, settled)
+
+
+def _in_cells(height: F4, cell: int) -> F4:
+    """Means of cells; those at the border go on beyond it."""
+    down, right = (-size % cell for size in height.shape)
+    whole = np.pad(height, ((0, down), (0, right)), mode="edge")
+    size = whole.shape[1] // cell, whole.shape[0] // cell
+    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
