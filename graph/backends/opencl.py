@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from typing import Any, Literal
 
 import pyopencl as cl
@@ -59,7 +60,7 @@ class OpenCL(Queue):
         self.compile(nodes)
         count = 0
         for source, options in {*self._programs(nodes).values()}:
-            with suppress(cl.RuntimeError):
+            with suppress(cl.RuntimeError), _unheard():
                 build(self.context, source, options)
                 count += 1
         return count
@@ -91,3 +92,16 @@ class OpenCL(Queue):
         Outputs that are not wanted are left out if the node can do without them.
         """
         return Prepared(self, self.compiled(node), settings, sizes, wanted)
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Keep a compiler from counting errors on the terminal, past Python's own stream."""
+    heard, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(heard, 2)
+        os.close(heard)

@@ -140,6 +140,13 @@ def test_what_was_warmed_is_not_compiled_by_the_first_run(
     assert "no kernels to build" in one_line(tactograph("warm", graph, "--backend", "numpy"))
 
 
+def test_a_kernel_that_needs_its_launch_is_left_to_it_in_silence(
+    folder: Path, device: OpenCL, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert device.build([find_node("film_bounce")]) == 0
+    assert capfd.readouterr().err == ""
+
+
 HOLDS = """
 import sys, time
 from pathlib import Path
