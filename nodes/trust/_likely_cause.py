@@ -66,12 +66,12 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     if is_banded(light):
         return BANDS_TOLD
     small, rest = _resized(raw), np.maximum(_resized(flat), np.float32(1e-3))
-    as_it_is = _left(small / rest, lights)
+    as_it_is = _left(np.asarray(small / rest, np.float32), lights)
     if as_it_is < MAX_OF_FITTING:
         return ""
     best, least = "", as_it_is / MIN_GAIN
     for words, taken in _mistakes(small):
-        left = _left(taken / rest, lights)
+        left = _left(np.asarray(taken / rest, np.float32), lights)
         # Simple mistakes come first: another that explains no more is not preferred.
         if left < MAX_LEFT and left < (0.8 * least if best else least):
             best, least = words, left
@@ -160,7 +160,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
     rest = np.median(np.abs(light - 1).max(axis=0)[ring])
     # The mean height over the touch is that of the slopes along the way to its middle.
-    y, x = np.indices(touched.shape)
+    y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q
     below = UPSIDE_DOWN if float(outwards[lit].sum()) > 0 else 0.0
     deviation = float(np.sqrt((residual**2).mean()))

@@ -146,7 +146,7 @@ class _Agreement(NamedTuple):
 
 def _saturated(image: F4, mask: U1, rows: int) -> tuple[list[float], NDArray[np.bool_]]:
     """The share of each contact that is saturated, and the pixels where that is too much."""
-    full = (image >= SATURATED_LIGHT).any(axis=0)
+    full = np.any(image >= SATURATED_LIGHT, axis=0)
     lost = [
         float(f[known > 0].mean()) if known.any() else 0.0
         for f, known in zip(cut(full, rows), cut(mask, rows), strict=True)

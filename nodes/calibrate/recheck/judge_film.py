@@ -90,7 +90,8 @@ def judge_film(
         "lens_mark_percent": 100 * abs(dirt.depth),
         "wrong": float(sum(not verdict.startswith("right") for verdict in verdicts)),
     }
-    return Verdicts(*verdicts, figures)
+    leds, film, lens, ambience, camera = verdicts
+    return Verdicts(leds, film, lens, ambience, camera, figures)
 
 
 class _Mark(NamedTuple):

@@ -93,7 +93,8 @@ def _missed(poses: dict[int, F8], pair: Pair) -> tuple[F8, F8]:
 
 
 def _spread(pair: Pair) -> F8:
-    return np.linalg.cholesky(pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE))
+    variance = pair.fit.covariance + np.diag(MIN_PAIR_VARIANCE)
+    return np.asarray(np.linalg.cholesky(variance), np.float64)
 
 
 def _leaning(pair: Pair) -> F8:

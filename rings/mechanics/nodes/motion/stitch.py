@@ -265,8 +265,8 @@ def _fused(
     freedom = max(int((seen[several] - 1).sum()), 1)
     difference = float(np.sqrt(max(float(apart.sum()), 0.0) / freedom))
     astray = np.divide(astray, weights, out=np.zeros_like(total), where=known)
-    mean, error, astray = (plane.astype(np.float32) for plane in (mean, error, astray))
-    return mean, error, astray, source, difference
+    fused, deviation, of_poses = (p.astype(np.float32) for p in (mean, error, astray))
+    return fused, deviation, of_poses, source, difference
 
 
 def _height_deviation(height: F8, covariance: F8, grid: Surface) -> F8:

@@ -31,8 +31,8 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     """
     if is_of_kind(calibration, PRESS_CALIBRATION):
         known = read_press_calibration(file=calibration)
-        kind = None, "gelsight_mini", "drawn_ripples_oneshot"
+        blur, graph, overlay = None, "gelsight_mini", "drawn_ripples_oneshot"
     else:
         known = read_calibration(file=calibration)
-        kind = float(known.blur), "precise", "drawn_ripples"
-    return CertifiedSensor(known.flat, float(known.pixel_size), known.lens, *kind)
+        blur, graph, overlay = float(known.blur), "precise", "drawn_ripples"
+    return CertifiedSensor(known.flat, float(known.pixel_size), known.lens, blur, graph, overlay)

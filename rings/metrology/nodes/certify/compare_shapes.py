@@ -104,7 +104,7 @@ def _by_truth(found: F4, stated: F4, truth: F4, zero: str) -> Pairs:
     known = np.isfinite(truth) & np.isfinite(found)
     true, height = truth.astype(np.float64), found.astype(np.float64)
     if zero == "plane":
-        y, x = np.indices(found.shape)
+        y, x = np.mgrid[: found.shape[0], : found.shape[1]]
         terms = np.stack([np.ones(known.sum()), x[known], y[known]], axis=1)
         apart = (height - true)[known]
         height[known] -= terms @ np.linalg.lstsq(terms, apart, rcond=None)[0]
