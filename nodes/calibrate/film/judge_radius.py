@@ -114,6 +114,7 @@ def judge_radius(
     evidence: FilmEvidence,
     film: Film,
     fitted: Metrics,
+    of_pixels: list[str] | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -126,6 +127,8 @@ def judge_radius(
     film, fitted
         The film that `fit_film` found with the values told, and its figures.  They are doubted
         only if this film is not surely likelier than the plain one with other values.
+    of_pixels
+        Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
@@ -157,7 +160,7 @@ def judge_radius(
     camera = film.camera if shape is None else film.camera or None
     found = explain(balls, flat, pixel, lights, strength, shape, camera)
     doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
-    if is_clear and not force:
+    if is_clear and not (force or of_pixels):
         raise InputError(doubts[0] + FORCE_ADVICE)
     scale, is_open = scale_error(found, left), ""
     if led_distance_mm is not None:
