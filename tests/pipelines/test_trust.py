@@ -173,7 +173,7 @@ def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -
 @pytest.mark.parametrize(
     ("what", "cause"),
     [
-        ("two LEDs swapped", "order of the images"),
+        ("two LEDs swapped", "LED 1 and LED 2 are swapped"),
         ("mirrored", "mirrored"),
         ("turned", "turned"),
         ("gamma 2.2", "gamma"),

@@ -55,7 +55,7 @@ def test_a_right_calibration_is_used_without_a_word(reconstruct: Reconstruct) ->
 
 
 READERS = {"read_calibration", "read_press_calibration"}
-REPLAYING = {"stitch", "rank_checks"}
+REPLAYING = {"stitch", "rank_checks", "certify"}
 """Graphs that read it by another graph and repeat what that says, or that make no touch of it."""
 CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(name).params]
 

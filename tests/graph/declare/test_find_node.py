@@ -122,13 +122,14 @@ def test_a_node_of_another_package_runs_on_both_back_ends(
 
 
 def test_a_node_of_another_package_is_loaded_only_when_a_graph_names_it(
-    install: Install, write: Write
+    install: Install, write: Write, tmp_path: Path
 ) -> None:
     install("acme-optics", "acme_scale")
+    (tmp_path / "cal.npz").touch()
     node_names()
     find_node("flat_field")
     read_graph("paper")
-    load("reconstruct", calibration="cal.npz", backend="numpy")
+    load("reconstruct", calibration=str(tmp_path / "cal.npz"), backend="numpy")
     assert "acme_optics" not in sys.modules
     load(write(STREAM.format(name="acme_scale")), backend="numpy")
     assert "acme_optics.nodes.acme_scale" in sys.modules

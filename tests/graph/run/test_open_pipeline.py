@@ -14,17 +14,25 @@ from tests.graph.conftest import STREAM, WAITING, Write, graph_of
 pytestmark = pytest.mark.usefixtures("toys")
 
 
+@pytest.fixture
+def unread(tmp_path: Path) -> str:
+    """A calibration that is there; it is read with the first array."""
+    file = tmp_path / "cal.npz"
+    file.touch()
+    return str(file)
+
+
 def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str]) -> None:
     load(graph_of(WAITING), backend="numpy")(frames=np.ones((3, 4, 5), np.float32))
     assert not [word for word in toys if word.startswith("noted")]
 
 
-def test_what_only_unwanted_outputs_need_is_not_computed() -> None:
-    pipeline = load("reconstruct", backend="numpy", calibration="no.npz", outputs=["slope"])
+def test_what_only_unwanted_outputs_need_is_not_computed(unread: str) -> None:
+    pipeline = load("reconstruct", backend="numpy", calibration=unread, outputs=["slope"])
     assert "slope" in pipeline.plan.tasks
     assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
     with pytest.raises(InputError, match=r"has no output 'hight'; did you mean 'height'\?"):
-        load("reconstruct", backend="numpy", calibration="no.npz", outputs=["hight"])
+        load("reconstruct", backend="numpy", calibration=unread, outputs=["hight"])
 
 
 def test_a_fallback_is_in_the_plan(no_device: None) -> None:
@@ -35,18 +43,20 @@ def test_a_fallback_is_in_the_plan(no_device: None) -> None:
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_a_loaded_pipeline_warns_of_a_fallback_and_does_not_list_many(no_device: None) -> None:
+def test_a_loaded_pipeline_warns_of_a_fallback_and_does_not_list_many(
+    no_device: None, unread: str
+) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
         load(graph_of(WAITING))
     with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
-        load("reconstruct", calibration="no.npz")
+        load("reconstruct", calibration=unread)
     assert len(told) == 1
 
 
 @pytest.mark.parametrize("outputs", ["height", [], [1]])
-def test_outputs_are_a_list_of_names(outputs: Any) -> None:
+def test_outputs_are_a_list_of_names(outputs: Any, unread: str) -> None:
     with pytest.raises(InputError, match="outputs"):
-        load("reconstruct", backend="numpy", calibration="no.npz", outputs=outputs)
+        load("reconstruct", backend="numpy", calibration=unread, outputs=outputs)
 
 
 def test_strict_is_content_where_nothing_falls_back() -> None:

@@ -39,7 +39,7 @@ from tactograph.sdk.unstable import (
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
-RELIEF = "rest_relief_mm"
+RELIEF_FIGURE = "rest_relief_mm"
 """The figure of a touch whose film is no plane at rest (`measure_contact`)."""
 
 
@@ -112,7 +112,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result in results:
-        if RELIEF in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+        if RELIEF_FIGURE in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )

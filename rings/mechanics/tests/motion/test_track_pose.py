@@ -227,8 +227,7 @@ def test_a_jump_to_another_part_of_the_object_begins_anew() -> None:
 def test_the_overlay_fits(graph: str) -> None:
     posed = with_overlays(read_graph(graph), ["pose"])
     assert posed.nodes["pose"].inputs["memory"] == "previous.pose.memory"
-    told = posed.in_full("score" if graph == "paper" else "figures")
-    assert "pose" in posed.nodes[told].inputs
+    assert "pose" in posed.nodes[posed.in_full("figures")].inputs
 
 
 @pytest.mark.slow
