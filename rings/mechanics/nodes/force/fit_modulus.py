@@ -24,7 +24,7 @@ MIN_PRESSES = 3
 """Fewest presses that tell modulus and thickness apart."""
 LEAST_SPREAD = 0.05
 """Relative spread of the modulus, at the worst thickness, from which presses tell a thickness."""
-THICKER = 1.01
+THICKNESS_STEP = 1.01
 """Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
 """Relative spread of the modulus over the presses that is told."""
@@ -110,7 +110,7 @@ def fit_modulus(
     if len(each) > 1:
         at = [_force(press, found_mm, poisson) for press in presses]
         errs = np.array([force.deviation / force.newtons for force in at])
-        thicker = moduli(found_mm * THICKER) if thickness_mm is None else each
+        thicker = moduli(found_mm * THICKNESS_STEP) if thickness_mm is None else each
         figures["modulus_error"] = _relative_error(each, thicker, errs, fitted=thickness_mm is None)
     return figures
 

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.rings.metrology.nodes.certify.transfer_function import HALF
+from tactograph.rings.metrology.nodes.certify.transfer_function import CUT_OFF_SHARE
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import BudgetRow
 from tactograph.sdk import BLUE, F8, GREY, ORANGE, Metrics
 from tactograph.sdk.unstable import UM_PER_MM
 
-PAGE = """<!doctype html>
+PAGE_TEXT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 body {{ font: 15px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em; }}
 table {{ border-collapse: collapse; margin: 1em 0; }}
@@ -41,7 +41,7 @@ def page(
     body += ["<h2>Budget of the uncertainty of a height</h2>", _budget(rows, figures)]
     drawn = (_response(curves["response"], figures), _transfer(curves["transfer"]))
     body += [f'<img alt="{alt}" src="{uri}">' for alt, uri in filter(None, drawn)]
-    return PAGE.format(title=escape(title), body="\n".join(body))
+    return PAGE_TEXT.format(title=escape(title), body="\n".join(body))
 
 
 def _characteristics(entries: Sequence[Mapping[str, Any]]) -> str:
@@ -113,7 +113,7 @@ def _transfer(curve: F8 | None) -> tuple[str, str] | None:
     figure = Figure(figsize=(9, 3.5), dpi=100, layout="constrained")
     axes = figure.subplots()
     axes.plot(*curve, color=BLUE)
-    axes.axhline(HALF, color=ORANGE, linestyle="--", linewidth=1)
+    axes.axhline(CUT_OFF_SHARE, color=ORANGE, linestyle="--", linewidth=1)
     title = "Instrument transfer function, film rendered by the calibration"
     axes.set(xlabel="spatial frequency / (1/mm)", ylabel="height response", title=title)
     return title, _uri(figure)

@@ -16,7 +16,7 @@ BORDER_SHARE = 0.15
 """Width of the film at rest around the ripples, and of its rise, over the frame's shorter side."""
 LIFT_DEVIATIONS = 3.0
 """Mean height over the ripples' deviation: nearly all of the film is then above rest."""
-SIMPSON = np.array([1, 4, 1]) / 6
+SIMPSON_WEIGHTS = np.array([1, 4, 1]) / 6
 
 
 class Ripples(NamedTuple):
@@ -78,7 +78,10 @@ def _to_border(count: int) -> F8:
 def _by_pixel(fine: F8, pixel: float) -> tuple[Height, Slope]:
     def edges(lines: F8) -> F8:
         """The mean along each pixel's side (Simpson), at every line of edges."""
-        along = SIMPSON[0] * (lines[:, :-2:2] + lines[:, 2::2]) + SIMPSON[1] * lines[:, 1::2]
+        along = (
+            SIMPSON_WEIGHTS[0] * (lines[:, :-2:2] + lines[:, 2::2])
+            + SIMPSON_WEIGHTS[1] * lines[:, 1::2]
+        )
         return np.asarray(np.diff(along[::2], axis=0) / pixel)
 
     slope = np.stack([edges(fine.T).T, edges(fine)])

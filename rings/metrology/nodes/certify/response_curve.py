@@ -9,7 +9,7 @@ from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
 from tactograph.sdk import F8, Metrics, Port, node
 from tactograph.sdk.unstable import UM_PER_MM
 
-LEVELS = 10
+LEVEL_COUNT = 10
 """Levels of the response curve, of equally many points each."""
 
 
@@ -82,11 +82,11 @@ def response_parts(true: F8, found: F8, shape: NDArray[np.int32]) -> Parts:
     apart = found - true
     amplification = float(true @ found / (true @ true))
     by_shape = np.bincount(of, true * found) / np.bincount(of, true * true)
-    edges = np.quantile(true, np.linspace(0, 1, LEVELS + 1))
-    level = np.clip(np.searchsorted(edges, true, side="right") - 1, 0, LEVELS - 1)
-    count = np.maximum(np.bincount(level, minlength=LEVELS), 1)
-    middle, mean = (np.bincount(level, each, LEVELS) / count for each in (true, apart))
-    spread = np.sqrt(np.bincount(level, np.square(apart - mean[level]), LEVELS) / count)
+    edges = np.quantile(true, np.linspace(0, 1, LEVEL_COUNT + 1))
+    level = np.clip(np.searchsorted(edges, true, side="right") - 1, 0, LEVEL_COUNT - 1)
+    count = np.maximum(np.bincount(level, minlength=LEVEL_COUNT), 1)
+    middle, mean = (np.bincount(level, each, LEVEL_COUNT) / count for each in (true, apart))
+    spread = np.sqrt(np.bincount(level, np.square(apart - mean[level]), LEVEL_COUNT) / count)
     line = np.polynomial.Polynomial.fit(middle, mean, 1)
     linearity = float(np.abs(mean - line(middle)).max())
     left = found - by_shape[of] * true

@@ -7,9 +7,9 @@ import numpy as np
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
 from tactograph.sdk import F8, Metrics, PixelSize, Port, node, warn
 
-HALF = 0.5
+CUT_OFF_SHARE = 0.5
 """Height response at which a wave counts as resolved (ISO 25178-600, lateral period limit)."""
-NYQUIST = 0.5
+NYQUIST_FREQUENCY = 0.5
 """Cycles per pixel above which a map shows no wave."""
 
 
@@ -50,18 +50,18 @@ def transfer_function(
     u, v = np.fft.rfftfreq(columns), np.fft.fftfreq(rows)[:, None]
     side = min(rows, columns)
     ring = np.rint(np.hypot(u, v) * side).astype(int)
-    inside = (ring > 1) & (ring <= NYQUIST * side)
+    inside = (ring > 1) & (ring <= NYQUIST_FREQUENCY * side)
     power = np.bincount(ring[inside], np.square(np.abs(true)).sum(0)[inside])
     shared = np.bincount(ring[inside], (true.conj() * found).real.sum(0)[inside])
     numbers = np.flatnonzero(power > 0)
     response, cycles = shared[numbers] / power[numbers], numbers / side
-    lower = np.flatnonzero(response < HALF)
+    lower = np.flatnonzero(response < CUT_OFF_SHARE)
     if len(lower):
         after = max(int(lower[0]), 1)
-        share = (response[after - 1] - HALF) / (response[after - 1] - response[after])
+        share = (response[after - 1] - CUT_OFF_SHARE) / (response[after - 1] - response[after])
         cut = cycles[after - 1] + share * (cycles[after] - cycles[after - 1])
     else:
-        cut = NYQUIST
+        cut = NYQUIST_FREQUENCY
         warn("all waves that pixels show come through by more than half: pixels limit resolution")
     figures = {"topographic_spatial_resolution_mm": float(pixel / cut)}
     return Transfer(figures, np.stack([cycles / pixel, response]))

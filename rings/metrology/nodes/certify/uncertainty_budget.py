@@ -12,7 +12,7 @@ from tactograph.rings.metrology.nodes.certify.response_curve import response_par
 from tactograph.sdk import F8, Metrics, node
 from tactograph.sdk.unstable import UM_PER_MM
 
-COVERAGE = 0.9545
+COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""
 FOLD_COUNT, MIN_KEPT = 10, 2
 """Parts that are held out in turn, and fewest shapes that the others hold: one has no spread."""
@@ -112,7 +112,7 @@ def uncertainty_budget(
         figures["held_out_percent"], figures["held_out_error_percent"] = held
     if stated is not None and np.isfinite(stated).any():
         known = stated > 0
-        within = np.abs(found - true)[known] <= norm.ppf((1 + COVERAGE) / 2) * stated[known]
+        within = np.abs(found - true)[known] <= norm.ppf((1 + COVERED_SHARE) / 2) * stated[known]
         figures["stated_error_percent"] = 100 * float(within.mean())
     return Budget(rows, figures)
 
@@ -149,15 +149,15 @@ def _variances(rows: list[BudgetRow], height_um: float) -> F8:
 
 
 def _standard(rows: list[BudgetRow], height_um: float) -> tuple[float, float]:
-    """The standard uncertainty in um, and the factor by which it holds `COVERAGE`."""
+    """The standard uncertainty in um, and the factor by which it holds `COVERED_SHARE`."""
     parts = _variances(rows, height_um)
     rare = float((np.square(parts) / [row.freedom for row in rows]).sum())
     freedom = parts.sum() ** 2 / rare if rare else np.inf
-    return float(np.sqrt(parts.sum())), float(t.ppf((1 + COVERAGE) / 2, freedom))
+    return float(np.sqrt(parts.sum())), float(t.ppf((1 + COVERED_SHARE) / 2, freedom))
 
 
 def _drawn(rows: list[BudgetRow], height_um: float, draws: int, rng: np.random.Generator) -> float:
-    """Half the shortest interval that holds `COVERAGE` of the drawn errors, in um."""
+    """Half the shortest interval that holds `COVERED_SHARE` of the drawn errors, in um."""
     error = np.zeros(draws)
     for row, scale in zip(rows, np.sqrt(_variances(rows, height_um)), strict=True):
         if not scale:
@@ -169,7 +169,7 @@ def _drawn(rows: list[BudgetRow], height_um: float, draws: int, rng: np.random.G
         else:
             error += scale * rng.standard_normal(draws)
     error.sort()
-    inside = round(COVERAGE * draws)
+    inside = round(COVERED_SHARE * draws)
     return float((error[inside:] - error[: draws - inside]).min() / 2)
 
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 from tactograph.rings.metrology.nodes.certify._statement_page import page
 from tactograph.rings.metrology.nodes.certify.response_curve import Response
 from tactograph.rings.metrology.nodes.certify.transfer_function import Transfer
-from tactograph.rings.metrology.nodes.certify.uncertainty_budget import COVERAGE, Budget
+from tactograph.rings.metrology.nodes.certify.uncertainty_budget import COVERED_SHARE, Budget
 from tactograph.sdk import Metrics, Provenance, atomic_files, node
 
 JSON_FILE, PAGE_FILE = "statement.json", "statement.html"
-MEASURED = "measured"
-RENDERED = "film rendered by the calibration's own model"
+AS_MEASURED = "measured"
+AS_RENDERED = "film rendered by the calibration's own model"
 
 
 class Characteristic(NamedTuple):
@@ -21,10 +21,10 @@ class Characteristic(NamedTuple):
     name: str
     unit: str
     meaning: str
-    how: str = MEASURED
+    how: str = AS_MEASURED
 
 
-CHARACTERISTICS = (
+STATED_FIGURES = (
     Characteristic("measurement_noise_um", "um", "Sq of differences of repeats, over root two"),
     Characteristic("topography_repeatability_um", "um", "standard deviation over still repeats"),
     Characteristic("drift_um", "um", "mean height, from the first repeat to the last"),
@@ -38,7 +38,7 @@ CHARACTERISTICS = (
         "topographic_spatial_resolution_mm",
         "mm",
         "wave whose height comes through by half (W_R)",
-        RENDERED,
+        AS_RENDERED,
     ),
     Characteristic("xy_amplification_coefficient", "1", "found over true lengths in x and y"),
     Characteristic("xy_mapping_deviation_um", "um", "largest departure of a place from its own"),
@@ -73,12 +73,12 @@ def write_statement(
     known = {**noise, **flatness, **response.metrics, **transfer.metrics, **xy}
     entries = [
         {**each._asdict(), "value": known.get(each.name), "how": each.how * (each.name in known)}
-        for each in CHARACTERISTICS
+        for each in STATED_FIGURES
     ]
     curves = {"response": response.curve, "transfer": transfer.curve}
     said = {
         "format": 1,
-        "coverage": COVERAGE,
+        "coverage": COVERED_SHARE,
         "characteristics": entries,
         "not_measured": [entry["name"] for entry in entries if entry["value"] is None],
         "budget": [row._asdict() for row in budget.rows],
