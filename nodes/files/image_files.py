@@ -110,7 +110,7 @@ def _check_plain(image: Image.Image, file: Path) -> None:
 def _raw_mode(image: Image.Image) -> str:
     """How a file holds its pixels, in Pillow's words, such as "L;4" for four bits of grey."""
     tiles: Any = getattr(image, "tile", None)
-    how = tiles[0].args if tiles else ""
+    how = tiles[0][3] if tiles else ""
     return str(how[0] if isinstance(how, tuple) else how)
 
 

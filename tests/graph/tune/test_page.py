@@ -130,7 +130,7 @@ def pick(page: Page, name: str, option: str) -> None:
 def test_the_page_shows_the_graph_its_result_and_figures(page: Page) -> None:
     wait_for(page, "figures", "rmse px")
     nodes = "[...document.querySelectorAll('[data-node]')].map(e => e.dataset.node)"
-    assert {"light", "shadow", "slope", "height"} <= {*page.browser.look(nodes)}
+    assert {"light", "shadow", "slope", "integrate"} <= {*page.browser.look(nodes)}
     times = page.browser.look(f"document.querySelector('{element('graph')}').textContent")
     assert "refine_taylor" in times
     assert " ms" in times
