@@ -58,7 +58,8 @@ def test_ctrl_c_switches_the_leds_off() -> None:
 
 def test_it_is_a_command(tactograph: Command) -> None:  # noqa: F811
     with SimulatedController() as board:
-        done = tactograph("run", "check_leds", f"port={board.port}", "seconds_each=0.01", "--figures")
+        words = f"port={board.port}", "seconds_each=0.01", "--figures"
+        done = tactograph("run", "check_leds", *words)
         assert done.code == 0, done.err
         assert "round_trip_ms" in done.out
         assert "firmware 1.0, id e6614c311b000000" in done.out
