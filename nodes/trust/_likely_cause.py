@@ -25,6 +25,8 @@ RING_CELLS = 3
 """Width of the border at which film should be at rest."""
 MIN_GAIN, MAX_LEFT = 2.5, 0.15
 """What images leave as they are, over what they leave without the mistake; and what may be left."""
+MAX_OF_SIMPLER = 0.8
+"""What a less simple mistake may leave, over what a simpler one does."""
 MAX_OF_FITTING = 0.05
 """What is left of light that fits as it is."""
 UPSIDE_DOWN = 0.3
@@ -72,8 +74,8 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     best, least = "", as_it_is / MIN_GAIN
     for words, taken in _mistakes(small):
         left = _left(np.asarray(taken / rest, np.float32), lights)
-        # Simple mistakes come first: another that explains no more is not preferred.
-        if left < MAX_LEFT and left < (0.8 * least if best else least):
+        # Simple mistakes come first: another that explains little more is not preferred.
+        if left < MAX_LEFT and left < (MAX_OF_SIMPLER * least if best else least):
             best, least = words, left
     return best
 
@@ -97,22 +99,23 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
         raw ** np.float32(USUAL_GAMMA),
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
-    in_place, *others = _orders(len(raw))
-    swaps = [order for order in others if _moved(order) == IMAGES_SWAPPED]
-    for order in swaps:
-        yield _Mistake(_words("", order), raw[list(order)])
-    for side, turn in TURNED_IMAGES.items():
-        yield _Mistake(_words(side, in_place), turn(raw))
+    others = [order for order in _orders(len(raw)) if _moved(order)]
     for order in others:
-        if order not in swaps:
-            yield _Mistake(_words("", order), raw[list(order)])
+        if _moved(order) == IMAGES_SWAPPED:
+            yield _Mistake(_words(order), raw[list(order)])
+    for side, turn in TURNED_IMAGES.items():
+        beside = "beside those of the calibration, with which they would fit"
+        yield _Mistake(f"the images are {side} {beside}", turn(raw))
+    for order in others:
+        if _moved(order) > IMAGES_SWAPPED:
+            yield _Mistake(_words(order), raw[list(order)])
 
 
 def _orders(count: int) -> Iterator[tuple[int, ...]]:
+    """Orders of LEDs, those with the fewest out of place first."""
     if math.factorial(count) <= MAX_ORDERS:
         yield from sorted(permutations(range(count)), key=_moved)
         return
-    yield tuple(range(count))
     for one in range(count):
         for other in range(one):
             order = list(range(count))
@@ -124,10 +127,8 @@ def _moved(order: tuple[int, ...]) -> int:
     return sum(led != place for place, led in enumerate(order))
 
 
-def _words(side: str, order: tuple[int, ...]) -> str:
-    """What was done, for what undoes it: place k takes image order[k]."""
-    if side:
-        return f"the images are {side} beside those of the calibration, with which they would fit"
+def _words(order: tuple[int, ...]) -> str:
+    """What was done, for the order that undoes it: place k takes image order[k]."""
     wrong = [place for place, led in enumerate(order) if led != place]
     if len(wrong) == IMAGES_SWAPPED:
         return (

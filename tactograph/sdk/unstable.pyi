@@ -57,6 +57,10 @@ from tactograph.nodes.calibrate.colour.rate_presses import (
 from tactograph.nodes.calibrate.file.calibrated_film import (
     CalibratedFilm as CalibratedFilm,
     calibrated_film as calibrated_film,
+    read_either as read_either,
+)
+from tactograph.nodes.calibrate.file.calibration import (
+    Calibration as Calibration,
 )
 from tactograph.nodes.calibrate.file.press_calibration import (
     PRESS_CALIBRATION as PRESS_CALIBRATION,

@@ -1,10 +1,11 @@
-"""The film at rest, from either kind of calibration."""
+"""Either kind of calibration, and the film at rest from it."""
 
 from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.nodes import Dark, Light
-from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
+from tactograph.nodes.calibrate.file.calibration import Calibration
+from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, PressCalibration
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
 from tactograph.nodes.files.calibration_file import is_of_kind
@@ -24,7 +25,7 @@ class CalibratedFilm(NamedTuple):
         return LiveFrames(self.flat + self.dark, "", 0.0, [], LiveState())
 
 
-def calibrated_film(calibration: Path) -> CalibratedFilm:
+def read_either(calibration: Path) -> Calibration | PressCalibration:
     """Read a calibration of flashed LEDs, or of a one-shot sensor.
 
     Raises
@@ -33,7 +34,11 @@ def calibrated_film(calibration: Path) -> CalibratedFilm:
         If it is neither.
     """
     if is_of_kind(calibration, PRESS_CALIBRATION):
-        known = read_press_calibration(file=calibration)
-        return CalibratedFilm(known.flat, known.dark, True)
-    flashed = read_calibration(file=calibration)
-    return CalibratedFilm(flashed.flat, flashed.dark, False)
+        return read_press_calibration(file=calibration)
+    return read_calibration(file=calibration)
+
+
+def calibrated_film(calibration: Path) -> CalibratedFilm:
+    """Return the film at rest of a calibration: see `read_either`."""
+    known = read_either(calibration)
+    return CalibratedFilm(known.flat, known.dark, isinstance(known, PressCalibration))

@@ -63,11 +63,8 @@ def rank_checks(
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has told of its doubts
-        arrays, small, even = (
-            load_arrays(file),
-            Path(folder) / "small.npz",
-            Path(folder) / "own.npz",
-        )
+        arrays = load_arrays(file)
+        small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
         np.savez(small, **_resized(arrays, _small_size(arrays["flat"])))  # type: ignore[arg-type]
         given = {"calibration": str(small), "count": count, "seed": seed}
         presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])

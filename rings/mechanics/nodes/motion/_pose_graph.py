@@ -7,6 +7,7 @@ import numpy as np
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import Fit
 from tactograph.rings.mechanics.nodes.motion._surface import (
     carried,
+    cross_matrix,
     six_numbers,
     small_motion,
 )
@@ -83,9 +84,8 @@ def _missed(poses: dict[int, F8], pair: Pair) -> tuple[F8, F8]:
     a small motion after the first pose, 6 x 6; by one after the second it is the negative."""
     back: F8 = np.asarray(np.linalg.inv(poses[pair.second]), np.float64)
     step = six_numbers(back @ poses[pair.first] @ np.linalg.inv(pair.fit.motion))
-    spread = _spread(pair)
-    turned, (x, y, z) = np.eye(6), step[:3]
-    turned[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    spread, turned = _spread(pair), np.eye(6)
+    turned[:3, 3:] = -cross_matrix(step[:3])
     both: F8 = np.asarray(
         np.linalg.solve(spread, np.column_stack([step, turned @ carried(back)])), np.float64
     )

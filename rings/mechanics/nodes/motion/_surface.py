@@ -80,9 +80,14 @@ def six_numbers(motion: F8) -> F8:
 
 def carried(motion: F8) -> F8:
     """The adjoint, 6 x 6, which turns a small motion before `motion` into one after it."""
-    turn, (x, y, z) = motion[:3, :3], motion[:3, 3]
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.block([[turn, cross @ turn], [np.zeros((3, 3)), turn]])
+    turn = motion[:3, :3]
+    return np.block([[turn, cross_matrix(motion[:3, 3]) @ turn], [np.zeros((3, 3)), turn]])
+
+
+def cross_matrix(place: F8) -> F8:
+    """The 3 x 3 matrix that takes v to place x v; a small turn w moves a place by w x place."""
+    x, y, z = place
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
 
 def normals(height: F4, side: float) -> F4:

@@ -22,6 +22,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     POSE_AXES,
     Surface,
     cells_at,
+    cross_matrix,
     normals,
     pulled_back,
     six_numbers,
@@ -229,7 +230,7 @@ def _unsure_mm(surface: Surface, motion: F8, covariance: F8) -> float:
     planes = np.broadcast_arrays(*surface.places(), surface.height)
     points = motion[:3, :3] @ np.stack([p[surface.touched] for p in planes]) + motion[:3, 3:]
     corners = product(*zip(points.min(axis=1), points.max(axis=1), strict=True))
-    moved = [np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]]) for x, y, z in corners]
+    moved = [np.hstack([np.eye(3), -cross_matrix(np.array(each))]) for each in corners]
     return float(np.sqrt(max(np.linalg.eigvalsh(m @ covariance @ m.T)[-1] for m in moved)))
 
 

@@ -18,6 +18,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     POSE_AXES,
     Surface,
     carried,
+    cross_matrix,
     six_numbers,
     small_motion,
     surface_of,
@@ -204,7 +205,7 @@ def _tracked(
     pose = IN_DEGREES * six_numbers(motion)
     # The shift is that of the film's origin: a turn about it after the motion moves it on.
     at_pose = np.eye(6)
-    at_pose[:3, 3:] = -carried(small_motion(np.array([*motion[:3, 3], 0, 0, 0])))[:3, 3:]
+    at_pose[:3, 3:] = -cross_matrix(motion[:3, 3])
     spread = np.diag(IN_DEGREES) @ at_pose
     covariance = spread @ covariance @ spread.T
     figures: Metrics = {}

@@ -73,9 +73,10 @@ def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
     error = np.full(SHAPE, 0.005, np.float32)
     told = press_to_pressure(seen, touched, PIXEL, error, view, **settings)
     plain = found(film, contact(), 0.005)
-    for name in "force_n", "force_sd_n", "pressure_kpa":
+    # The edge that a deviation knows of is a cell of the image, here 3 % more than one of the film.
+    for name, within in ("force_n", 0.02), ("force_sd_n", 0.03), ("pressure_kpa", 0.02):
         key = f"contact_{name}/c1"
-        assert told.figures[key] == pytest.approx(plain.figures[key], rel=0.03)
+        assert told.figures[key] == pytest.approx(plain.figures[key], rel=within)
     inner = reach < 0.8 * RADIUS
     ball = PEAK * np.sqrt(np.maximum(1 - (reach / RADIUS) ** 2, 0))
     np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.06 * PEAK)

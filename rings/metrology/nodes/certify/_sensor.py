@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.sdk import F4, Light
-from tactograph.sdk.nodes import read_calibration, read_press_calibration
-from tactograph.sdk.unstable import PRESS_CALIBRATION, is_of_kind
+from tactograph.sdk.unstable import Calibration, read_either
 
 
 class CertifiedSensor(NamedTuple):
@@ -29,10 +28,8 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     InputError
         If it is none.
     """
-    if is_of_kind(calibration, PRESS_CALIBRATION):
-        known = read_press_calibration(file=calibration)
-        blur, graph, overlay = None, "gelsight_mini", "drawn_ripples_oneshot"
-    else:
-        known = read_calibration(file=calibration)
-        blur, graph, overlay = float(known.blur), "precise", "drawn_ripples"
-    return CertifiedSensor(known.flat, float(known.pixel_size), known.lens, blur, graph, overlay)
+    known = read_either(calibration)
+    film = known.flat, float(known.pixel_size), known.lens
+    if isinstance(known, Calibration):
+        return CertifiedSensor(*film, float(known.blur), "precise", "drawn_ripples")
+    return CertifiedSensor(*film, None, "gelsight_mini", "drawn_ripples_oneshot")

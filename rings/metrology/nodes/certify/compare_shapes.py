@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter, maximum_filter
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
 from tactograph.sdk import F4, F8, InputError, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import plane_terms, weighted_plane
 
 TOUCHED_SHARE = 0.85
 """Share of the radius of contact that counts: further out pixels mix film and ball."""
@@ -104,10 +105,8 @@ def _by_truth(found: F4, stated: F4, truth: F4, zero: str) -> Pairs:
     known = np.isfinite(truth) & np.isfinite(found)
     true, height = truth.astype(np.float64), found.astype(np.float64)
     if zero == "plane":
-        y, x = np.mgrid[: found.shape[0], : found.shape[1]]
-        terms = np.stack([np.ones(known.sum()), x[known], y[known]], axis=1)
-        apart = (height - true)[known]
-        height[known] -= terms @ np.linalg.lstsq(terms, apart, rcond=None)[0]
+        terms = np.stack(np.broadcast_arrays(*plane_terms(*found.shape)), axis=-1)[known]
+        height[known] -= terms @ weighted_plane(terms, (height - true)[known], np.ones(len(terms)))
     if zero == "rest":
         known &= truth > 0
         return true[known], height[known], stated[known].astype(np.float64)
