@@ -189,20 +189,3 @@ def scans(sensor: Sensor) -> list[dict[str, Any]]:
 def test_scans_of_the_calibrated_sensor_are_trusted(scans: list[dict[str, Any]]) -> None:
     """The one that calibrates and another one: its own presses say what a real film leaves open."""
     assert min(scan["metrics"]["trust"] for scan in scans) > 0.02
-
-
-@pytest.mark.slow
-def test_one_press_of_a_grid_calibrates_a_sensor_of_three_colours(sensor: Sensor) -> None:
-    """Three of the LEDs as the colours of one image, against all balls of another scan."""
-    folder = sensor.scan.parent
-    for name, place in {"flat": "film", "balls_1": "grid/1", "balls_2": "touch"}.items():
-        planes = [cv2.imread(str(folder / name / f"led{k}.png"), -1) for k in (2, 4, 6)]
-        (folder / "colours" / place).mkdir(parents=True)
-        cv2.imwrite(str(folder / "colours" / place / "colours.png"), np.dstack(planes))
-    run(
-        "calibrate_presses", folder / "colours.npz", captures=folder / "colours/grid",
-        flat=folder / "colours/film", ball_radius_mm=RADIUS_MM, pixel_size_mm=PIXEL_MM,
-        ball_pitch_mm=1.0,
-    )  # fmt: skip
-    given = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
-    assert degrees(run("gelsight_mini", **given)["height"], sensor.centres) < 1.8
