@@ -118,6 +118,9 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
 )
+from tactograph.nodes.capture.read_grey import (
+    GreyImage as GreyImage,
+)
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
 )
@@ -238,9 +241,11 @@ from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.lens import (
+    LENS_TERMS as LENS_TERMS,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
     is_straight as is_straight,
+    pixel_sides as pixel_sides,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tests.fixtures import SHARED, MadeOnce, Raytraced
+from tests.fixtures import SHARED, MadeOnce, Raytraced, needs_rings
 from tests.pipelines.conftest import run
 
 RIGS = {
@@ -55,6 +55,7 @@ def calibrate(rig: Path, file: Path) -> None:
     run("calibrate", file, **given, **more)
 
 
+@needs_rings
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
@@ -65,6 +66,7 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
         assert microns(rig, PARTS[rig]) > 2 * right
 
 
+@needs_rings
 @pytest.mark.slow
 def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
     """A rigid half ball on a coated film that lights itself: three passes left it too low."""
