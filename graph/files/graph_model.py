@@ -140,7 +140,9 @@ class NodeModel(_Strict):
         "value of the item before.",
     )
     settings: dict[Name, Any] = Field(
-        default={}, alias="with", description="Parameters; $name stands for a graph parameter."
+        default={},
+        alias="with",
+        description="Parameters; $name stands for a param of the graph, which `name: $name` makes.",
     )
     backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
     neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
