@@ -166,6 +166,11 @@ class UseModel(_Strict):
     carry: dict[Name, Reference] | None = Field(
         None, description="Input of a turn: the output of the one before that it reads."
     )
+    while_: Reference | None = Field(
+        None,
+        alias="while",
+        description="Output of a turn; where it is zero, later turns rest and are as that one.",
+    )
 
 
 _AN_OP, _A_GROUP = "(op)", "(group)"
@@ -273,6 +278,7 @@ class PatchModel(_Strict):
     settings: dict[Name, Any] | None = Field(None, alias="with")
     repeat: Turns | None = None
     carry: dict[Name, Reference] | None = None
+    while_: Reference | None = Field(None, alias="while")
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )

@@ -122,7 +122,7 @@ def _entries(
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
             use = Use(node.group, node.inputs, node.settings, places)
-            entries[node_id] = in_turns(use, node.repeat, node.carry)
+            entries[node_id] = in_turns(use, node.repeat, node.carry, node.while_)
         else:
             entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places
