@@ -85,7 +85,7 @@ def guide_presses(
 
     Parameters
     ----------
-    port : as for `read_camera`; here the LEDs need their controller
+    port : serial port of the LED controller, as for `read_camera`; here the LEDs need one
     sensor : as for `read_camera`
     pixel_size_mm : mm per px on the film; None: the sensor's
     leds : number of LEDs; None: the sensor's, else 4
