@@ -150,9 +150,9 @@ def height_error(
     - the share of the height itself by which the calibration's scale may be wrong.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
-    add up exactly.  The steps' common error is integrated alone, with its own sign.  On the film at rest
-    the error is zero, because the height is held at zero; `doubt_rest` says how far that may be
-    off.
+    add up exactly.  The steps' common error is integrated alone, with its own sign.  On the film at
+    rest the error is zero, because the height is held at zero; `doubt_rest` says how far that may
+    be off.
 
     Parameters
     ----------

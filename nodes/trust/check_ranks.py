@@ -197,7 +197,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
     own presses count as well, with the weight of a tail: what they exceed the drawn ones by
-    becomes its scale.  Nothing changes where they look like drawn ones.
+    becomes its scale.  Nothing changes where they look like drawn ones, and a tail that they
+    begin farther out falls no faster for that.
 
     Parameters
     ----------
@@ -209,7 +210,10 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
         both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])
+        tail = quantiles[TAIL_START:] - quantiles[TAIL_START - 1]
         quantiles = np.maximum(quantiles, np.quantile(both, levels, axis=0))
+        farther = quantiles[TAIL_START - 1] + tail
+        quantiles[TAIL_START:] = np.maximum(quantiles[TAIL_START:], farther)
     least = [p_values(each, quantiles.T).min() for each in both]
     return np.vstack([quantiles.T, np.quantile(least, levels)])
 
