@@ -39,6 +39,8 @@ CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of the height"]
+DEVIATIONS_PER_MAD = 1.4826
+"""Standard deviation of a normal variable over its median magnitude."""
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
 UM_PER_MM = 1e3
