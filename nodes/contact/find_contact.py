@@ -38,8 +38,8 @@ def find_contact(
 
     Without a stated error the film at rest gives it: heights below rest are noise alone, and
     noise is as often below as above.  Their median magnitude, over that of a normal variable, is
-    the error of all pixels, however much of the frame is touched.  A film that bulges downwards around a
-    contact makes that error larger, and the contact found smaller.
+    the error of all pixels, however much of the frame is touched.  A film that bulges downwards
+    around a contact makes that error larger, and the contact found smaller.
 
     Parameters
     ----------
