@@ -7,9 +7,8 @@ import numpy as np
 from tactograph.graph import Port, node
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight
 from tactograph.nodes.trust._check import thinned
+from tactograph.nodes.trust._rest_evidence import DARK_LIGHT
 
-DARK_LIGHT = np.float32(0.05)
-"""Light that counts as none."""
 MIN_EXPLAINED = 0.7
 """Share of the light's changes beside each LED's own that added light has to explain."""
 ADDED_ROUNDS, ADDED_NOISE = 10, 1e-3
