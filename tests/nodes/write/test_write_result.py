@@ -51,7 +51,7 @@ def write(
         image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored, **parts
     )
     with collect_warnings([]) as notes:
-        write_result(touch, folder=folder, mesh=False, pictures=False, provenance=MADE)
+        write_result(touch, folder=folder, pictures=False, provenance=MADE)
     return notes
 
 
@@ -86,7 +86,7 @@ def test_confidence_contacts_and_what_is_unresolved_are_written_beside(tmp_path:
     sure, numbers = np.full(SHAPE, 0.75, np.float32), np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], unresolved = 2, np.eye(*SHAPE, dtype=np.uint8)
     touch = flat(confidence=sure, contact=numbers, unresolved=unresolved)
-    write_result(touch, folder=tmp_path, mesh=False, provenance=MADE)
+    write_result(touch, folder=tmp_path, provenance=MADE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
     for name, plane in (("unresolved", 255 * unresolved), ("contact", numbers)):
@@ -99,7 +99,7 @@ def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> N
     numbers[2:4, 3:5], numbers[5:7, 6:9] = 1, 2
     for name, labels in (("free", 0 * numbers), ("touched", numbers)):
         touch = flat(shadow=labels, contact=labels, highlight=labels)
-        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=MADE)
     for what in ("shadow", "highlight", "contact"):
         views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
         free, touched = (colours_of(cv2.imread(str(view))) for view in views)
@@ -246,7 +246,7 @@ def test_an_equal_height_is_drawn_once_and_another_anew(
     monkeypatch.setattr("tactograph.nodes.drawing.result_pictures.draw_height", draw)
     for name, level, pixel in (("a", 0, 0.1), ("b", 0, 0.1), ("c", 1, 0.1), ("d", 1, 0.2)):
         touch = flat(height=np.full(SHAPE, level, np.float32), pixel=pixel)
-        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=MADE)
     assert drawn == [0, 1, 1]
     pictures = [(tmp_path / name / "height.png").read_bytes() for name in "abcd"]
     assert pictures == [b"\1", b"\1", b"\2", b"\3"]

@@ -199,7 +199,7 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     for number, name in enumerate(("one", "two")):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         result(tmp_path / "results" / name, **maps)
-    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole"}
+    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
     (found,) = open_pipeline("stitch", given).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
     assert about["metrics"]["stitched_touches"] == 2
