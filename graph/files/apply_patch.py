@@ -18,14 +18,17 @@ from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
 KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     "set": (set(), {"inputs", "settings"}),
-    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry"}),
-    "insert": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "after"}),
+    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "while_"}),
+    "insert": (
+        set(),
+        {"op", "group", "inputs", "settings", "repeat", "carry", "while_", "after"},
+    ),
     "remove": (set(), set()),
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
 }
 """The keys that each verb needs, and those that it may have besides."""
-IN_FILE = {"inputs": "in", "settings": "with"}
+IN_FILE = {"inputs": "in", "settings": "with", "while_": "while"}
 """What a file calls a key of a change."""
 
 
@@ -78,5 +81,6 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
-    for key in sorted(given & {"repeat", "carry"} if "op" in given else ()):
-        raise GraphError(f"{places.get(key, place)}: only a group has '{key}'")
+    for key in sorted(given & {"repeat", "carry", "while_"} if "op" in given else ()):
+        said = IN_FILE.get(key, key)
+        raise GraphError(f"{places.get(said, place)}: only a group has '{said}'")

@@ -29,7 +29,7 @@ def write_result(
     *,
     folder: Path,
     grid: Literal["pixel", "metric"] = "pixel",
-    mesh: bool = False,
+    ply: bool = False,
     pictures: bool = True,
     provenance: Provenance,
 ) -> None:
@@ -56,7 +56,7 @@ def write_result(
         error are on a regular grid on the film with the spacing of the pixels, of the image's
         size and about its middle; NaN at the border where no pixel sees the film.  Other layers
         stay those of the pixels.
-    mesh
+    ply
         Whether to write ``height.ply``, a mesh in mm (x right, y up, z to the camera), of some ten
         times the size of ``height.npy``.
     pictures : whether to write these; they take longer than all the rest
@@ -78,7 +78,7 @@ def write_result(
         write_tiff(target / "height.tiff", touch.height, *pixel_sides(lens, touch.pixel))
         for layer in layers_of(touch):
             write_layer(layer, target)
-        if mesh:
+        if ply:
             write_mesh(target / "height.ply", touch.height, touch.pixel, lens, camera or 0.0)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.

@@ -110,7 +110,7 @@ def result(folder: Path, pixel: float = 0.1, level: float = 0.0, **more: object)
     """Write the result of a film with a dent in its corner; the files that are there then."""
     height = np.full(SHAPE, level, np.float32)
     height[1, 8] += 1.0
-    settings = {name: more.pop(name, False) for name in ("mesh", "pictures")}
+    settings = {name: more.pop(name, False) for name in ("ply", "pictures")}
     touch = flat(height=height, pixel=pixel, **more)
     write_result(touch, folder=folder, provenance=MADE, **settings)
     return {file.name for file in folder.iterdir()}
@@ -120,7 +120,7 @@ def full() -> dict[str, object]:
     """All that a result may hold."""
     plane, labels = np.ones(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
     maps = {"error": 0.01 * plane, "confidence": plane, "highlight": labels, "contact": labels}
-    return maps | {"mesh": True, "pictures": True}
+    return maps | {"ply": True, "pictures": True}
 
 
 def test_a_result_states_its_pixel_size_and_names_its_files_with_checksums(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_result_that_names_no_files_costs_none(tmp_path: Path, text: str) -> N
 def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> None:
     there = result(tmp_path, **full())
     with pytest.raises(InputError, match="camera"):
-        result(tmp_path, view=View(None, 2.0), mesh=True)
+        result(tmp_path, view=View(None, 2.0), ply=True)
     assert {file.name for file in tmp_path.iterdir()} == there
 
 

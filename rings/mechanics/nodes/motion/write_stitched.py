@@ -29,7 +29,7 @@ def write_stitched(
     metrics: Metrics,
     *,
     folder: Path,
-    mesh: bool = False,
+    ply: bool = False,
     provenance: Provenance,
 ) -> None:
     """Write ``height.npy``, ``error.npy``, pictures, and ``result.json`` into `folder`.
@@ -44,7 +44,7 @@ def write_stitched(
     pixel : mm per px
     metrics : figures to keep in ``result.json``
     folder : created if needed
-    mesh : whether to write ``height.ply``, too
+    ply : whether to write ``height.ply``, too
 
     Raises
     ------
@@ -59,7 +59,7 @@ def write_stitched(
         np.save(target / "height.npy", height)
         np.save(target / "error.npy", error)
         write_tiff(target / "height.tiff", height, pixel)
-        if mesh:
+        if ply:
             write_mesh(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
