@@ -9,7 +9,8 @@
 #include "coated_bounce.clh"
 #include "sweep.clh"
 
-// The light of cells interpolated at pixels, and relaxed from the previous result by `share`.
+// The light of cells interpolated at pixels, and relaxed from the previous result by `share`; without
+// cells, that result.
 LANED __kernel void interpolate(
     __global const float *restrict bounced,
     __global const float *restrict before,
@@ -21,7 +22,8 @@ LANED __kernel void interpolate(
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    floats found = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
+    floats found = 0.0f;
+    if (bounced) found = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
     if (before) {
         const floats earlier = load_floats(before + i, count);
         found = earlier + share * (found - earlier);

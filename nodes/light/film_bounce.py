@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, InputError, node
-from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
+from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope, Still
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.coated_bounce import coated, source_rows
@@ -49,6 +49,8 @@ def film_bounce(
     pixel: PixelSize,
     before: Light | None = None,
     slope: Slope | None = None,
+    kept: Light | None = None,
+    still: Still | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
     azimuths: Annotated[int, Interval(ge=2, le=64)] = COATED_AZIMUTHS,
@@ -81,6 +83,9 @@ def film_bounce(
     slope
         2 x H x W, the film's slope.  Without it the differences of `height` are used, which
         are less accurate on large pixels.
+    kept, still
+        K x H x W, this node's own result at the item before (``previous.NODE``), and 1 where that
+        still holds, as nothing has moved (`light_stays`).
     cells
         Largest number of cells.  They are squares of whole pixels, and the result is
         interpolated between them.  A quarter of the number makes them twice as wide.
@@ -104,6 +109,8 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return None
+    if still and kept is not None:
+        return kept
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
@@ -139,14 +146,19 @@ def _throws_nothing(film_albedo: float) -> bool:
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
-    pixel, albedo = inputs["pixel"], inputs["film.albedo"]
+    pixel, albedo, kept = inputs["pixel"], inputs["film.albedo"], inputs.get("kept")
     _check(albedo)
+    work = run.in_row_lanes(count, *size)
+    if inputs.get("still") and kept is not None:
+        run.kernel(
+            "interpolate", work, None, kept, out, *size, 1, *size, 0.0, constants=_constants(run)
+        )
+        return
     film = inputs["film.rim"], inputs["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
     larger = _launch_on_cells(run, larger_cells(grid))
     bounced = _launch_on_cells(run, grid, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
-    work = run.in_row_lanes(count, *size)
     run.kernel("interpolate", work, *arguments, settings["share"], constants=_constants(run))
 
 
