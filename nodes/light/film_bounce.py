@@ -1,6 +1,6 @@
 """The light that the film throws on itself: interreflection of a film that is no longer flat.
 
-Long because cells of two sizes throw it, each laid out, lit and swept by a kernel of its own.
+Long because cells of two sizes throw it, each laid out and swept by a kernel of its own.
 """
 
 from __future__ import annotations
@@ -172,21 +172,17 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     every, lights = math.prod(grid.whole), inputs["film.lights"]
     camera = 0.0 if run.settings["from_above"] else inputs["film.camera"]
+    rough = inputs["film.roughness"], inputs["film.refraction"]
+    of_coat = inputs["film.diffuse"], upload_curve(run, *rough), inputs["film.base"], *rough
     table = run.scratch((7 + 2 * count, every))
+    sources = run.scratch((source_rows(count), every)) if constants["COATED"] else None
     run.kernel(
         "lay_out", run.in_row_lanes(*grid.whole),
         inputs["light"], inputs["height"], inputs.get("slope"), lights, inputs["pixel"], table,
         *size, grid.factor, grid.rows, grid.columns, grid.rim, camera,
+        sources, *of_coat, inputs["film.camera"],
         constants=constants,
     )  # fmt: skip
-    rough = inputs["film.roughness"], inputs["film.refraction"]
-    curve = upload_curve(run, *rough)
-    coat = lights, inputs["film.diffuse"], curve, inputs["film.base"], *rough, inputs["film.camera"]
-    sources = None
-    if constants["COATED"]:
-        sources = run.scratch((source_rows(count), every))
-        work = run.in_lanes(every)
-        run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     bounced = run.scratch((count, grid.rows, grid.columns))
     ways = run.keep(
         ("azimuths", grid.azimuths), lambda: run.upload(azimuth_directions(grid.azimuths))
@@ -194,7 +190,7 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
     run.kernel(
         "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),
-        table, sources, bounced, *coat,
+        table, sources, bounced, lights, *of_coat, inputs["film.camera"],
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
         camera, ways, grid.azimuths, inputs["film.albedo"], larger,
         local=shared, constants=constants,
