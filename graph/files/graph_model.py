@@ -1,4 +1,7 @@
-"""Pydantic models of graph files: they check what is read, and give the JSON schema."""
+"""Pydantic models of graph files: they check what is read, and give the JSON schema.
+
+Long because all that a graph file may say is declared here, with its help for editors.
+"""
 
 from __future__ import annotations
 
