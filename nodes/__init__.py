@@ -57,6 +57,7 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2), "Side of a pixel on the film"]
 Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that the film reflects"]
+Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has moved, else 0"]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
