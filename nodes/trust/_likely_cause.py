@@ -12,9 +12,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
-from tactograph.nodes.trust._check import MIN_CELLS
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 
 TRIED_ROWS, TRIED_COLUMNS = 30, 40
@@ -32,10 +33,15 @@ MAX_OF_FITTING = 0.05
 UPSIDE_DOWN = 0.3
 """What counts as left where the touch goes below the film at rest."""
 USUAL_GAMMA = 2.2
+MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
+"""Logarithm of the contrast that is told, up or down; share of the light's changes that it may
+leave; light of which the logarithm is taken at least."""
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
 MAX_ORDERS = 24
 """Orders of more than four LEDs are too many: only two of them are exchanged."""
+TORN_STEP = 3
+"""Rows between the places at which frames are tried as torn."""
 IMAGES_SWAPPED = 2
 """Images out of place where two are exchanged."""
 TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
@@ -47,13 +53,20 @@ TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
 
 
 class _Mistake(NamedTuple):
-    """What may have been done to the images, in words, and the images without it."""
+    """What may have been done to the images, in words; the images without it, and their LEDs.
+
+    `shrunk` is by what the undoing makes any departure smaller.
+    """
 
     words: str
     light: F4
+    leds: slice | list[int] = slice(None)
+    shrunk: float = 1.0
 
 
-def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> str:
+def likely_cause(
+    light: CoarseLight, flat: CoarseLight, lights: LightPositions, *, has_moved: bool = False
+) -> str:
     """Return the one mistake that explains a touch's light, in words; "" if none does.
 
     Parameters
@@ -61,6 +74,7 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
+    has_moved : whether the camera has (`film_motion`)
     """
     raw = light * flat
     if alike := _alike(raw):
@@ -72,16 +86,45 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     if as_it_is < MAX_OF_FITTING:
         return ""
     best, least = "", as_it_is / MIN_GAIN
-    for words, taken in _mistakes(small):
-        left = _left(np.asarray(taken / rest, np.float32), lights)
+    tried = list(_mistakes(small, is_square=light.shape[1] == light.shape[2]))
+    # Fewer LEDs fit anything better, as do those of a camera that has moved.
+    if as_it_is > MAX_LEFT and len(raw) > MIN_LEDS and not has_moved:
+        tried += _without_one(small)
+    for words, taken, leds, shrunk in tried:
+        left = shrunk * _left(np.asarray(taken / rest[leds], np.float32), lights[leds])
         # Simple mistakes come first: another that explains little more is not preferred.
         if left < MAX_LEFT and left < (MAX_OF_SIMPLER * least if best else least):
             best, least = words, left
-    return best
+    return best or _contrast(small, rest)
+
+
+def _contrast(raw: F4, rest: F4) -> str:
+    """Whether the border has another contrast than the flat frame; a camera's light has the same.
+
+    That is the slope of the logarithm of its light over that of the flat frame's.
+    """
+    ring = _border(raw.shape[1:])
+    seen, due = (np.log(np.maximum(a[:, ring], MIN_LOGGED)) for a in (raw, rest))
+    seen, due = (a - a.mean(axis=1, keepdims=True) for a in (seen, due))
+    slopes = (seen * due).sum(axis=1) / np.maximum((due * due).sum(axis=1), MIN_LOGGED)
+    unexplained = np.square(seen - slopes[:, None] * due).sum() / max(np.square(seen).sum(), 1e-9)
+    times = float(np.median(slopes))
+    if unexplained > MAX_UNEXPLAINED or times <= 0 or abs(math.log(times)) < MIN_LOG_CONTRAST:
+        return ""
+    return (
+        f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
+        "automatic contrast and histogram equalisation)"
+    )
+
+
+def _border(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    ring = np.ones(shape, bool)
+    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
+    return ring
 
 
 def _alike(raw: F4) -> str:
-    planes = raw / raw.mean(axis=(1, 2), keepdims=True)
+    planes = raw / np.maximum(raw.mean(axis=(1, 2), keepdims=True), np.float32(MIN_LOGGED))
     for k in range(1, len(planes)):
         for j in range(k):
             if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MAX_APART:
@@ -92,13 +135,26 @@ def _alike(raw: F4) -> str:
     return ""
 
 
-def _mistakes(raw: F4) -> Iterator[_Mistake]:
+def _mistakes(raw: F4, is_square: bool) -> Iterator[_Mistake]:
     """Simple ones first."""
     yield _Mistake(
         "the images look as if a gamma had been applied (record raw light: gamma and contrast off)",
         raw ** np.float32(USUAL_GAMMA),
     )
+    yield _Mistake(
+        "the images look as if their contrast had been raised, by the inverse of a gamma (record "
+        "raw light: gamma and contrast off)",
+        raw ** np.float32(1 / USUAL_GAMMA),
+        shrunk=USUAL_GAMMA,
+    )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
+    if is_square:
+        # Both do the same where LEDs stand on both sides of the diagonal.
+        yield _Mistake(
+            "the images are transposed, or those of two LEDs across the diagonal are swapped (rows "
+            "have to be rows; check names and wires)",
+            np.stack([cv2.resize(plane.T, plane.shape[::-1]) for plane in raw]),
+        )
     others = [order for order in _orders(len(raw)) if _moved(order)]
     for order in others:
         if _moved(order) == IMAGES_SWAPPED:
@@ -109,6 +165,30 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     for order in others:
         if _moved(order) > IMAGES_SWAPPED:
             yield _Mistake(_words(order), raw[list(order)])
+    yield from _torn(raw)
+
+
+def _torn(raw: F4) -> Iterator[_Mistake]:
+    """Frames whose end is of the LED before or after."""
+    for row in range(TORN_STEP, raw.shape[1], TORN_STEP):
+        for by, which in (1, "next"), (-1, "previous"):
+            whole = np.concatenate([raw[:, :row], np.roll(raw[:, row:], by, 0)], axis=1)
+            yield _Mistake(
+                f"frames are torn: from {row / raw.shape[1]:.0%} of their height on they show the "
+                f"{which} LED (whole frames: a slower camera, or a shorter cable)",
+                whole,
+            )
+
+
+def _without_one(raw: F4) -> Iterator[_Mistake]:
+    for led in range(len(raw)):
+        others = [k for k in range(len(raw)) if k != led]
+        yield _Mistake(
+            f"the image of LED {led + 1} is not of the touch that the others show (check that it "
+            "is of this touch and that nothing moved)",
+            raw[others],
+            others,
+        )
 
 
 def _orders(count: int) -> Iterator[tuple[int, ...]]:
@@ -144,7 +224,7 @@ def _words(order: tuple[int, ...]) -> str:
 
 def _left(light: F4, lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
-    light = light / np.median(light, axis=(1, 2), keepdims=True)
+    light = light / np.maximum(np.median(light, axis=(1, 2), keepdims=True), np.float32(MIN_LOGGED))
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
     touched = (np.abs(light - 1) > MIN_CHANGE).any(axis=0)
@@ -157,9 +237,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     (p_down, p_right), (q_down, q_right) = np.gradient(p), np.gradient(q)
     bends = sum(np.abs(part) for part in (p_down, p_right, q_down, q_right))
     curl = np.median(np.abs(p_down - q_right)[lit]) / max(float(np.median(bends[lit])), 1e-6)
-    ring = np.ones(touched.shape, bool)
-    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
-    rest = np.median(np.abs(light - 1).max(axis=0)[ring])
+    rest = np.median(np.abs(light - 1).max(axis=0)[_border(touched.shape)])
     # The mean height over the touch is that of the slopes along the way to its middle.
     y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q

@@ -31,7 +31,7 @@ RIGHT_SHARE = 1e-3
 THREE_LEDS = 3
 """Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures"}
+EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
 ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
 
@@ -122,7 +122,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 19, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 20, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -137,7 +137,7 @@ def _own(
 
 
 def _drawn(graph: str, overlay: str, given: dict[str, Any]) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 19.
+    """The figures of drawn touches whose height the graph finds, N x 20.
 
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.
@@ -157,4 +157,4 @@ def _figures(found: Mapping[str, Any]) -> F8:
     """The figures of one touch."""
     evidence = TouchEvidence(found["level"], found["figures"])
     lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
-    return figures_of(evidence, float(found.get("added", 0.0)), lines)
+    return figures_of(evidence, float(found.get("added", 0.0)), lines, found["motion"])

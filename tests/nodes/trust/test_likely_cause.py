@@ -36,6 +36,12 @@ def banded(raw: F4) -> F4:
     return np.asarray(raw * rows, np.float32)
 
 
+def equalised(raw: F4) -> F4:
+    """The share of darker pixels of the image, in place of the light."""
+    order = raw.reshape(len(raw), -1).argsort(axis=1).argsort(axis=1)
+    return np.asarray(order.reshape(raw.shape) / raw[0].size, np.float32)
+
+
 MISTAKES: dict[str, Change] = {
     "LED 1 and LED 2 are swapped": lambda raw: raw[[1, 0, 2, 3]],
     "LED 2 and LED 4 are swapped": lambda raw: raw[[0, 3, 2, 1]],
@@ -46,6 +52,14 @@ MISTAKES: dict[str, Change] = {
     "look like negatives": lambda raw: 1 - raw,
     "as if a gamma had been applied": lambda raw: raw ** np.float32(1 / 2.2),
     "the light flickers": banded,
+    "as if their contrast had been raised": lambda raw: raw ** np.float32(2.2),
+    "the image of LED 3 is not of the touch": lambda raw: np.concatenate(
+        [raw[:2], np.roll(raw / flat(), 9, 2)[2:3] * flat()[2:3], raw[3:]]
+    ),
+    "torn: from 60% of their height on they show the next LED": lambda raw: np.concatenate(
+        [raw[:, :36], np.roll(raw[:, 36:], -1, 0)], axis=1
+    ),
+    "times the contrast of the flat frame": equalised,
     "LED 1 and LED 3 show the same light": lambda raw: raw[[0, 1, 0, 3]],
 }
 
@@ -54,6 +68,17 @@ MISTAKES: dict[str, Change] = {
 def test_a_mistake_is_named(words: str) -> None:
     light = MISTAKES[words](touch()) / flat()
     assert words in likely_cause(light, flat(), LIGHTS)
+
+
+def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
+    raw, rest = touch()[:, :, 10:70], flat()[:, :, 10:70]
+    assert "are transposed" in likely_cause(raw.transpose(0, 2, 1) / rest, rest, LIGHTS)
+
+
+def test_a_frame_that_is_cut_off_does_not_flicker() -> None:
+    cut = touch() / flat()
+    cut[:, 45:] = 0
+    assert "flickers" not in likely_cause(cut, flat(), LIGHTS)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
