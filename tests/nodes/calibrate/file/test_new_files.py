@@ -16,7 +16,7 @@ from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.drawing.new_picture import write_picture
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
-WRITERS = ("write_calibration", "write_camera", "write_press_calibration")
+WRITERS = ("write_calibration", "write_camera")
 BESIDE = ("plot_calibration", "plot_camera", "plot_recalibration")
 
 
@@ -52,8 +52,8 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
     ):
         check("write_calibration", file)
     monkeypatch.chdir(tmp_path)
-    graph = read_graph("calibrate_presses")
-    with pytest.raises(InputError, match=r"^calibrate_presses: give out=, as its default does not"):
+    graph = read_graph("calibrate")
+    with pytest.raises(InputError, match=r"^calibrate: give out=, as its default does not"):
         bind(graph, graph.placeholders, sinks=True)
 
 
