@@ -6,8 +6,7 @@ the images as they are, the mistake is named.
 """
 
 import math
-from collections.abc import Callable, Iterator
-from itertools import permutations
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import cv2
@@ -17,6 +16,13 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.image_orders import (
+    IMAGES_SWAPPED,
+    TURNED_IMAGES,
+    orders,
+    out_of_place,
+    words_of_order,
+)
 
 TRIED_ROWS, TRIED_COLUMNS = 30, 40
 """Cells on which mistakes are tried: few, since there are a hundred."""
@@ -38,18 +44,8 @@ MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
 leave; light of which the logarithm is taken at least."""
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
-MAX_ORDERS = 24
-"""Orders of more than four LEDs are too many: only two of them are exchanged."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
-IMAGES_SWAPPED = 2
-"""Images out of place where two are exchanged."""
-TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
-    "mirrored left to right": lambda planes: planes[..., ::-1],
-    "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
-    "turned by half": lambda planes: planes[..., ::-1, ::-1],
-}
-"""What undoes each way in which a camera may be held or its images turned."""
 
 
 class _Mistake(NamedTuple):
@@ -155,16 +151,16 @@ def _mistakes(raw: F4, is_square: bool) -> Iterator[_Mistake]:
             "have to be rows; check names and wires)",
             np.stack([cv2.resize(plane.T, plane.shape[::-1]) for plane in raw]),
         )
-    others = [order for order in _orders(len(raw)) if _moved(order)]
+    others = [order for order in orders(len(raw)) if out_of_place(order)]
     for order in others:
-        if _moved(order) == IMAGES_SWAPPED:
-            yield _Mistake(_words(order), raw[list(order)])
+        if out_of_place(order) == IMAGES_SWAPPED:
+            yield _Mistake(words_of_order(order), raw[list(order)])
     for side, turn in TURNED_IMAGES.items():
         beside = "beside those of the calibration, with which they would fit"
         yield _Mistake(f"the images are {side} {beside}", turn(raw))
     for order in others:
-        if _moved(order) > IMAGES_SWAPPED:
-            yield _Mistake(_words(order), raw[list(order)])
+        if out_of_place(order) > IMAGES_SWAPPED:
+            yield _Mistake(words_of_order(order), raw[list(order)])
     yield from _torn(raw)
 
 
@@ -189,37 +185,6 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
             raw[others],
             others,
         )
-
-
-def _orders(count: int) -> Iterator[tuple[int, ...]]:
-    """Orders of LEDs, those with the fewest out of place first."""
-    if math.factorial(count) <= MAX_ORDERS:
-        yield from sorted(permutations(range(count)), key=_moved)
-        return
-    for one in range(count):
-        for other in range(one):
-            order = list(range(count))
-            order[one], order[other] = other, one
-            yield tuple(order)
-
-
-def _moved(order: tuple[int, ...]) -> int:
-    return sum(led != place for place, led in enumerate(order))
-
-
-def _words(order: tuple[int, ...]) -> str:
-    """What was done, for the order that undoes it: place k takes image order[k]."""
-    wrong = [place for place, led in enumerate(order) if led != place]
-    if len(wrong) == IMAGES_SWAPPED:
-        return (
-            f"the images of LED {wrong[0] + 1} and LED {wrong[1] + 1} are swapped: exchanged, they "
-            "fit the calibration (check names and wires)"
-        )
-    right = ", ".join(str(led + 1) for led in order)
-    return (
-        f"the images are in another order than the calibration's: taken as {right} they fit it "
-        "(check names and wires)"
-    )
 
 
 def _left(light: F4, lights: LightPositions) -> float:

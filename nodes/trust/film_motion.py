@@ -11,7 +11,7 @@ from tactograph.nodes.trust.added_light import ADDED_NOISE, MIN_EXPLAINED
 from tactograph.nodes.trust.fall_off import DARK_LIGHT, FallOff
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-ROUNDS = 5
+FIT_ROUNDS = 5
 """Rounds of robust least squares: film that is touched drops out in the first ones."""
 MIN_TOLD = 0.01
 """Share of the width, zoom or turn from which on it is worth a word."""
@@ -59,7 +59,7 @@ def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
     count = len(fall_off)
     ridge = MIN_ERROR**2 * change.size * np.eye(count)
     weight = np.ones(change.shape[1])
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         # An LED's gain is its weighted mean.
         even = known - (known @ (weight / weight.sum()))[..., None]
         rows = even.reshape(count + 1, -1)
