@@ -19,13 +19,16 @@ from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 _KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     # verb: (required keys, optional keys)
     "set": (set(), {"inputs", "settings"}),
-    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry"}),
-    "insert": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "after"}),
+    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "while_"}),
+    "insert": (
+        set(),
+        {"op", "group", "inputs", "settings", "repeat", "carry", "while_", "after"},
+    ),
     "remove": (set(), set()),
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
 }
-_IN_FILE = {"inputs": "in", "settings": "with"}
+_IN_FILE = {"inputs": "in", "settings": "with", "while_": "while"}
 
 
 def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
@@ -77,5 +80,6 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
-    for key in sorted(given & {"repeat", "carry"} if "op" in given else ()):
-        raise GraphError(f"{places.get(key, place)}: only a group has '{key}'")
+    for key in sorted(given & {"repeat", "carry", "while_"} if "op" in given else ()):
+        said = _IN_FILE.get(key, key)
+        raise GraphError(f"{places.get(said, place)}: only a group has '{said}'")

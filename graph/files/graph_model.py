@@ -140,7 +140,9 @@ class NodeModel(_Strict):
         "value of the item before.",
     )
     settings: dict[Name, Any] = Field(
-        default={}, alias="with", description="Parameters; $name stands for a graph parameter."
+        default={},
+        alias="with",
+        description="Parameters; $name stands for a param of the graph, which `name: $name` makes.",
     )
     backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
     neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
@@ -163,6 +165,11 @@ class UseModel(_Strict):
     )
     carry: dict[Name, Reference] | None = Field(
         None, description="Input of a turn: the output of the one before that it reads."
+    )
+    while_: Reference | None = Field(
+        None,
+        alias="while",
+        description="Output of a turn; where it is zero, later turns rest and are as that one.",
     )
 
 
@@ -271,6 +278,7 @@ class PatchModel(_Strict):
     settings: dict[Name, Any] | None = Field(None, alias="with")
     repeat: Turns | None = None
     carry: dict[Name, Reference] | None = None
+    while_: Reference | None = Field(None, alias="while")
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )

@@ -27,6 +27,7 @@ from tactograph.graph.files.graph_model import (
 )
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.implied_params import with_implied_params
 from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.layer import Layer
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
@@ -90,7 +91,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
         changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
-    return _without_unread(_flat_outputs(changed), model.params)
+    return _without_unread(with_implied_params(_flat_outputs(changed)), model.params)
 
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
@@ -121,7 +122,7 @@ def _entries(
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
             use = Use(node.group, node.inputs, node.settings, places)
-            entries[node_id] = in_turns(use, node.repeat, node.carry)
+            entries[node_id] = in_turns(use, node.repeat, node.carry, node.while_)
         else:
             entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places

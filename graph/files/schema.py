@@ -9,7 +9,7 @@ from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
-from tactograph.graph.declare.ports import CONDITION_INPUT
+from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
 from tactograph.graph.files.graph_model import GraphModel, GroupFileModel, StudyModel
 from tactograph.graph.files.read_graph import shipped_names
 
@@ -80,7 +80,11 @@ def _rule(node: Node) -> dict[str, Any]:
                 CONDITION_INPUT: {
                     "type": "string",
                     "description": "Run only where this is not zero.",
-                }
+                },
+                RESTING_INPUT: {
+                    "type": "string",
+                    "description": "With `when`: the node whose values it has where it rests.",
+                },
             },
             "additionalProperties": {"type": "string"} if node.repeated else False,
         },

@@ -31,6 +31,7 @@ from tactograph.nodes import (
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    Film as Film,
     Lens as Lens,
     LightPositions as LightPositions,
     Misfit as Misfit,
@@ -78,6 +79,9 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     scale_error as scale_error,
     unconfirmed as unconfirmed,
 )
+from tactograph.nodes.calibrate.lights.light_samples import (
+    rest_of as rest_of,
+)
 from tactograph.nodes.calibrate.ranks.drawn import (
     Doubts as Doubts,
     drawn as drawn,
@@ -90,6 +94,7 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     judge_contact as judge_contact,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
+    Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     of_heldout_error as of_heldout_error,
@@ -97,7 +102,9 @@ from tactograph.nodes.calibrate.rating.verdict import (
     verdict_of as verdict_of,
 )
 from tactograph.nodes.capture.read_balls import (
+    BallPresses as BallPresses,
     KnownCircles as KnownCircles,
+    Millimetres as Millimetres,
     Radii as Radii,
     known_circle as known_circle,
     refuse_flat as refuse_flat,
@@ -118,6 +125,10 @@ from tactograph.nodes.contact.largest_contacts import (
     MAX_MEASURED as MAX_MEASURED,
     Most as Most,
     largest_contacts as largest_contacts,
+)
+from tactograph.nodes.drawing.new_picture import (
+    BesidePicture as BesidePicture,
+    in_lines as in_lines,
 )
 from tactograph.nodes.drawing.sensor_picture import (
     draw_sensor as draw_sensor,
@@ -198,6 +209,9 @@ from tactograph.nodes.height.scale_height import (
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
 )
+from tactograph.nodes.light.film_drift import (
+    terms as terms,
+)
 from tactograph.nodes.optics.bicubic import (
     between_pixels as between_pixels,
 )
@@ -209,6 +223,7 @@ from tactograph.nodes.optics.cell_side import (
 )
 from tactograph.nodes.optics.film import (
     matt_film as matt_film,
+    predict as predict,
 )
 from tactograph.nodes.optics.film_places import (
     film_areas as film_areas,
@@ -254,6 +269,7 @@ from tactograph.nodes.optics.shape import (
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
     SheetMask as SheetMask,
+    cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,

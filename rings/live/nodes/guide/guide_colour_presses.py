@@ -65,7 +65,7 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    sensor : as for `read_colour_camera`
+    sensor : the sensor's kind, as for `read_colour_camera`
     pixel_size_mm : mm per px on the film; None: the sensor's
     lights : the colours in the calibration's order
     warm_up_s

@@ -82,7 +82,7 @@ def guide_presses(
 
     Parameters
     ----------
-    port : as for `read_camera`; here the LEDs need their controller
+    port : serial port of the LED controller, as for `read_camera`; here the LEDs need one
     pixel_size_mm : mm per px on the film
     leds : number of LEDs
 

@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactograph.nodes import F4, Height, Light
-from tactograph.nodes.drawing.new_picture import BLUE
+from tactograph.sdk import BLUE, F4, Height, Light
 
 
 def draw_films(

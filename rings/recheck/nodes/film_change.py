@@ -9,12 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, F8, Height, Light, PixelSize
-from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, TiltResponse
-from tactograph.nodes.calibrate.recheck._led_order import other_order
-from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.light.film_drift import terms
+from tactograph.rings.recheck.nodes._led_order import other_order
+from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
+from tactograph.sdk.nodes import integrate_dct
+from tactograph.sdk.unstable import MIN_FLAT_LIGHT, TiltResponse, terms
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height, Metrics, PixelSize
+from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node
 
 MAX_LED_CHANGE = 0.1
 """Tolerated relative change of one LED's light against the others, or of all together."""

@@ -2,10 +2,8 @@
 
 from typing import Annotated
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height, Light
-from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
-from tactograph.nodes.drawing.new_picture import NewPicture, write_picture
+from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
+from tactograph.sdk import F4, Height, Light, NewPicture, Port, node, write_picture
 
 
 @node

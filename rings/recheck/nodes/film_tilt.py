@@ -4,11 +4,8 @@ from typing import cast
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import F4, Film, Light, PixelSize
-from tactograph.nodes.calibrate import TiltResponse
-from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import places
+from tactograph.sdk import F4, Light, PixelSize, node
+from tactograph.sdk.unstable import Film, TiltResponse, places, predict
 
 SLOPE_STEP = 0.02
 """Step of the slope for the central differences."""

@@ -4,9 +4,8 @@ from typing import Annotated
 
 import numpy as np
 
-from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, Height, Metrics, PixelSize
-from tactograph.nodes.calibrate.rating.verdict import Advice
+from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import Advice
 
 REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
 """Figures that hold a full calibration's error on held-out presses, in degrees."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.calibrate.recheck.advise_recalibration import advise_recalibration
+from tactograph.rings.recheck.nodes.advise_recalibration import advise_recalibration
 
 SAME, LEVEL = np.ones(4, np.float32), np.zeros((6, 8), np.float32)
 

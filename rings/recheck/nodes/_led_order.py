@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.nodes import F4, F8
-from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.sdk import F4, F8
+from tactograph.sdk.unstable import rest_of
 
 MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import Light
-from tactograph.nodes.capture.read_balls import BallPresses, Millimetres, read_balls
-from tactograph.nodes.capture.read_capture import Layout
+from tactograph.sdk import InputError, Light, node
+from tactograph.sdk.nodes import read_balls
+from tactograph.sdk.unstable import BallPresses, Layout, Millimetres
 
 NO_BALL_MM = 1e3
 """Radius in mm where no ball was given: so large that it limits nothing."""

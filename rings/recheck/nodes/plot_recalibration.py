@@ -6,12 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height, Light, Metrics
-from tactograph.nodes.calibrate import BallCircles, BallPress
-from tactograph.nodes.calibrate.recheck._film_pictures import draw_films, draw_light
-from tactograph.nodes.drawing.new_picture import ORANGE, BesidePicture, in_lines, write_picture
-from tactograph.nodes.optics.sheet import SheetLight, cut
+from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
+from tactograph.sdk import F4, ORANGE, Height, Light, Metrics, Port, node, write_picture
+from tactograph.sdk.unstable import BallCircles, BallPress, BesidePicture, SheetLight, cut, in_lines
 
 
 @node

@@ -7,11 +7,11 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.recheck._led_order import other_order
-from tactograph.nodes.calibrate.recheck.film_change import FilmChange, film_change
-from tactograph.nodes.calibrate.recheck.film_tilt import film_tilt
-from tactograph.nodes.calibrate.recheck.judge_film import Verdicts, judge_film
 from tactograph.nodes.optics.film import matt_film
+from tactograph.rings.recheck.nodes._led_order import other_order
+from tactograph.rings.recheck.nodes.film_change import FilmChange, film_change
+from tactograph.rings.recheck.nodes.film_tilt import film_tilt
+from tactograph.rings.recheck.nodes.judge_film import Verdicts, judge_film
 from tests.nodes.gels import FLASHED, PIXEL_MM, Gel, X, Y, bump
 
 GEL = Gel()
