@@ -156,12 +156,14 @@ CHECK_FIGURES = {
         "{added}, the same everywhere (keep other light out of touch and flat frame; or the "
         "camera's black level has changed)",
     ),
+    "left_as_matt": Figure("cause", MIN_ERROR, ""),
 }
-"""All figures of a touch, by name."""
+"""All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
+doubted touch from those that do not (`likely_cause`)."""
 SYMPTOM_FIGURES = "moved", "shape", "light_at_rest", "lit_shadows", "depth", "touched_share"
 """Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 21 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -184,11 +186,12 @@ def figures_of(
     added: float = 0.0,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
+    left: float = 0.0,
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors, and
-    `motion` is what `film_motion` found.
+    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors,
+    `motion` what `film_motion` did, and `left` what `left_as_matt` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -200,7 +203,7 @@ def figures_of(
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
     moved = 0.0 if motion is None else motion_size(motion)
     rest = level, spread, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
-    return np.array([*curl, *seen, *more, *rest])
+    return np.array([*curl, *seen, *more, *rest, left])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -215,20 +218,24 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
     own presses count as well, with the weight of a tail: what they exceed the drawn ones by
-    becomes its scale.  Nothing changes where they look like drawn ones.
+    becomes its scale.  Nothing changes where they look like drawn ones, and a tail that they
+    begin farther out falls no faster for that.
 
     Parameters
     ----------
-    drawn : N x 20, the figures of touches drawn from the calibration
-    own : P x 20, those of its presses; P may be 0
+    drawn : N x 21, the figures of touches drawn from the calibration
+    own : P x 21, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
         both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])
+        tail = quantiles[TAIL_START:] - quantiles[TAIL_START - 1]
         quantiles = np.maximum(quantiles, np.quantile(both, levels, axis=0))
-    least = [p_values(each, quantiles.T).min() for each in both]
+        farther = quantiles[TAIL_START - 1] + tail
+        quantiles[TAIL_START:] = np.maximum(quantiles[TAIL_START:], farther)
+    least = [p_values(each, quantiles.T)[:-1].min() for each in both]
     return np.vstack([quantiles.T, np.quantile(least, levels)])
 
 
@@ -239,6 +246,11 @@ def p_values(figures: F8, quantiles: F8) -> F8:
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
     above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANK_COUNT)
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
+
+
+def share_left(ranks: F8, left: float) -> float:
+    """Return the p-value of what a matt film leaves of a touch."""
+    return float(p_values(np.full(len(CHECK_FIGURES), left), ranks[:-1])[-1])
 
 
 def of_all_checks(least: float, ranks: F8) -> float:

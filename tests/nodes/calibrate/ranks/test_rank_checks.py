@@ -53,7 +53,7 @@ def test_ranks_are_added_to_a_file_and_nothing_else_changes(
     after = read_calibration(file=file)
     assert np.array_equal(before.flat, after.flat)
     assert before.quality == after.quality
-    assert after.ranks.shape == (len(Ranked), len(CHECK_FIGURES) + 1, RANK_COUNT)
+    assert after.ranks.shape == (len(Ranked), 1 + len(CHECK_FIGURES), RANK_COUNT)
     assert not np.array_equal(before.ranks, after.ranks)
     assert (np.diff(after.ranks, axis=2) >= 0).all()
     rank_checks(file=file, count=24, seed=5)

@@ -10,7 +10,7 @@ from tactograph.nodes import Height
 
 
 @node
-def height_moves(height: Height, before: Height, *, um: Annotated[float, Ge(0)]) -> bool:
+def moves_height(height: Height, before: Height, *, um: Annotated[float, Ge(0)]) -> bool:
     """Return whether a height differs from the one before by more than so much.
 
     It is decided on the host on every back end, from float64 sums of the same heights.
