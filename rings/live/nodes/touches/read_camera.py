@@ -84,7 +84,15 @@ def read_camera(
         )
     driver.check_calibration(used)
     height, width = dark.shape
-    sensor = open_rig(driver, port, (width, height), leds=len(flat), ambient=ambient, queue=queue)
+    sensor = open_rig(
+        driver,
+        port,
+        (width, height),
+        leds=len(flat),
+        ambient=ambient,
+        queue=queue,
+        calibration=used.calibration,
+    )
     with closing(sensor):
         cycle = {"lights": "leds", "refresh": refresh, "cycle": list(sensor.cycle)}
         stream = Stream(

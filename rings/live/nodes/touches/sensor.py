@@ -21,6 +21,7 @@ from tactograph.rings.live.nodes.controller.led_controller import (
     LedController,
     open_controller,
 )
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import LitBetween, SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
@@ -181,6 +182,7 @@ def open_rig(
     leds: int,
     ambient: bool = False,
     queue: int = 8,
+    calibration: Path | None = None,
 ) -> Rig:
     """Open a camera and start the cycle of its LEDs.
 
@@ -191,6 +193,7 @@ def open_rig(
     leds : number of LEDs
     ambient : whether the cycle has a step with all LEDs off
     queue : as for `Camera`
+    calibration : of the film that a simulated camera sees, unless its scene states a rig
 
     Raises
     ------
@@ -204,7 +207,9 @@ def open_rig(
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if driver.is_simulated:
-            table = SimulatedSensor(read_scene(str(driver.camera), Scene))
+            text = str(driver.camera)
+            table = calibrated_sensor(text, calibration) if calibration else None
+            table = table or SimulatedSensor(read_scene(text, Scene))
             lit_between = steady(cycle, driver.rate, table.start)
             if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.
