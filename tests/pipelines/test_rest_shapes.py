@@ -1,11 +1,13 @@
 """A film of any shape at rest: its images by a calibration, and heights above it from them."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from tactograph.graph import InputError, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
@@ -118,6 +120,23 @@ def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> No
     (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
     found = load("paper", calibration=curved("dome"))(frames=images)["height"]
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
+
+
+def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_path: Path) -> None:
+    """From near, points that rise towards the pupil are seen beside where they lie."""
+    np.save(tmp_path / "height.npy", truth)
+    said = {"pixel_size_mm": RIG_PIXEL_MM[RIG], "metrics": {"rest_relief_mm": 1.0}}
+    said |= {"lens": [0.0] * 8, "camera": 1 / 60}
+    (tmp_path / "result.json").write_text(json.dumps(said))
+    given = {"height": tmp_path / "height.npy", "formats": "ply"}
+    laid_out = run("export", tmp_path / "flat", **given)
+    assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
+    run("export", tmp_path / "round", **given, calibration=curved("dome"))
+    found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
+    film = shape_of("dome", truth.shape).astype(np.float64) + truth
+    y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
+    x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
+    np.testing.assert_allclose(found, np.stack([x, y, film], axis=-1).reshape(-1, 3), atol=1e-5)
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat", "check_calibration"])

@@ -8,8 +8,8 @@ from annotated_types import Gt
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Light, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD,
     doubts_of,

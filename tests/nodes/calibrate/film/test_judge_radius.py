@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD,
