@@ -126,7 +126,7 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     """From near, points that rise towards the pupil are seen beside where they lie."""
     np.save(tmp_path / "height.npy", truth)
     said = {"pixel_size_mm": RIG_PIXEL_MM[RIG], "metrics": {"rest_relief_mm": 1.0}}
-    said |= {"lens": [0.0] * 8, "camera": 1 / 60}
+    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
     (tmp_path / "result.json").write_text(json.dumps(said))
     given = {"height": tmp_path / "height.npy", "formats": "ply"}
     laid_out = run("export", tmp_path / "flat", **given)
