@@ -21,20 +21,19 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.calibrate.colour.find_presses import find_presses
-from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
+from tactograph.nodes.calibrate.rating.judge_contact import ball_shape, judge_contact
+from tactograph.rings.oneshot.nodes.file.write_press_calibration import write_press_calibration
+from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
+from tactograph.rings.oneshot.nodes.presses.find_presses import find_presses
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     Bench,
     MapFit,
     fit_reflectance_map,
     make_bench,
     refine_center,
 )
-from tactograph.nodes.calibrate.colour.level_presses import level_presses
-from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
-from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
-from tactograph.nodes.capture.read_presses import read_presses
-from tactograph.nodes.light.mapped_light import mapped_light
-from tactograph.nodes.optics.reflectance_map import ball_shape
+from tactograph.rings.oneshot.nodes.presses.level_presses import level_presses
+from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 
 RADIUS_MM, PIXEL_MM, FOLD_COUNT = 6.31 / 2, 0.0634, 5
 UNKNOWN = Provenance({}, None, [], {}, {}, [], [])

@@ -6,6 +6,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ==============================  ============================================================
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
 ``kernels/**/NAME.cl``          its kernels, in the same room
+``calibrations/NAME_kind.py``   files of calibrations of a kind (`nodes.calibrate.kinds`)
 ``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study;
                                 in ``variants`` what it adds to graph NAME of another
@@ -115,6 +116,7 @@ def bring(kind: str, name: str) -> ModuleType | None:
 def _core() -> Ring:
     packages = {kind: f"{CORE_PACKAGE}.{kind}" for kind in ("nodes", "kernels", "pipelines")}
     packages["layers"] = f"{packages['nodes']}.layers"
+    packages["calibrations"] = f"{packages['nodes']}.calibrate.kinds"
     folders = ((kind, package, _folder(package)) for kind, package in packages.items())
     places = tuple((kind, package, folder) for kind, package, folder in folders if folder)
     return Ring("core", CORE_PACKAGE, CORE_PACKAGE, places)

@@ -20,6 +20,8 @@ BallPress = Annotated[I4, Port("B", "press number")]
 """The press that every ball is in, counted from 0."""
 Circles = Annotated[F4, Port("P 3", "px")]
 """Contact circles: x, y, radius; a radius of 0 where no ball was found."""
+PressImages = Annotated[F4, Port("P K H W", "1")]
+"""P captures of K lights, each as a fraction of full scale."""
 TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
 """Relative change of each LED's light on the film at rest, per slope p and q."""
 

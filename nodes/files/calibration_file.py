@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import one_line
+from tactograph.graph.rings import bring
 from tactograph.nodes.files.sensor_identity import identity_in
 from tactograph.nodes.optics.lens import seen_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
@@ -31,12 +33,6 @@ MAX_LENS_SHIFT = 0.5
 """Share of the image's half diagonal by which a lens may move what lies at the border."""
 COLOUR_LIGHTS = ("bgr", "rgb")
 """The orders of lights that are the channels of a colour image."""
-KIND_USERS = {
-    "calibration": "sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
-    "press calibration": "one-shot sensors: gelsight_mini, recalibrate_oneshot",
-    "camera": "a camera's lens",
-}
-"""Users of each kind of file."""
 
 
 def _fits(arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -46,9 +42,11 @@ def _fits(arrays: Mapping[str, NDArray[Any]]) -> None:
 class FileKind(NamedTuple):
     """A kind of calibration: its name, version, the command that makes it, and its record.
 
-    The file keeps the fields of `record` that are `Stored`.  Every kind holds a `pixel_size`, and
-    all but a camera's a `flat`.  `made_from` is what to check if a calibration fails.  `check`
-    raises a `ValueError` if the arrays, each of them as declared, cannot be of one sensor.
+    What can be done with any kind is in a module of its name, ``calibrations/NAME_kind.py``
+    (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
+    holds a `pixel_size`, and all but a camera's a `flat`.  `made_from` is what to check if a
+    calibration fails, `users` who takes it.  `check` raises a `ValueError` if the arrays, each of
+    them as declared, cannot be of one sensor.
     """
 
     name: str
@@ -56,6 +54,7 @@ class FileKind(NamedTuple):
     maker: str
     record: type
     made_from: str
+    users: str
     check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
 
     @property
@@ -280,6 +279,22 @@ def is_of_kind(file: Path, kind: FileKind) -> bool:
     return bool(about_in(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
+def kind_of(file: Path) -> ModuleType | None:
+    """Import the module of the kind that a file claims to be; None if there is none.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is damaged.
+    """
+    try:
+        name = about_in(load_arrays(file, only=ABOUT_ARRAY)).get("kind")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: {one_line(str(error))}") from None
+    kind = str(name).removeprefix("tactograph ").replace(" ", "_")
+    return bring("calibrations", f"{kind}_kind")
+
+
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
         raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")
@@ -297,9 +312,8 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
         kind_found = name.removeprefix("tactograph ")
-        users = (
-            f"; a {kind_found} is for {KIND_USERS[kind_found]}" if kind_found in KIND_USERS else ""
-        )
+        known = kind_of(file)
+        users = f"; a {kind_found} is for {known.KIND.users}" if known else ""
         raise InputError(
             f"{file}: is a {kind_found}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )

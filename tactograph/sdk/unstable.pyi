@@ -28,31 +28,38 @@ from tactograph.graph.show.colours import (
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
+    I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    Film as Film,
     Lens as Lens,
     LightPositions as LightPositions,
+    Misfit as Misfit,
     ResizedLight as ResizedLight,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
+    BALL_SLICES as BALL_SLICES,
+    FILM_ROUGHNESS as FILM_ROUGHNESS,
+    FOLD_COUNT as FOLD_COUNT,
+    MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
+    BallCircles as BallCircles,
+    BallPress as BallPress,
     Circles as Circles,
+    PressImages as PressImages,
+    TiltResponse as TiltResponse,
+)
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    Balls as Balls,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
 )
-from tactograph.nodes.calibrate.colour.find_presses import (
-    MIN_PRESSES as MIN_PRESSES,
-)
-from tactograph.nodes.calibrate.colour.fit_reflectance_map import (
-    degree_for as degree_for,
-)
-from tactograph.nodes.calibrate.colour.rate_presses import (
-    advise as advise,
-    presses_per_cell as presses_per_cell,
-    rim_slope as rim_slope,
+from tactograph.nodes.calibrate.ball.undistort_presses import (
+    ideal_circles as ideal_circles,
 )
 from tactograph.nodes.calibrate.file.calibrated_film import (
     CalibratedFilm as CalibratedFilm,
@@ -62,23 +69,54 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
 from tactograph.nodes.calibrate.file.calibration import (
     Calibration as Calibration,
 )
-from tactograph.nodes.calibrate.file.press_calibration import (
-    PRESS_CALIBRATION as PRESS_CALIBRATION,
+from tactograph.nodes.calibrate.film.ball_samples import (
+    sample_balls as sample_balls,
+)
+from tactograph.nodes.calibrate.film.judge_radius import (
+    AS_TOLD as AS_TOLD,
+    doubts_of as doubts_of,
+    explain as explain,
+    scale_error as scale_error,
+    unconfirmed as unconfirmed,
+)
+from tactograph.nodes.calibrate.lights.light_samples import (
+    rest_of as rest_of,
+)
+from tactograph.nodes.calibrate.ranks.drawn import (
+    Doubts as Doubts,
+    drawn as drawn,
+)
+from tactograph.nodes.calibrate.rating.advise_press import (
+    FILM_REGIONS as FILM_REGIONS,
+)
+from tactograph.nodes.calibrate.rating.judge_contact import (
+    ball_shape as ball_shape,
+    judge_contact as judge_contact,
+)
+from tactograph.nodes.calibrate.rating.verdict import (
+    Advice as Advice,
+    Judged as Judged,
+    advice_after as advice_after,
+    of_heldout_error as of_heldout_error,
+    pays as pays,
+    verdict_of as verdict_of,
 )
 from tactograph.nodes.capture.read_balls import (
+    BallPresses as BallPresses,
     KnownCircles as KnownCircles,
+    Millimetres as Millimetres,
     Radii as Radii,
+    known_circle as known_circle,
+    refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
     Layout as Layout,
     read_capture_file as read_capture_file,
+    read_images as read_images,
 )
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
-)
-from tactograph.nodes.capture.read_presses import (
-    PressImages as PressImages,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -88,8 +126,25 @@ from tactograph.nodes.contact.largest_contacts import (
     Most as Most,
     largest_contacts as largest_contacts,
 )
+from tactograph.nodes.drawing.new_picture import (
+    BesidePicture as BesidePicture,
+    in_lines as in_lines,
+)
+from tactograph.nodes.drawing.sensor_picture import (
+    draw_sensor as draw_sensor,
+)
 from tactograph.nodes.files.calibration_file import (
+    MIN_OPTICAL_MM as MIN_OPTICAL_MM,
+    FileKind as FileKind,
+    check_use as check_use,
+    free_for as free_for,
     is_of_kind as is_of_kind,
+    read_about as read_about,
+    read_arrays as read_arrays,
+    write_arrays as write_arrays,
+)
+from tactograph.nodes.files.exposure import (
+    normalised as normalised,
 )
 from tactograph.nodes.files.height_files import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
@@ -114,9 +169,14 @@ from tactograph.nodes.files.image_arrays import (
 from tactograph.nodes.files.image_files import (
     MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
+    channels as channels,
     check_heights as check_heights,
     lights_of as lights_of,
     read_numbers as read_numbers,
+)
+from tactograph.nodes.files.mesh_file import (
+    rasterised as rasterised,
+    read_mesh as read_mesh,
 )
 from tactograph.nodes.files.result_view import (
     calibrated_view as calibrated_view,
@@ -149,6 +209,9 @@ from tactograph.nodes.height.scale_height import (
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
 )
+from tactograph.nodes.light.film_drift import (
+    terms as terms,
+)
 from tactograph.nodes.optics.bicubic import (
     between_pixels as between_pixels,
 )
@@ -157,6 +220,10 @@ from tactograph.nodes.optics.cache_blocks import (
 )
 from tactograph.nodes.optics.cell_side import (
     CellSide as CellSide,
+)
+from tactograph.nodes.optics.film import (
+    matt_film as matt_film,
+    predict as predict,
 )
 from tactograph.nodes.optics.film_places import (
     film_areas as film_areas,
@@ -167,9 +234,13 @@ from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
     normal_by_slope as normal_by_slope,
 )
+from tactograph.nodes.optics.harmonics import (
+    harmonics as harmonics,
+)
 from tactograph.nodes.optics.lens import (
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    is_straight as is_straight,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )
@@ -185,13 +256,26 @@ from tactograph.nodes.optics.normals import (
 )
 from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM as PAPER_PIXEL_MM,
+    Length as Length,
+    PixelSide as PixelSide,
+    Shape as Shape,
+    ShapeImage as ShapeImage,
+    WallAngle as WallAngle,
+    risen as risen,
+    shape as shape,
+    stretched as stretched,
+    turned as turned,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
     SheetMask as SheetMask,
+    cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,
+)
+from tactograph.nodes.stored import (
+    Stored as Stored,
 )
 from tactograph.nodes.stream.assemble import (
     Assembler as Assembler,
@@ -219,4 +303,12 @@ from tactograph.nodes.stream.rest_film import (
     top_of as top_of,
     truncated as truncated,
     upper_median as upper_median,
+)
+from tactograph.nodes.trust.check_ranks import (
+    NO_RANKS as NO_RANKS,
+    CheckRanks as CheckRanks,
+)
+from tactograph.nodes.trust.light_departure import (
+    MIN_SQUARES as MIN_SQUARES,
+    LightDeparture as LightDeparture,
 )

@@ -74,9 +74,9 @@ def completed(shell: str, words: str, number: int) -> list[str]:
         ("compare precise_abl", 2, {"plain,precise_ablation"}),
         ("check precise_abl", 2, {"plain,precise_ablation"}),
         ("run precise_abl", 2, {"file,precise_abl"}),
-        ("run paper --with drawn_p", 4, {"plain,drawn_presses"}),
+        ("run paper --with drawn_t", 4, {"plain,drawn_touches"}),
         ("run reconstruct --with no_", 4, {"plain,no_flat"}),
-        ("run gelsight_mini --with follow_", 4, {"file,follow_"}),
+        ("run see_touch --with follow_", 4, {"file,follow_"}),
         ("run paper --with drawn_touches cou", 5, {"plain,count="}),
     ],
 )

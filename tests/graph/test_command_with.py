@@ -45,8 +45,8 @@ def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
 
 
 def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:
-    said = one_line(tactograph("run", "gelsight_mini", "--with", "follow_drift"))
-    assert said.startswith("tactograph: 'follow_drift' does not fit gelsight_mini: ")
+    said = one_line(tactograph("run", "paper", "--with", "follow_drift"))
+    assert said.startswith("tactograph: 'follow_drift' does not fit paper: ")
 
 
 def test_a_graph_is_run_with_an_overlay_of_ones_own(

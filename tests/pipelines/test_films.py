@@ -10,9 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph import load
 from tactograph.nodes import F4
-from tactograph.nodes.simulate.shape_grating import shape_grating
 from tests.fixtures import SHARED, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
@@ -71,32 +69,6 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
 def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
     """A rigid half ball on a coated film that lights itself: three passes left it too low."""
     assert microns("hand", "precise", "sphere") < 18
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wall_deg", [40.0, 30.0], ids=["narrow", "wide"])
-def test_the_light_between_the_walls_of_a_groove(
-    raytraced: Raytraced, made_once: MadeOnce, wall_deg: float
-) -> None:
-    """A rough height shows walls of two cells too flat: only a finer one throws all their light."""
-    rig = raytraced / "hand_bounce"
-    file = made_once("hand_bounce.npz", lambda file: calibrate(rig, file))
-    size = {"width_px": 320, "height_px": 240, "pixel_size_mm": 1 / 14}
-    wall = {"period_mm": 9.0, "duty": 2 / 3, "rise_mm": 0.5, "wall_deg": wall_deg}
-    images = load("see_touch", calibration=file)(
-        height=shape_grating(middle="groove", **size, **wall).height
-    )
-
-    def depth_um(**changes: dict[str, float]) -> float:
-        pipeline = load("reconstruct", calibration=file, **changes)
-        row = pipeline(frames=images["image"])["height"][70:170, 85:235].mean(axis=0)
-        x = np.arange(row.size) - (row.size - 1) / 2
-        level, bottom = (abs(x) > 35), (abs(x) < 10)
-        line = np.polynomial.Polynomial.fit(x[level], row[level], 1)
-        return 1e3 * float(np.mean(line(x[bottom]) - row[bottom]))
-
-    assert depth_um() == pytest.approx(500, abs=4)
-    assert depth_um(changes={"folded.least": 100.0, "folded.narrow": 100.0}) < 495
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475
@@ -189,20 +161,3 @@ def scans(sensor: Sensor) -> list[dict[str, Any]]:
 def test_scans_of_the_calibrated_sensor_are_trusted(scans: list[dict[str, Any]]) -> None:
     """The one that calibrates and another one: its own presses say what a real film leaves open."""
     assert min(scan["metrics"]["trust"] for scan in scans) > 0.02
-
-
-@pytest.mark.slow
-def test_one_press_of_a_grid_calibrates_a_sensor_of_three_colours(sensor: Sensor) -> None:
-    """Three of the LEDs as the colours of one image, against all balls of another scan."""
-    folder = sensor.scan.parent
-    for name, place in {"flat": "film", "balls_1": "grid/1", "balls_2": "touch"}.items():
-        planes = [cv2.imread(str(folder / name / f"led{k}.png"), -1) for k in (2, 4, 6)]
-        (folder / "colours" / place).mkdir(parents=True)
-        cv2.imwrite(str(folder / "colours" / place / "colours.png"), np.dstack(planes))
-    run(
-        "calibrate_presses", folder / "colours.npz", captures=folder / "colours/grid",
-        flat=folder / "colours/film", ball_radius_mm=RADIUS_MM, pixel_size_mm=PIXEL_MM,
-        ball_pitch_mm=1.0,
-    )  # fmt: skip
-    given = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
-    assert degrees(run("gelsight_mini", **given)["height"], sensor.centres) < 1.8

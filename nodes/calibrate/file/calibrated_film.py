@@ -1,14 +1,12 @@
-"""Either kind of calibration, and the film at rest from it."""
+"""The film at rest of a calibration of any kind."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tactograph.nodes import Dark, Light
 from tactograph.nodes.calibrate.file.calibration import Calibration
-from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION, PressCalibration
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
-from tactograph.nodes.files.calibration_file import is_of_kind
+from tactograph.nodes.files.calibration_file import kind_of
 from tactograph.nodes.stream.frames import LiveFrames, LiveState
 
 
@@ -25,20 +23,21 @@ class CalibratedFilm(NamedTuple):
         return LiveFrames(self.flat + self.dark, "", 0.0, [], LiveState())
 
 
-def read_either(calibration: Path) -> Calibration | PressCalibration:
-    """Read a calibration of flashed LEDs, or of a one-shot sensor.
+def read_either(calibration: Path) -> Any:
+    """Read a `Calibration` of flashed LEDs, or one of a one-shot sensor.
 
     Raises
     ------
     InputError
         If it is neither.
     """
-    if is_of_kind(calibration, PRESS_CALIBRATION):
-        return read_press_calibration(file=calibration)
-    return read_calibration(file=calibration)
+    kind = kind_of(calibration)
+    if kind is None or "flat" not in kind.KIND.values:
+        return read_calibration(file=calibration)
+    return kind.read(calibration)
 
 
 def calibrated_film(calibration: Path) -> CalibratedFilm:
     """Return the film at rest of a calibration: see `read_either`."""
     known = read_either(calibration)
-    return CalibratedFilm(known.flat, known.dark, isinstance(known, PressCalibration))
+    return CalibratedFilm(known.flat, known.dark, not isinstance(known, Calibration))

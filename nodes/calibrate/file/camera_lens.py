@@ -45,5 +45,6 @@ CAMERA_KIND = FileKind(
     "run calibrate_camera",
     CameraLens,
     made_from="the image of the grid and its pitch",
+    users="a camera's lens",
 )
 NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))]

@@ -4,6 +4,8 @@ The unknowns are each LED's direction, distance, strength, emission and diffuse 
 parameters (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls are coupled only by
 the shared unknowns, so the shifts are eliminated ball by ball (Schur's complement), for one ball
 as for a hundred.
+
+Long because all that is fitted, and what else moves with it, passes the same normal equations.
 """
 
 from typing import NamedTuple, Self, cast

@@ -15,7 +15,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.nodes import Film, Height, Light, Slope
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.ranks._drawn import Doubts, drawn
+from tactograph.nodes.calibrate.ranks.drawn import Doubts, drawn
 from tactograph.nodes.light.film_bounce import MAX_ALBEDO
 
 

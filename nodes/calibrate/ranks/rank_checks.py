@@ -15,8 +15,7 @@ from tactograph.graph import load, node
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
-from tactograph.nodes.files.calibration_file import is_of_kind, replace_arrays
+from tactograph.nodes.files.calibration_file import kind_of, replace_arrays
 from tactograph.nodes.optics.lens import LENS_TERMS
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, NO_RANKS, figures_of, ranked
@@ -70,10 +69,11 @@ def rank_checks(
         presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])
         if presses:
             np.savez(even, **_resized(arrays, presses[0].shape[1:]))  # type: ignore[arg-type]
-        if is_of_kind(file, PRESS_CALIBRATION):
-            drawn = _drawn("gelsight_mini", "drawn_presses", given)
-            own = _own("gelsight_mini", presses, even, ONE_SHOT_PORTS)[0]
-            kind, ranks = PRESS_CALIBRATION, [ranked(drawn, own)] * 3
+        brought = kind_of(file)
+        if brought is not None and brought.KIND is not CALIBRATION_KIND:
+            drawn = _drawn(brought.GRAPH, brought.OVERLAY, given)
+            own = _own(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
+            kind, ranks = brought.KIND, [ranked(drawn, own)] * 3
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > THREE_LEDS else "paper_no_shadow"

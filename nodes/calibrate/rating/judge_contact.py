@@ -5,10 +5,17 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
 from tactograph.nodes.optics.normals import angle_between
-from tactograph.nodes.optics.reflectance_map import ball_shape
 
 JUDGED_RADIUS_SHARE = 0.9
 """Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
+
+
+def ball_shape(x: F8, y: F8, circle: F8, radius: float, pixel: float) -> tuple[F8, F8]:
+    """Return the slope (2 x N) and the height in mm over the contact's rim; `radius` in px."""
+    dx, dy = x - circle[0], y - circle[1]
+    z = np.sqrt(np.maximum(radius**2 - dx * dx - dy * dy, 1e-3 * radius**2))
+    rim = np.sqrt(max(radius**2 - circle[2] ** 2, 0.0))
+    return np.stack([-dx / z, -dy / z]), (z - rim) * pixel
 
 
 def judge_contact(

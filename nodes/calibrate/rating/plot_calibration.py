@@ -26,7 +26,7 @@ from tactograph.nodes.drawing.new_picture import (
     in_lines,
     write_picture,
 )
-from tactograph.nodes.optics.reflectance_map import harmonics
+from tactograph.nodes.optics.harmonics import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
 TITLE_LETTERS = 150

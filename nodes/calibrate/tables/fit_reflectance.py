@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.optics.reflectance_map import harmonics
+from tactograph.nodes.optics.harmonics import harmonics
 
 
 class ReflectanceFit(NamedTuple):

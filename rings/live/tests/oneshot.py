@@ -6,9 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import Provenance
-from tactograph.nodes.calibrate.colour.fit_reflectance_map import fit_reflectance_map
-from tactograph.nodes.calibrate.colour.level_presses import level_presses
-from tactograph.nodes.calibrate.file.write_press_calibration import write_press_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.stream.colour_planes import planes_of
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
@@ -16,6 +13,9 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     SimulatedColourSensor,
 )
 from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
+from tactograph.rings.oneshot.nodes.file.write_press_calibration import write_press_calibration
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import fit_reflectance_map
+from tactograph.rings.oneshot.nodes.presses.level_presses import level_presses
 
 PIXEL_MM, BALL_MM = 0.2, 3.0
 RIG = (

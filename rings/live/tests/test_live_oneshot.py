@@ -10,8 +10,8 @@ import pytest
 
 from rings.live.tests.oneshot import BALL_MM, BY_HAND, MOVING, PIXEL_MM, calibrated
 from tactograph.graph.run.open_pipeline import load, open_pipeline
-from tactograph.nodes.calibrate.file.read_press_calibration import read_press_calibration
-from tactograph.nodes.capture.read_presses import read_presses
+from tactograph.rings.oneshot.nodes.file.read_press_calibration import read_press_calibration
+from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 from tests.fixtures import MadeOnce, python
 from tests.pipelines.conftest import errors
 

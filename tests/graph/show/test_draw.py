@@ -157,7 +157,7 @@ def test_an_opened_use_shows_the_uses_in_it(device: OpenCL) -> None:
 
 
 @pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
-@pytest.mark.parametrize("name", ["paper", "reconstruct", "precise", "calibrate", "gelsight_mini"])
+@pytest.mark.parametrize("name", ["paper", "reconstruct", "precise", "calibrate"])
 def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     name: str, sketched: Callable[[Plan], Sketch], widest: float, device: OpenCL
 ) -> None:

@@ -13,7 +13,6 @@ from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_capture import Capture, read_capture
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.capture.read_grey import read_grey
-from tactograph.nodes.capture.read_presses import read_presses
 
 RNG = np.random.default_rng(0)
 IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
@@ -222,26 +221,6 @@ def test_a_raw_mosaic_and_interlaced_lines_are_told(tmp_path: Path, what: str) -
         read_one(write(tmp_path / "odd", LEDS, (255 * light).astype(np.uint8)))
 
 
-def test_presses_can_be_cropped(tmp_path: Path) -> None:
-    write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
-    write(tmp_path, ["film.png"], COLOURS[1:])
-    part = {"crop": (2, 3, 10, 8), "smooth_px": 0.0}
-    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png", **part)
-    assert np.array_equal(
-        found.image[0], COLOURS[0, 3:8, 2:10].transpose(2, 0, 1) / np.float32(255)
-    )
-    assert found.flat.shape == (3, 5, 8)
-    assert np.isnan(found.circle).all()
-
-
-def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
-    folder = write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
-    (folder / "capture.yaml").write_text("ball_center_px: [7.5, 5]\nball_contact_px: 3\n")
-    write(tmp_path, ["film.png"], COLOURS[1:])
-    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png")
-    assert found.circle.tolist() == [[7.5, 5, 3]]
-
-
 LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
     "gelsightinc/gsmatlab, demo/groove": ({}, [f"image{k:02}.png" for k in range(1, 7)], 6),
     "NewProggie/Realtime-Photometric-Stereo, assets/hand": (
@@ -290,5 +269,3 @@ def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path
     found = list(read_capture(folder=tmp_path, lights="bgr"))
     assert [capture.name for capture in found] == ["ref", "sample_4", "sample_10"]
     assert np.array_equal(found[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))
-    presses = read_presses(folder=tmp_path, flat=tmp_path / "ref.png", smooth_px=0)
-    assert presses.names == ["ref", "sample_4", "sample_10"]

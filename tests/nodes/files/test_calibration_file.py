@@ -12,11 +12,9 @@ import pytest
 
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.rings import bring, brought
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.calibrate.file.press_calibration import PRESS_CALIBRATION
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.stored import Value, stored_values
@@ -113,7 +111,7 @@ def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
 
 
 def test_every_array_of_a_calibration_has_a_range() -> None:
-    for kind in (CALIBRATION_KIND, PRESS_CALIBRATION, CAMERA_KIND):
+    for kind in (bring("calibrations", name).KIND for name in brought("calibrations")):
         for name, value in kind.values.items():
             limits = np.isfinite([value.stored.low, value.stored.high]).all()
             assert limits or value.dtype.kind != "f", name
@@ -264,7 +262,6 @@ BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}
     ("graph", "given"),
     [
         ("calibrate", {"capture": "missing", **BALL}),
-        ("calibrate_presses", {"captures": "missing", "flat": "missing", **BALL}),
         ("calibrate_camera", {"image": "missing", "pitch_mm": 1.0}),
     ],
 )

@@ -8,7 +8,6 @@ import pytest
 
 from tactograph.graph import Provenance, load
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.colour.level_presses import level_presses
 from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
@@ -134,16 +133,6 @@ def test_what_a_touch_hides_is_remembered() -> None:
         light = touched(film(shaped(true), seed=item))
         found = film_drift(coarsen(light), coarsen(NOISE), found, degree=2, rate=0.1)
     assert np.abs(shaped(found) - shaped(true)).max() < 3e-3
-
-
-def test_presses_are_levelled_by_the_film_around_them() -> None:
-    flat = np.full((4, *SIZE), 0.4, np.float32)
-    tilt = np.zeros((4, 6), np.float32)
-    tilt[:, 0], tilt[:, 1] = 1, 0.01
-    presses = np.stack([0.4 * touched(film(g)) for g in (1.0, FADED[:, None, None], shaped(tilt))])
-    found = level_presses(presses.astype(np.float32), flat, degree=2)
-    for press in found:
-        assert np.abs(press[:, :, :12].mean(axis=(1, 2)) / 0.4 - 1).max() < 2e-3
 
 
 PIXEL, SENSOR, COUNT = 0.1, (60, 80), 100

@@ -21,8 +21,8 @@ from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.calibrate.kinds.calibration_kind import _dots
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.show._calibration import _dots
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed

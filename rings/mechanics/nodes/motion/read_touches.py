@@ -27,10 +27,9 @@ from tactograph.sdk.unstable import (
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
-    PRESS_CALIBRATION,
+    calibrated_film,
     calibrated_view,
     check_heights,
-    is_of_kind,
     on_even_grid,
     read_view,
     warning_kind,
@@ -178,7 +177,7 @@ def _stream_files(folder: Path) -> list[Path]:
 
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     """Heights of a recording's frames, at most twice `most` at a time; one warning of each kind."""
-    graph = "replay_oneshot" if is_of_kind(calibration, PRESS_CALIBRATION) else "replay"
+    graph = "replay_oneshot" if calibrated_film(calibration).one_shot else "replay"
     given = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
     if graph == "replay":
         given["refresh"] = "cycle"

@@ -16,8 +16,8 @@ from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.drawing.new_picture import write_picture
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
-WRITERS = ("write_calibration", "write_camera", "write_press_calibration")
-BESIDE = ("plot_calibration", "plot_camera", "plot_recalibration")
+WRITERS = ("write_calibration", "write_camera")
+BESIDE = ("plot_calibration", "plot_camera")
 
 
 def check(node: str, file: Path) -> None:
@@ -52,16 +52,16 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
     ):
         check("write_calibration", file)
     monkeypatch.chdir(tmp_path)
-    graph = read_graph("calibrate_presses")
-    with pytest.raises(InputError, match=r"^calibrate_presses: give out=, as its default does not"):
+    graph = read_graph("calibrate")
+    with pytest.raises(InputError, match=r"^calibrate: give out=, as its default does not"):
         bind(graph, graph.placeholders, sinks=True)
 
 
-@pytest.mark.parametrize("node", [*BESIDE, "plot_check"])
+@pytest.mark.parametrize("node", BESIDE)
 @pytest.mark.parametrize("content", ["photo", "text", "folder"])
 def test_a_photo_stays(node: str, content: str, tmp_path: Path) -> None:
     picture = tmp_path / "photo.png"
-    file = picture if node == "plot_check" else picture.with_suffix(".npz")
+    file = picture.with_suffix(".npz")
     check(node, file)
     write_picture(Figure(), picture)
     check(node, file)

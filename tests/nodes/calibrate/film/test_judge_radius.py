@@ -10,9 +10,7 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
-from tactograph.nodes.calibrate.colour.level_presses import level_presses
-from tactograph.nodes.calibrate.film._ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.judge_press_radius import judge_press_radius
+from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD,
     CLEAR_GEL,
@@ -27,9 +25,8 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     unconfirmed,
 )
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.capture.read_presses import read_presses
 from tactograph.nodes.optics.film import matt_film
-from tests.fixtures import RIG_PIXEL_MM, Raytraced, real_data
+from tests.fixtures import RIG_PIXEL_MM, Raytraced
 
 BALL = 7.0
 """Radius of the rigs' balls in mm."""
@@ -139,29 +136,3 @@ def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() ->
     excluded = left_by(told=0.03, clear=0.04)
     assert not unconfirmed(excluded, 6.0)
     assert scale_error(excluded) == 0
-
-
-@cache
-def mini() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Some presses of the GelSight Mini, its film at rest, and their circles."""
-    data = real_data("gelsight_mini_balls")
-    film = read_presses(folder=data / "6.310mm", flat=data / "background.png")
-    labels = np.genfromtxt(data / "labels.csv", delimiter=",", skip_header=1, usecols=(2, 3, 4))
-    numbers = np.array([int(name) for name in film.names])
-    inside = (np.abs(labels[:, 0] - 160) < 130) & (np.abs(labels[:, 1] - 120) < 90)
-    some = np.flatnonzero(inside[numbers])[::2]
-    return level_presses(film.image[some], film.flat), film.flat, labels[numbers[some]]
-
-
-@pytest.mark.one_case
-@pytest.mark.parametrize(("radius", "likelier"), [(3.155, False), (6.31, True)])
-def test_a_real_one_shot_sensor_leaves_the_radius_open(radius: float, likelier: bool) -> None:
-    image, flat, circle = mini()
-    kept = np.ones(len(image), np.uint8)
-    verdict = judge_press_radius(
-        image, flat, circle.astype(np.float32), kept, 0.0634, radius_mm=radius
-    )
-    assert not verdict.doubts
-    assert "does not confirm the ball's radius" in verdict.unconfirmed
-    assert ("times likelier" in verdict.unconfirmed) == likelier
-    assert verdict.quality["scale_error_percent"] > 20

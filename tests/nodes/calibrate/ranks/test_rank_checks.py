@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.ranks._drawn import OBJECT_FORMS, Doubts, drawn
+from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts, drawn
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.trust.check_ranks import RANK_COUNT, Ranked
 from tests.fixtures import Calibration

@@ -8,7 +8,7 @@ from tactograph.nodes.calibrate.tables.build_lut import build_lut
 from tactograph.nodes.calibrate.tables.fit_null_vector import fit_null_vector
 from tactograph.nodes.calibrate.tables.fit_reflectance import fit_reflectance
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
-from tactograph.nodes.optics.reflectance_map import harmonics
+from tactograph.nodes.optics.harmonics import harmonics
 from tests.nodes.scenes import LIGHTS, ball, lambert
 
 Z, SLOPE = ball(120, 120, 86)

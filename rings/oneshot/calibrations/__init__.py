@@ -1,0 +1,1 @@
+"""The calibration of a one-shot sensor."""

@@ -1,0 +1,1 @@
+"""Presses, the map that is fitted to them, and its file."""

@@ -1,0 +1,1 @@
+"""The file of a one-shot sensor's calibration."""

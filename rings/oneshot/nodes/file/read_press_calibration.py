@@ -1,0 +1,69 @@
+"""Read the calibration of a one-shot sensor, and refuse an incomplete or damaged one."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.rings.oneshot.nodes.file.press_calibration import (
+    PRESS_CALIBRATION,
+    PressCalibration,
+)
+from tactograph.rings.oneshot.nodes.presses.read_presses import read_film
+from tactograph.sdk import Crop, InputError, Light, Lights, node
+from tactograph.sdk.nodes import undistort
+from tactograph.sdk.unstable import check_use, read_about, read_arrays
+
+
+@node
+def read_press_calibration(
+    *,
+    file: Path,
+    flat: Path | None = None,
+    lights: Lights | None = None,
+    crop: Crop | None = None,
+) -> PressCalibration:
+    """Read the ``.npz`` that `write_press_calibration` wrote, without pickle.
+
+    A warning repeats what made the calibration doubtful.
+
+    Parameters
+    ----------
+    file : the calibration
+    flat : a new capture of the untouched film, which replaces the one in the file
+    lights
+        How that capture's images, and those that the calibration is used for, hold the lights,
+        as for `read_capture`.  None: as those of the calibration did.
+    crop : x0, y0, x1, y1 in pixels of that capture; x1 and y1 are exclusive
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, of another kind or version, or holds a pickle; if an
+        array is missing, misshapen, not finite or out of range; if the new film image has
+        another size; if the calibration was made from lights of another order.
+    """
+    arrays = read_arrays(file, PRESS_CALIBRATION)
+    about = read_about(file)
+    check_use(file, about, lights)
+    order = lights or ("rgb" if about.lights == "rgb" else "bgr")
+    lens = arrays["lens"]
+    film = arrays["flat"]
+    if flat is not None:
+        film = undistort(_fresh(flat, order, crop, film), lens)
+    dark = np.zeros(film.shape[1:], np.float32)
+    quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
+    error = quality.get("residual_percent", 0.0) / 100
+    misfit = np.array([error, 0, error, 0, 0], np.float32)
+    said = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
+    return PressCalibration(film, dark, size, reflectance, misfit, *said)
+
+
+def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:
+    new_film = read_film(flat, lights, 2.0, crop)
+    if new_film.shape != film.shape:
+        columns, rows = new_film.shape[:0:-1]
+        raise InputError(
+            f"{flat}: is {columns} x {rows} pixels, but the calibration is for "
+            f"{film.shape[2]} x {film.shape[1]}"
+        )
+    return new_film

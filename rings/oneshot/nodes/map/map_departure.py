@@ -1,0 +1,70 @@
+"""Departure of each pixel's light from what a one-shot sensor's reflectance map predicts."""
+
+from typing import Any
+
+import numpy as np
+
+from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
+from tactograph.rings.oneshot.nodes.map.reflectance_map import PLACE_TERMS, SHADE_COUNT
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.sdk import F4, Close, Height, Light, SizeLimit, Slope, node
+from tactograph.sdk.unstable import MIN_SQUARES, LightDeparture, Misfit
+
+MIN_MAP_ERROR = 0.007
+"""Standard deviation of the light: a map of harmonics is coarser than a film's model."""
+
+
+@node(
+    sizes={"K": SizeLimit(3, 8, "two lights fit any slope, and labels have 8 bits")},
+    tolerance=Close(1e-3, 2e-3, why="squares of differences of rounded light"),
+)
+def map_departure(
+    light: Light,
+    slope: Slope,
+    height: Height,
+    reflectance: ReflectanceMap,
+    misfit: Misfit,
+) -> LightDeparture:
+    """Return the reduced chi-squared of the light under the slope that was found, and its excess.
+
+    The sum over the lights of (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 (equation M1), over the
+    square of the model's error and the K - 2 degrees of freedom (equation T1).  The excess is
+    that of equation T4.
+
+    Parameters
+    ----------
+    light : K x H x W, relative to the film at rest
+    slope, height : 2 x H x W, and H x W in mm, as given to `solve_reflectance_map`
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
+    misfit : length 5, the calibration's misfit
+    """
+    shown = mapped_light(slope, height, reflectance)
+    left = light - shown
+    freedom = np.float32(len(light) - 2)
+    error = max(float(misfit[2]), MIN_MAP_ERROR)
+    scale = np.float32(1 / error**2) / freedom
+    seen, due = (light * shown).sum(axis=0), (shown * shown).sum(axis=0)
+    departs = np.asarray((left * left).sum(axis=0) * scale, np.float32)
+    return LightDeparture(departs, seen / np.maximum(due, MIN_SQUARES) - 1)
+
+
+map_departure.opencl(grid="H W", lanes="rows")
+
+
+@map_departure.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Lights from all sides, and light that departs from theirs by some per cent."""
+    azimuth = 2 * np.pi * np.arange(K) / K
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    light: F4 = mapped_light(slope, height, reflectance)
+    return {
+        "light": (light + rng.normal(0, 0.03, light.shape)).astype(np.float32),
+        "slope": slope,
+        "height": height,
+        "reflectance": reflectance,
+        "misfit": np.array([0.05, 0, 0.02, 0, 0], np.float32),
+    }

@@ -1,0 +1,46 @@
+"""Light of a film whose dependence on slope varies over the film."""
+
+from typing import Any
+
+import numpy as np
+
+from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    PLACE_TERMS,
+    SHADE_COUNT,
+    maps_over_film,
+    shading,
+)
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.sdk import Close, Height, Light, SizeLimit, Slope, node
+from tactograph.sdk.unstable import normal_by_slope
+
+
+@node(
+    sizes={"K": SizeLimit(1, 8, "labels have 8 bits")},
+    tolerance=Close(1e-4, 1e-4, why="sums of many terms"),
+)
+def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> Light:
+    """Return the light relative to the film at rest that equation M1 gives a film.
+
+    Parameters
+    ----------
+    slope, height : 2 x H x W, and H x W in mm
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
+    """
+    normal = normal_by_slope(*slope)[1]
+    maps = maps_over_film(reflectance, height.shape)
+    shown = [shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
+    return np.asarray(shown, np.float32) + 1
+
+
+mapped_light.opencl(grid="K H W", lanes="rows")
+
+
+@mapped_light.example
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Lights from all sides on a rough film."""
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
+    reflectance[:, :2, 0] += rng.uniform(-0.6, 0.6, (K, 2))
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    return {"reflectance": reflectance, "slope": slope, "height": height}

@@ -1,0 +1,121 @@
+"""A reflectance that varies over the film, for one-shot colour sensors.
+
+Their LEDs are a few millimetres beside the film.  So light depends on the slope by another
+function at every place, and grows with height.  Divided by the film at rest::
+
+    I_k / I_flat - 1 = sum_b c_kb(x, y) B_b(n) + c_k8(x, y) z                             (M1)
+
+B are the second-order harmonics of equation 4 without the constant, each less its value at
+rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height in mm; every c
+is a polynomial of degree 4 in x and y.  ``kernels/slope/solve_reflectance_map.cl`` holds the same.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.sdk import F4, F8
+from tactograph.sdk.unstable import harmonics
+
+PLACE_DEGREE = 4
+PLACE_TERMS = 15
+SHADE_COUNT = 9
+"""Eight harmonics and the height."""
+PIXELS_PER_PRESS = 120
+"""Number of pixels fitted per press: 27 functions of the slope need no more."""
+FITTED_RADIUS_SHARE = 0.85
+"""Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
+CAUCHY_SIGMAS = 3.0
+"""Scale of Cauchy's weight, in standard deviations of the residual."""
+RIDGE_SHARE = 1e-6
+"""Relative regularisation that keeps terms which the presses do not determine at zero."""
+
+
+class Pixels(NamedTuple):
+    """Pixels of one press that are fitted: x, y of length N, light less 1 and weight K x N."""
+
+    x: F8
+    y: F8
+    light: F8
+    weight: F8
+
+
+def terms(x: F8, y: F8, shape: tuple[int, int]) -> F8:
+    """Return the 15 monomials 1, u, v, u^2, u v, v^2, ... of the place, by growing degree.
+
+    u and v are x and y in px from the image's middle, divided by half its width.
+    """
+    height, width = shape
+    u = (x - 0.5 * (width - 1)) / (0.5 * width)
+    v = (y - 0.5 * (height - 1)) / (0.5 * width)
+    return np.stack([u ** (d - i) * v**i for d in range(PLACE_DEGREE + 1) for i in range(d + 1)])
+
+
+def shades(slope: F8, height: F8) -> F8:
+    """Return B of equation M1 and the height: 9 x N."""
+    at_rest = harmonics(np.zeros((2, 1), np.float32)).astype(np.float64)
+    bent = harmonics(np.asarray(slope)) - at_rest
+    return np.asarray(np.concatenate([bent[1:], height[None]]))
+
+
+def ball_pixels(light: F4, flat: F4, circle: F8, most: int = PIXELS_PER_PRESS) -> Pixels:
+    """Return pixels evenly spread over the inner part of a contact circle (x, y, radius)."""
+    y, x = np.indices(flat.shape[1:])
+    inside = np.flatnonzero(
+        np.hypot(x - circle[0], y - circle[1]) < FITTED_RADIUS_SHARE * circle[2]
+    )
+    # A stride that does not divide the rows' length spreads the pixels over all columns.
+    inside = inside[:: inside.size // most + 1]
+    return Pixels(
+        x.flat[inside].astype(np.float64),
+        y.flat[inside].astype(np.float64),
+        light.reshape(len(light), -1)[:, inside].astype(np.float64) - 1,
+        flat.reshape(len(flat), -1)[:, inside].astype(np.float64),
+    )
+
+
+def robust_weights(error: F8, weight: F8) -> F8:
+    """Return `weight` lowered where errors are large against their median (Cauchy)."""
+    spread = 1.4826 * np.median(np.abs(error), axis=-1, keepdims=True) + 1e-9
+    return np.asarray(weight / (1 + (error / (CAUCHY_SIGMAS * spread)) ** 2))
+
+
+def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
+    """Return light less 1, K x N, by equation M1: K x 9 x 15, 9 x N, 15 x N."""
+    return np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)
+
+
+def maps_over_film(reflectance: F4, shape: tuple[int, ...]) -> F4:
+    """Return the coefficients of equation M1 at every pixel: K x 9 x H x W."""
+    rows, columns = shape
+    scale = 0.5 * np.float32(columns)
+    u = (np.arange(columns, dtype=np.float32) - 0.5 * np.float32(columns - 1)) / scale
+    v = (np.arange(rows, dtype=np.float32) - 0.5 * np.float32(rows - 1)) / scale
+    place = np.empty((PLACE_TERMS, rows, columns), np.float32)
+    place[0] = 1
+    last = 0
+    for degree in range(1, PLACE_DEGREE + 1):
+        first = last + degree
+        place[first : first + degree] = place[last : last + degree] * u[None, :]
+        place[first + degree] = place[first - 1] * v[:, None]
+        last = first
+    maps = np.zeros((*reflectance.shape[:2], rows, columns), np.float32)
+    for term in range(PLACE_TERMS):
+        maps += reflectance[:, :, term, None, None] * place[term]
+    return maps
+
+
+def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
+    """Return the sum over the eight harmonics of equation M1, and its derivative by n."""
+    x, y, z = n
+    value = (
+        c[0] * x + c[1] * y + c[2] * (z - 1)
+        + c[3] * (x * y) + c[4] * (x * z) + c[5] * (y * z)
+        + c[6] * (x * x - y * y) + c[7] * (3 * (z * z - 1))
+    )  # fmt: skip
+    gradient = (
+        c[0] + c[3] * y + c[4] * z + 2 * c[6] * x,
+        c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
+        c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
+    )
+    return value, gradient

@@ -1,0 +1,127 @@
+"""Slope from light whose dependence on slope varies over the film."""
+
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    PLACE_DEGREE,
+    PLACE_TERMS,
+    SHADE_COUNT,
+    maps_over_film,
+    shading,
+)
+from tactograph.sdk import F4, Flips, Height, Launch, Light, Port, SizeLimit, Slope, node
+from tactograph.sdk.unstable import dot, limited_step, normal_by_slope
+
+ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
+"""Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
+
+STILL_RAD = 1e-3
+"""Longest step after which a pixel stops, or half of `limit` if that is less."""
+
+
+@node(
+    sizes={"K": SizeLimit(2, 8, "two unknowns need two lights, and labels have 8 bits")},
+    tolerance=Flips(
+        2e-3,
+        2e-3,
+        2e-3,
+        why="Gauss-Newton on lights that hardly depend on slope amplifies rounding",
+    ),
+)
+def solve_reflectance_map(
+    light: Light,
+    flat: Light,
+    height: Height,
+    reflectance: ReflectanceMap,
+    *,
+    steps: Annotated[int, Interval(ge=1, le=30)] = 8,
+    prior: Annotated[float, Gt(0)] = 4e-4,
+    limit: Annotated[float, Gt(0)] = 0.3,
+) -> Slope:
+    """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
+
+    Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
+    pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
+    variance of light relative to it is inversely proportional to it: dim light carries little
+    information.
+
+    Parameters
+    ----------
+    light, flat : K x H x W: the light relative to the film at rest, and the film at rest
+    height : H x W in mm, from the pass before; zero in the first
+    reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
+    steps : Gauss-Newton steps at most
+    prior : weight that favours small slopes; matters where light does not determine the slope
+    limit : longest step, as the angle in radians by which it turns the normal
+    """
+    maps = maps_over_film(reflectance, light.shape[1:])
+    rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
+    p: F4 = np.zeros(light.shape[1:], np.float32)
+    q = p
+    moving = np.ones(p.shape, bool)
+    least = np.float32(min(STILL_RAD, limit / 2))
+    for _ in range(steps):
+        square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
+        p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
+        moving &= np.hypot(dp, dq) > least * square
+        if not moving.any():
+            break
+    return np.asarray(np.stack([p, q]), np.float32)
+
+
+def _step(
+    rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
+) -> tuple[F4, F4, F4]:
+    """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `limit`."""
+    square, normal, by_p, by_q = normal_by_slope(p, q)
+    a = c = np.full_like(p, prior)
+    b = np.zeros_like(p)
+    s, t = -prior * p, -prior * q
+    for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
+        value, gradient = shading(normal, coefficients)
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
+        left = rest - value
+        w_p, w_q = weight * j_p, weight * j_q
+        a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
+        s, t = s + w_p * left, t + w_q * left
+    return square, *limited_step((a, b, c), (s, t), limit * square)
+
+
+@solve_reflectance_map.opencl()
+def _launch(run: Launch) -> None:
+    """First the map along every row, then the pixels."""
+    count, rows, columns = (run.sizes[name] for name in "KHW")
+    lines = run.scratch((rows, count * SHADE_COUNT, PLACE_DEGREE + 1))
+    work = (rows * count * SHADE_COUNT,)
+    run.kernel("polynomials_of_rows", work, run.inputs["reflectance"], lines, count, rows, columns)
+    planes = (run.inputs[name] for name in ("light", "flat", "height"))
+    out = run.outputs["solve_reflectance_map"]
+    steps, prior, limit = (run.settings[name] for name in ("steps", "prior", "limit"))
+    settings = steps, prior, limit, min(STILL_RAD, limit / 2)
+    grid = run.in_row_lanes(rows, columns)
+    run.kernel("solve", grid, *planes, lines, out, count, rows, columns, *settings)
+
+
+@solve_reflectance_map.example
+def _coloured_film(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
+    """Lights from all sides that vary over the film, and a rough surface under them."""
+    count, shape = sizes["K"], (sizes["H"], sizes["W"])
+    azimuth = 2 * np.pi * np.arange(count) / count
+    reflectance = rng.uniform(-0.02, 0.02, (count, SHADE_COUNT, PLACE_TERMS))
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    reflectance[:, 2, 0] += 0.8
+    p, q = rng.uniform(-0.5, 0.5, (2, *shape))
+    w = 1 / np.sqrt(1 + p * p + q * q)
+    light = [
+        1 + shading((-p * w, -q * w, w), maps)[0]
+        for maps in maps_over_film(reflectance.astype(np.float32), shape)
+    ]
+    return {
+        "light": np.asarray(light, np.float32),
+        "reflectance": reflectance.astype(np.float32),
+        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
+    }

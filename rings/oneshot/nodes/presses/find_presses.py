@@ -1,0 +1,119 @@
+"""Find the ball in every press."""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
+from tactograph.sdk import F4, InputError, Light, PixelSize, Port, node, warn
+from tactograph.sdk.nodes import find_ball, find_balls
+from tactograph.sdk.unstable import (
+    MIN_FLAT_LIGHT,
+    BallCircles,
+    BallPress,
+    KnownCircles,
+    PressImages,
+)
+
+MIN_PRESSES = 4
+
+
+class FoundPresses(NamedTuple):
+    """Circle, goodness, press and name of every ball."""
+
+    circle: BallCircles
+    goodness: Annotated[F4, Port("B", "1")]
+    of: BallPress
+    names: list[str]
+
+
+@node
+def find_presses(
+    image: PressImages,
+    flat: Light,
+    names: list[str],
+    pixel: PixelSize,
+    known: KnownCircles | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)] | None = None,
+    pitch_mm: Annotated[float, Gt(0)] | None = None,
+    fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
+) -> FoundPresses:
+    """Return the contact circle of every press, as `find_ball` finds it.
+
+    A press without a ball is named in a warning and gets a radius of 0, which excludes it from
+    all later steps.
+
+    Parameters
+    ----------
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    names
+        The presses' names, for messages.  No names mean that there is no press, and no ball.
+    pixel : mm per px
+    known
+        P x 3: circles that are known already, as from `guide_colour_presses` or each press's
+        ``capture.yaml``; NaN where a number is not known.
+    radius_mm : the ball's radius
+    pitch_mm
+        Pitch of a square grid of balls, of which every press shows several, as for `find_balls`.
+        None: every press is one of a single ball.
+    fewest : fewest balls that must be found
+
+    Returns
+    -------
+    x, y and contact radius in px per ball (pixel centres lie at integers), the goodness of each, 0
+    to 1, the press that it is in, and its name for messages.
+
+    Raises
+    ------
+    InputError
+        If fewer than `fewest` presses show a ball; if the radius is not given.
+    """
+    every = np.arange(len(image), dtype=np.int32)
+    if not names:
+        none = np.zeros(len(image), np.float32)
+        return FoundPresses(np.zeros((len(image), 3), np.float32), none, every, names)
+    if radius_mm is None:
+        raise InputError("the ball's radius is not known; give `radius_mm`=MM")
+    if known is None:
+        known = np.full((len(image), 3), np.nan, np.float32)
+    if pitch_mm is not None:
+        sheet = sheet_presses(image / np.maximum(flat, MIN_FLAT_LIGHT))
+        radii = np.full(len(image), radius_mm, np.float32)
+        circle, ball_goodness, _, of, _ = find_balls(
+            sheet, flat, radii, known, names, pixel, pitch_mm=pitch_mm
+        )
+        told = [
+            f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
+            for press, (x, y, _) in zip(of, circle, strict=True)
+        ]
+        return FoundPresses(circle, ball_goodness, of, told)
+    balls, missed = list[tuple[float, ...]](), []
+    for press, name, (x, y, contact) in zip(image, names, known, strict=True):
+        if np.isfinite([x, y, contact]).all():
+            balls.append((x, y, contact, contact > 0))
+            continue
+        light = press / np.maximum(flat, MIN_FLAT_LIGHT)
+        center = (float(x), float(y)) if np.isfinite([x, y]).all() else None
+        size = float(contact) if np.isfinite(contact) else None
+        try:
+            ball = find_ball(light, pixel, radius_mm=radius_mm, center_px=center, contact_px=size)
+        except InputError:
+            missed.append(name or "1")
+            balls.append((0.0, 0.0, 0.0, 0.0))
+        else:
+            balls.append((*ball.center, ball.contact, ball.goodness))
+    found = np.asarray(balls, np.float32)
+    ball_count = int(np.count_nonzero(found[:, 3]))
+    if ball_count < fewest:
+        where = f": none in {', '.join(missed)}" if missed else ""
+        raise InputError(
+            f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
+            f"{fewest} are needed{where}; check `radius_mm` and `pixel`, press more often, "
+            "give `pitch_mm`=MM if a press shows a grid of balls, or write "
+            "ball_center_px: [x, y] and ball_contact_px into a press's capture.yaml"
+        )
+    for name in missed:
+        warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
+    return FoundPresses(found[:, :3].copy(), found[:, 3].copy(), every, names)

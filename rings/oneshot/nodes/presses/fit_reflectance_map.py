@@ -1,0 +1,297 @@
+"""Fit a reflectance that varies over the film to many presses of a ball.
+
+Long because map, centres and the rim's height depend on one another and are fitted in turn.
+"""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt, Interval
+
+from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    PLACE_DEGREE,
+    PLACE_TERMS,
+    RIDGE_SHARE,
+    SHADE_COUNT,
+    Pixels,
+    ball_pixels,
+    predicted,
+    robust_weights,
+    shades,
+    terms,
+)
+from tactograph.rings.oneshot.nodes.map.smooth_light import smooth_light
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
+    ReflectanceMap,
+    solve_reflectance_map,
+)
+from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
+from tactograph.sdk import F4, F8, U1, InputError, Light, PixelSize, Port, node, warn
+from tactograph.sdk.nodes import (
+    coarsen,
+    coarsen_pixel,
+    enlarge_height,
+    integrate_dct,
+    rest_at_border,
+)
+from tactograph.sdk.unstable import (
+    I4,
+    MIN_FLAT_LIGHT,
+    BallCircles,
+    BallPress,
+    PressImages,
+    ball_shape,
+)
+
+ROUGH_PASSES = 2
+"""Solutions for the slope on cells, each with the height of the one before."""
+MAX_RIM_PRESSES = 7
+"""Most presses that measure the height of the contact's rim."""
+FIRST_RIM_MM = 0.2
+"""Start value of the rim's height in mm."""
+RIM_ROUNDS, FIT_ROUNDS = 2, 3
+"""Rounds that find the height of the rim, and the weights of a fit."""
+MAX_DEVIATIONS = 6.0
+"""A press is an outlier above this many robust standard deviations of the residuals ..."""
+MAX_MEDIANS = 2.5
+"""... and above this multiple of their median."""
+MAX_CENTRE_STEP_PX = 2.0
+"""Longest step of a centre in px."""
+
+
+class MapFit(NamedTuple):
+    """The map, the circles refined with it, and its residual."""
+
+    reflectance: ReflectanceMap
+    circle: BallCircles
+    kept: Annotated[U1, Port("B", "flag", high=1)]
+    rim: Annotated[float, Port(unit="mm")]
+    residual: Annotated[F4, Port("K", "1")]
+
+
+class Bench(NamedTuple):
+    """Inputs of every step of the fit: smoothed relative light of each ball's press, film at rest,
+    ball radius in px, mm per px, and degree of the polynomials."""
+
+    light: list[F4]
+    flat: F4
+    radius: float
+    pixel: float
+    degree: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return int(self.flat.shape[1]), int(self.flat.shape[2])
+
+
+@node
+def fit_reflectance_map(
+    image: PressImages,
+    flat: Light,
+    names: list[str],
+    circle: BallCircles,
+    pixel: PixelSize,
+    of: BallPress | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+    rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
+) -> MapFit:
+    """Fit the coefficients of equation M1 (`reflectance_map`) to the presses.
+
+    Robust least squares over the contacts, where the ball gives slope and height, alternates
+    with moving each circle's centre to where the map explains its press best.  A press that
+    the common map explains far worse than the others is an outlier and is left out.  The map
+    itself measures the height to which the film lifts the contact's rim, and this height is
+    fed back.
+
+    Parameters
+    ----------
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    names : the balls' names, for messages
+    circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
+    pixel : mm per px
+    of : length B, the press that each ball is in; None: every press has one ball
+    radius_mm : the ball's radius
+    rounds : how often map and centres are updated
+
+    Returns
+    -------
+    Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the contact's rim
+    above the film at rest in mm; root mean square residual of length K, relative to the film at
+    rest.
+
+    Raises
+    ------
+    InputError
+        If fewer than 4 presses are left.
+    """
+    kept = circle[:, 2] > 0
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(kept.sum())), of)
+    circles = circle.astype(np.float64)
+    rim = FIRST_RIM_MM
+    reflectance, circles = fit_presses(bench, circles, kept, rim, rounds)
+    outliers = _outliers(bench, reflectance, circles, kept, rim)
+    for press in np.flatnonzero(outliers):
+        warn(f"press {names[press]} is left out: its light does not fit that of the others")
+    kept &= ~outliers
+    if kept.sum() < MIN_PRESSES:
+        raise InputError(
+            f"{int(kept.sum())} presses agree, and {MIN_PRESSES} are needed; press more"
+        )
+    for _ in range(RIM_ROUNDS):
+        reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
+        rim = measure_rim(bench, reflectance, circles, kept)
+    reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
+    left = _residuals(bench, reflectance, circles, kept, rim)
+    return MapFit(
+        reflectance.astype(np.float32),
+        circles.astype(np.float32),
+        kept.astype(np.uint8),
+        rim,
+        np.sqrt(np.mean(np.square(left[kept]), axis=0)).astype(np.float32),
+    )
+
+
+def degree_for(presses: int) -> int:
+    """The highest degree whose monomials are at most half as many as the presses."""
+    fitting = [d for d in range(PLACE_DEGREE + 1) if (d + 1) * (d + 2) <= presses]
+    return max(fitting, default=0)
+
+
+def make_bench(
+    image: F4, flat: F4, radius_mm: float, pixel: float, degree: int, of: I4 | None = None
+) -> Bench:
+    """Return the inputs of the fit's steps; the light is smoothed as for a measurement."""
+    light = [smooth_light(press / np.maximum(flat, MIN_FLAT_LIGHT)) for press in image]
+    seen = light if of is None else [light[press] for press in of]
+    return Bench(seen, flat, radius_mm / pixel, pixel, degree)
+
+
+def fit_presses(
+    bench: Bench, circles: F8, kept: np.ndarray, rim: float, rounds: int
+) -> tuple[F8, F8]:
+    """Update map and centres in turn; return both."""
+    circles = circles.copy()
+    for _ in range(rounds):
+        reflectance = _fit_map(bench, circles, kept, rim)
+        for press in np.flatnonzero(kept).tolist():
+            circles[press] = refine_center(bench, reflectance, circles[press], press, rim)
+    return _fit_map(bench, circles, kept, rim), circles
+
+
+def refine_center(
+    bench: Bench, reflectance: F8, circle: F8, press: int, rim: float, steps: int = 2
+) -> F8:
+    """Move a circle to where the map explains the press best: robust Gauss-Newton."""
+    circle = circle.copy()
+    pixels = ball_pixels(bench.light[press], bench.flat, circle)
+    place = terms(pixels.x, pixels.y, bench.shape)
+    nudge = 0.1
+    for _ in range(steps):
+        left, by_x, by_y = (
+            _left(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
+            for d in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+        )
+        jacobian = np.stack([by_x - left, by_y - left]) / nudge
+        weighted = jacobian * robust_weights(left, pixels.weight)
+        normal = np.einsum("akn,bkn->ab", weighted, jacobian)
+        move = -np.linalg.solve(
+            normal + 1e-9 * np.trace(normal) * np.eye(2), np.einsum("akn,kn->a", weighted, left)
+        )
+        circle[:2] += move * min(1.0, MAX_CENTRE_STEP_PX / max(float(np.hypot(*move)), 1e-9))
+    return circle
+
+
+def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
+    """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
+    light, known = bench.light[press], reflectance.astype(np.float32)
+    light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
+    height = np.zeros(light_c.shape[1:], np.float32)
+    for _ in range(ROUGH_PASSES):
+        slope = solve_reflectance_map(light_c, flat_c, height, known)
+        height = rest_at_border(integrate_dct(slope, pixel_c))
+    slope = solve_reflectance_map(light, bench.flat, enlarge_height(height, light), known)
+    return slope, rest_at_border(integrate_dct(slope, bench.pixel))
+
+
+def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:
+    """Return the median height in mm by which the film lifts the rims of some presses."""
+    some = np.flatnonzero(kept)[:: int(kept.sum()) // MAX_RIM_PRESSES + 1]
+    return float(np.median([_rim_of(bench, reflectance, circles[i], i) for i in some]))
+
+
+def _rim_of(bench: Bench, reflectance: F8, circle: F8, press: int) -> float:
+    _, height = reconstruct(bench, reflectance, press)
+    y, x = (i.astype(np.float64) for i in np.indices(bench.shape))
+    _, rise = ball_shape(x, y, circle, bench.radius, bench.pixel)
+    distance = np.hypot(x - circle[0], y - circle[1]) / circle[2]
+    ring = (distance > 0.8) & (distance < 0.95)
+    return float(np.median((height - rise)[ring]))
+
+
+def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
+    slope, rise = ball_shape(pixels.x, pixels.y, circle, bench.radius, bench.pixel)
+    return shades(slope, rise + rim)
+
+
+def _left(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
+    """Residual of a press's light under the map: K x N."""
+    return pixels.light - predicted(reflectance, _shades(bench, circle, pixels, rim), place)
+
+
+def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
+    """Robust least squares over all kept presses: K x 9 x 15."""
+    used = (bench.degree + 1) * (bench.degree + 2) // 2
+    rows, light, weight = [], [], []
+    for press in np.flatnonzero(kept).tolist():
+        pixels = ball_pixels(bench.light[press], bench.flat, circles[press])
+        place = terms(pixels.x, pixels.y, bench.shape)[:used]
+        shade = _shades(bench, circles[press], pixels, rim)
+        rows.append((shade[:, None] * place).reshape(SHADE_COUNT * used, -1))
+        light.append(pixels.light)
+        weight.append(pixels.weight)
+    basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
+    weights = np.concatenate(weight, axis=1)
+    reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
+    for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
+        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADE_COUNT, used)
+    return reflectance
+
+
+def _robust_fit(basis: F8, light: F8, even: F8) -> F8:
+    """Iteratively reweighted least squares: columns x N, N, N."""
+    weight = even
+    for _ in range(FIT_ROUNDS):
+        weighted = basis * weight
+        normal = weighted @ basis.T
+        ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
+        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
+        weight = robust_weights(light - coefficients @ basis, even)
+    return coefficients
+
+
+def _residuals(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float) -> F8:
+    """Root mean square residuals of the presses under the map, P x K; 0 where left out."""
+    residuals = np.zeros((len(circles), len(bench.flat)))
+    for i in np.flatnonzero(kept).tolist():
+        pixels = ball_pixels(bench.light[i], bench.flat, circles[i])
+        place = terms(pixels.x, pixels.y, bench.shape)
+        left = _left(bench, reflectance, circles[i], pixels, place, rim)
+        residuals[i] = np.sqrt(np.mean(left**2, axis=1))
+    return residuals
+
+
+def _outliers(
+    bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float
+) -> np.ndarray:
+    """Flag the remaining presses that the map explains far worse than the rest."""
+    squares = np.square(_residuals(bench, reflectance, circles, kept, rim))
+    residual = np.zeros(len(circles))
+    for i in np.flatnonzero(kept).tolist():
+        # Dim, noisy lights count less.
+        y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
+        residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
+    middle = np.median(residual[kept])
+    spread = 1.4826 * np.median(np.abs(residual[kept] - middle))
+    high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
+    return np.asarray(kept & (residual > high))

@@ -1,0 +1,90 @@
+"""Judge the ball's radius of a one-shot sensor by the light of its presses."""
+
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
+from tactograph.sdk.unstable import (
+    AS_TOLD,
+    MIN_FLAT_LIGHT,
+    BallCircles,
+    BallPress,
+    Balls,
+    Judged,
+    PressImages,
+    doubts_of,
+    explain,
+    matt_film,
+    sample_balls,
+    scale_error,
+    unconfirmed,
+)
+
+MAX_PRESSES = 12
+"""Most presses that are used."""
+MIN_LIGHT = 0.1
+"""Light of a sample above which an LED reaches it."""
+RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
+
+
+@node
+def judge_press_radius(
+    image: PressImages,
+    flat: Light,
+    circle: BallCircles,
+    kept: Annotated[U1, Port("B", "flag", high=1)],
+    pixel: PixelSize,
+    of: BallPress | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+) -> Judged:
+    """Fit a plain film under point lights with other radii, as `judge_radius` does.
+
+    A reflectance map accepts any radius, because its coefficients have no scale; lights and a
+    gel have one.
+
+    Parameters
+    ----------
+    image, flat : P x K x H x W presses, levelled, and the K x H x W film at rest
+    circle, kept : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
+    pixel : mm per px
+    of : length B, the press that each ball is in; None: every press has one ball
+    radius_mm : the ball's radius
+
+    Returns
+    -------
+    ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
+    """
+    used = np.flatnonzero(kept)
+    used = used[:: used.size // MAX_PRESSES + 1]
+    seen = image[used if of is None else of[used]]
+    sheet = np.concatenate(list(seen / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
+    radius = np.full(used.size, radius_mm, np.float32)
+    # A matt film throws no light on itself, wherever its lights are.
+    matt = matt_film(np.ones((len(flat), 3), np.float32))
+    every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
+    balls = sample_balls(
+        *(sheet, flat, circle[used], radius, every, matt, noise, pixel), most=None, fine=True
+    )
+    strength = np.ones(len(flat), np.float32)
+    # The film at rest of such sensors is not lit by points.
+    flat = np.ones_like(flat)
+    found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
+    doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
+    is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
+    diffuse, scale = found.by_name[AS_TOLD].diffuse, scale_error(found)
+    quality = {"diffuse_percent": 100 * diffuse, "scale_error_percent": 100 * scale}
+    return Judged(quality, doubts, is_open)
+
+
+def _directions(balls: Balls) -> F4:
+    """Roughly where the lights are: distant ones, by linear least squares."""
+    (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    directions = []
+    for light in balls.light:
+        lit = light > MIN_LIGHT
+        slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
+        directions.append([*slant, 1.0])
+    return np.asarray(directions, np.float32)

@@ -1,0 +1,147 @@
+"""Rate a calibration by many presses, on held-out presses."""
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
+    degree_for,
+    fit_presses,
+    make_bench,
+    reconstruct,
+    refine_center,
+)
+from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import (
+    FILM_REGIONS,
+    BallCircles,
+    BallPress,
+    Judged,
+    PressImages,
+    advice_after,
+    judge_contact,
+    of_heldout_error,
+    verdict_of,
+)
+
+COVERAGE_CELLS = (4, 6)
+"""Rows and columns of cells into which the film is divided to measure coverage."""
+MIN_COVERED_SHARE = 0.85
+"""Share of the cells that contacts should reach."""
+MIN_RIM_SLOPE = 0.5
+PART_COUNT = 5
+"""Parts into which the presses are split, each held out in turn."""
+
+
+class PressRating(NamedTuple):
+    """Figures for programs; for people what to press next, what is doubtful, and the verdict."""
+
+    quality: Metrics
+    advice: str
+    doubts: list[str]
+    verdict: str
+
+
+@node
+def rate_presses(
+    image: PressImages,
+    flat: Light,
+    found: BallCircles,
+    circle: BallCircles,
+    kept: Annotated[U1, Port("B", "flag", high=1)],
+    rim: Annotated[float, Port(unit="mm")],
+    residual: Annotated[F4, Port("K", "1")],
+    pixel: PixelSize,
+    of_radius: Judged | None = None,
+    of_pixels: list[str] | None = None,
+    of: BallPress | None = None,
+    *,
+    radius_mm: Annotated[float, Gt(0)],
+) -> PressRating:
+    """Return the errors on held-out presses, the coverage, and what to press next.
+
+    For each fold, a map fitted to the other folds' presses reconstructs the fold's presses like
+    any capture.  A held-out circle keeps the contact radius from `find_presses`; its centre is
+    found with the map of the others.
+
+    Parameters
+    ----------
+    image, flat : P x K x H x W presses and the K x H x W film at rest
+    found, circle : B x 3 in px, before and after refining
+    kept, rim, residual : as `fit_reflectance_map` returns them
+    pixel : mm per px
+    of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
+    of : length B, the press that each ball is in; None: every press has one ball
+    radius_mm : the ball's radius
+
+    Returns
+    -------
+    ``heldout_normal_deg``, mean angle between normals in the contact; ``heldout_height_um``, root
+    mean square error of the height there without its mean, because the height of the ball's rim is
+    unknown; ``heldout_height_percent`` of the cap; ``presses`` kept; ``residual_percent``;
+    ``film_covered_percent``; ``steepest_slope``, the median slope at the contacts' rims;
+    ``rim_um``; one sentence of advice; the doubts, each of them also a warning; and the verdict.
+    """
+    chosen = np.flatnonzero(kept)
+    degree, errors = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT), []
+    bench = make_bench(image, flat, radius_mm, pixel, degree, of)
+    for part in range(PART_COUNT):
+        held_out, training = chosen[part::PART_COUNT], kept > 0
+        training[held_out] = False
+        reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
+        for press in held_out.tolist():
+            at = found[press].astype(np.float64)
+            at = refine_center(bench, reflectance, at, press, rim, steps=6)
+            surface = reconstruct(bench, reflectance, press)
+            errors.append(judge_contact(*surface, at, bench.radius, bench.pixel))
+    degrees, microns, percent = np.mean(errors, axis=0)
+    pressed = presses_per_cell(circle[chosen], bench.shape)
+    steepest = rim_slope(circle[chosen], bench.radius)
+    quality = {
+        "heldout_normal_deg": float(degrees),
+        "heldout_height_um": float(microns),
+        "heldout_height_percent": float(percent),
+        "presses": float(chosen.size),
+        "residual_percent": float(100 * residual.max()),
+        "film_covered_percent": float(100 * (pressed > 0).mean()),
+        "steepest_slope": steepest,
+        "rim_um": 1e3 * rim,
+    }
+    of_radius = of_radius or Judged({}, [])
+    doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + of_radius.doubts
+    for doubt in doubts:
+        warn(doubt)
+    counting = "heldout_normal_deg", float(degrees)
+    advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
+    verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
+    return PressRating(quality | of_radius.quality, advice, doubts, verdict)
+
+
+def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
+    """Number of contacts that reach the middle of each cell of the film."""
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    row, column = np.indices(COVERAGE_CELLS)
+    x, y = (column + 0.5) * width / columns - 0.5, (row + 0.5) * height / rows - 0.5
+    reach = 0.25 * min(width / columns, height / rows)
+    far = np.hypot(x[..., None] - circles[:, 0], y[..., None] - circles[:, 1])
+    return np.asarray((far < circles[:, 2] + reach).sum(axis=-1), np.float32)
+
+
+def rim_slope(circles: F4, radius: float) -> float:
+    """The median slope at the contacts' rims; the ball's `radius` is in px."""
+    rim = circles[:, 2]
+    return float(np.median(rim / np.sqrt(np.maximum(radius**2 - rim**2, 1))))
+
+
+def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
+    """Say what to press next: the emptiest part of the film, or deeper, or nothing."""
+    (rows, columns), (height, width) = COVERAGE_CELLS, shape
+    if (pressed > 0).mean() < MIN_COVERED_SHARE:
+        row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
+        x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
+        region = FILM_REGIONS[int(3 * y / height)][int(3 * x / width)]
+        return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
+    if steepest < MIN_RIM_SLOPE:
+        return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
+    return "the presses cover the film; nothing more is needed"

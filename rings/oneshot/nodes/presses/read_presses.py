@@ -1,0 +1,99 @@
+"""Read the many presses of a ball from which a one-shot sensor is calibrated."""
+
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Interval
+from scipy.ndimage import gaussian_filter
+
+from tactograph.sdk import F4, Crop, InputError, Light, cropped, node, read_image
+from tactograph.sdk.nodes import read_capture
+from tactograph.sdk.unstable import (
+    KnownCircles,
+    Layout,
+    PressImages,
+    channels,
+    known_circle,
+    normalised,
+    read_capture_file,
+    read_images,
+    refuse_flat,
+)
+
+
+class Presses(NamedTuple):
+    """The captures, the film at rest, the captures' folders, and known contacts."""
+
+    image: PressImages
+    flat: Light
+    names: list[str]
+    circle: KnownCircles
+
+
+@node
+def read_presses(
+    *,
+    folder: Path | None = None,
+    flat: Path,
+    lights: Literal["leds", "bgr", "rgb"] = "bgr",
+    crop: Crop | None = None,
+    smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
+) -> Presses:
+    """Read every capture below `folder`, and the untouched film.
+
+    Parameters
+    ----------
+    folder
+        Holds one folder per press, each with one colour image of any name
+        (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
+        folder itself.  None: there is no press; the film at rest takes its place, without a
+        name.
+    flat : the untouched film: one colour image, or a folder like that of a press
+    lights
+        "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
+        light.
+    crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
+    smooth_px : standard deviation of the Gaussian that smooths the flat image
+
+    Returns
+    -------
+    Images P x K x H x W, flat K x H x W, the names of the P folders, and the contacts that their
+    ``capture.yaml`` give (``ball_center_px``, ``ball_contact_px``), P x 3 in px.
+
+    Raises
+    ------
+    InputError
+        As `read_capture`; if `flat` is `folder`; if a press differs in size from the flat image.
+    """
+    film = read_film(flat, lights, smooth_px, crop)
+    if folder is None:
+        return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
+    refuse_flat(flat, folder)
+    captures = list(read_capture(folder=folder, lights=lights, crop=crop))
+    for capture in captures:
+        if capture.image.shape != film.shape:
+            raise InputError(
+                f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
+                f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
+            )
+    names = [capture.name for capture in captures]
+    circles = [known_circle(read_capture_file(folder / name)) for name in names]
+    images = np.stack([capture.image for capture in captures])
+    return Presses(images, film, names, np.asarray(circles, np.float32))
+
+
+def read_film(
+    place: Path,
+    lights: Literal["leds", "bgr", "rgb"],
+    smooth_px: float,
+    crop: Crop | None = None,
+) -> F4:
+    """Read the untouched film from one colour image or from a capture folder: K x H x W."""
+    if place.is_dir() or lights == "leds":
+        stack = read_images(place, Layout(lights, crop=crop))
+    else:
+        whole = channels(read_image(place), place, lights, None)
+        planes = [cropped(plane, crop, place) for plane in whole]
+        stack = normalised(np.stack(planes), [place] * len(planes), None)
+    return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

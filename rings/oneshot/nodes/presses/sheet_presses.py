@@ -1,0 +1,17 @@
+"""Put presses one below another on a sheet, as nodes for flashed sensors take them."""
+
+import numpy as np
+
+from tactograph.sdk import node
+from tactograph.sdk.unstable import PressImages, SheetLight
+
+
+@node
+def sheet_presses(image: PressImages) -> SheetLight:
+    """Return P x K x H x W presses as K x S x W.
+
+    Parameters
+    ----------
+    image : P x K x H x W
+    """
+    return np.concatenate(list(image), axis=1)

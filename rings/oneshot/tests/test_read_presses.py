@@ -1,0 +1,34 @@
+"""Presses of a one-shot sensor in folders as people have them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
+from tests.nodes.capture.test_captures_as_people_have_them import COLOURS, write
+
+
+def test_presses_can_be_cropped(tmp_path: Path) -> None:
+    write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
+    write(tmp_path, ["film.png"], COLOURS[1:])
+    part = {"crop": (2, 3, 10, 8), "smooth_px": 0.0}
+    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png", **part)
+    assert np.array_equal(
+        found.image[0], COLOURS[0, 3:8, 2:10].transpose(2, 0, 1) / np.float32(255)
+    )
+    assert found.flat.shape == (3, 5, 8)
+    assert np.isnan(found.circle).all()
+
+
+def test_a_press_may_say_where_its_ball_is(tmp_path: Path) -> None:
+    folder = write(tmp_path / "presses" / "0", ["touch.png"], COLOURS)
+    (folder / "capture.yaml").write_text("ball_center_px: [7.5, 5]\nball_contact_px: 3\n")
+    write(tmp_path, ["film.png"], COLOURS[1:])
+    found = read_presses(folder=tmp_path / "presses", flat=tmp_path / "film.png")
+    assert found.circle.tolist() == [[7.5, 5, 3]]
+
+
+def test_colour_frames_are_presses_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    write(tmp_path, ["sample_10.png", "sample_4.png", "ref.png"], COLOURS)
+    presses = read_presses(folder=tmp_path, flat=tmp_path / "ref.png", smooth_px=0)
+    assert presses.names == ["ref", "sample_4", "sample_10"]
