@@ -24,7 +24,7 @@ from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight
 
-COATS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
+COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 COAT_UNKNOWNS = 3
 BEND_STEP = 0.01
@@ -78,12 +78,12 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
     if given.flat.min() == given.flat.max():
         return None
     matt = _round(given, unknowns, frozenset(), None)
-    coat = fit(matt.balls, matt.rest, COATS[0], matt.fitted, *_sizes(given))
+    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
     now = matt._replace(fitted=coat)
     gained = independent * math.log(matt.fitted.scale / coat.scale)
     if gained - COAT_UNKNOWNS * math.log(independent) / 2 < math.log(SURE_ODDS):
         return None
-    for parts in COATS:
+    for parts in COATED_PARTS:
         for _ in range(MAX_ROUNDS):
             now = _round(given, unknowns, parts, now.fitted)
             further = _further(given, unknowns, now)
