@@ -6,11 +6,8 @@ from tactograph.graph import node, warn
 from tactograph.nodes import Height
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.files.calibration_file import read_arrays
-from tactograph.nodes.files.result_file import read_result
+from tactograph.nodes.files.result_file import RELIEF_FIGURE, read_result
 from tactograph.nodes.height.as_seen import as_seen
-
-RELIEF_FIGURE = "rest_relief_mm"
-"""The figure of a touch whose film is no plane at rest (`measure_contact`)."""
 
 
 @node

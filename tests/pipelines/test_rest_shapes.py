@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from tactograph.graph import InputError, load
+from tactograph.graph import InputError, Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.light.untouched_film import untouched_film
+from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.write.write_result import write_result
 from tests.fixtures import RIG_PIXEL_MM, ROOT, SHARED, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
@@ -131,6 +133,10 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     given = {"height": tmp_path / "height.npy", "formats": "ply"}
     laid_out = run("export", tmp_path / "flat", **given)
     assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
+    view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
+    touch = Touch(truth, truth[None], RIG_PIXEL_MM[RIG], view=view, metrics={"rest_relief_mm": 1.0})
+    with pytest.raises(InputError, match="its places are not those of a plane"):
+        write_result(touch, folder=tmp_path, grid="metric", provenance=made)
     run("export", tmp_path / "round", **given, calibration=curved("dome"))
     found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
@@ -159,6 +165,17 @@ def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None
         off[graph], band = found["rmse_um"], found.get("in_90_percent_band", 0.0)
     assert (off["paper"] < 90, off["reconstruct"] < 3, off["precise"] < 1.5) == (True,) * 3, off
     assert band > 85
+
+
+@pytest.mark.slow
+def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
+    """In place of the ball's radius, the pixel size or the images' order."""
+    rig = ROOT / "tests/data/dome"
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
+    with pytest.raises(
+        InputError, match=r"no plane at rest: a bend with a radius of 3\d.* odds of"
+    ):
+        run("calibrate", tmp_path / "cal.npz", capture=rig / "presses", flat=rig / "flat", **given)
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 COAT_UNKNOWNS = 3
 BEND_STEP = 0.01
 """Step of an unknown, in its unit, for derivatives."""
-MAX_ROUNDS, MAX_CHANGE = 4, 2e-3
+MAX_ROUNDS, MAX_CHANGE = 2, 2e-3
 """Most rounds of each model, and the change of all unknowns, in their units, that ends them."""
 
 

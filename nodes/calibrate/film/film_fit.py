@@ -158,7 +158,8 @@ def fit(
     if not np.isfinite(cost):
         raise InputError(
             "no film has the light of these balls: check that the flat frame shows untouched film, "
-            "the ball's radius, and that the balls are pressed into the film"
+            "the ball's radius, that the balls are pressed into the film, and that the film is a "
+            "plane at rest unless its shape is given"
         )
     for _ in range(MAX_STEPS):
         equations = _equations(problem, now, left)
