@@ -1,8 +1,10 @@
 """The mistake that explains a touch which is doubted: it is undone, and the light then fits.
 
 The images are put in another order, mirrored, turned, or freed of a gamma, and solved as a matt
-film would be: I_k = n . L_k / L_kz, relative to the flat frame.  Where that leaves far less than
-the images as they are, the mistake is named.
+film would be: I_k = n . L_k / L_kz, relative to the flat frame.  How much is left of right touches
+of the sensor is known.  The mistake is named whose undoing leaves least, the simplest of those that
+leave the same; none, if that is as rare as a doubt, or what is left of the images as they are is
+not.
 """
 
 import math
@@ -15,22 +17,16 @@ import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS
+from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 TRIED_ROWS, TRIED_COLUMNS = 30, 40
 """Cells on which mistakes are tried: few, since there are a hundred."""
-MIN_CHANGE, MIN_LIGHT = 0.06, 0.3
-"""Departure of light from rest from which on film is touched, and light that is no shadow."""
+MIN_LIGHT = 0.3
+"""Light that is no shadow."""
 RING_CELLS = 3
 """Width of the border at which film should be at rest."""
-MIN_GAIN, MAX_LEFT = 2.5, 0.15
-"""What images leave as they are, over what they leave without the mistake; and what may be left."""
-MAX_OF_SIMPLER = 0.8
-"""What a less simple mistake may leave, over what a simpler one does."""
-MAX_OF_FITTING = 0.05
-"""What is left of light that fits as it is."""
-UPSIDE_DOWN = 0.3
-"""What counts as left where the touch goes below the film at rest."""
 USUAL_GAMMA = 2.2
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
@@ -53,7 +49,13 @@ class _Mistake(NamedTuple):
     light: F4
 
 
-def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> str:
+def likely_cause(
+    light: CoarseLight,
+    flat: CoarseLight,
+    lights: LightPositions,
+    share_of: Callable[[float], float],
+    false_alarms: float,
+) -> str:
     """Return the one mistake that explains a touch's light, in words; "" if none does.
 
     Parameters
@@ -61,23 +63,31 @@ def likely_cause(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
+    share_of : the share of right touches that leave as much, or more (`left_as_matt`)
+    false_alarms : share from which on a touch is doubted
     """
     raw = light * flat
     if alike := _alike(raw):
         return alike
     if is_banded(light):
         return BANDS_TOLD
-    small, rest = _resized(raw), np.maximum(_resized(flat), np.float32(1e-3))
-    as_it_is = _left(np.asarray(small / rest, np.float32), lights)
-    if as_it_is < MAX_OF_FITTING:
+    if share_of(left_as_matt(light, flat, lights)) >= false_alarms:
         return ""
-    best, least = "", as_it_is / MIN_GAIN
-    for words, taken in _mistakes(small):
-        left = _left(np.asarray(taken / rest, np.float32), lights)
-        # Simple mistakes come first: another that explains little more is not preferred.
-        if left < MAX_LEFT and left < (MAX_OF_SIMPLER * least if best else least):
-            best, least = words, left
-    return best
+    small, rest = _resized(raw), _divisor(flat)
+    tried = [(_left(taken / rest, lights), words) for words, taken in _mistakes(small)]
+    least = min(left for left, _ in tried)
+    if share_of(least) < false_alarms:
+        return ""
+    # Simple mistakes come first.
+    return next(words for left, words in tried if left <= least + MIN_ERROR)
+
+
+def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
+    """Return what a matt film leaves of a touch's light, as `likely_cause` looks at it.
+
+    Infinite where there is no touch, or one that goes below the film at rest.
+    """
+    return _left(_resized(light * flat) / _divisor(flat), lights)
 
 
 def _alike(raw: F4) -> str:
@@ -147,7 +157,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     light = light / np.median(light, axis=(1, 2), keepdims=True)
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
-    touched = (np.abs(light - 1) > MIN_CHANGE).any(axis=0)
+    touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
     lit = touched & (light > MIN_LIGHT).all(axis=0)
     if np.count_nonzero(lit) < MIN_CELLS:
         return math.inf
@@ -163,9 +173,14 @@ def _left(light: F4, lights: LightPositions) -> float:
     # The mean height over the touch is that of the slopes along the way to its middle.
     y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q
-    below = UPSIDE_DOWN if float(outwards[lit].sum()) > 0 else 0.0
+    if float(outwards[lit].sum()) > 0:
+        return math.inf
     deviation = float(np.sqrt((residual**2).mean()))
-    return deviation + float(np.median(np.abs(length - 1)) + curl + rest) + below
+    return deviation + float(np.median(np.abs(length - 1)) + curl + rest)
+
+
+def _divisor(flat: F4) -> F4:
+    return np.maximum(_resized(flat), np.float32(1e-3))
 
 
 def _resized(planes: F4) -> F4:
