@@ -8,6 +8,8 @@ from typing import Any
 from tactograph.graph import InputError
 
 RESULT_FILE = "result.json"
+RELIEF_FIGURE = "rest_relief_mm"
+"""The figure of a touch whose film is no plane at rest (`measure_contact`)."""
 
 
 def read_result(folder: Path) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def open_colour_sensor(
     once = False
     wanted = driver.wanted(*size, colour=True)
     if driver.is_simulated:
-            text = str(driver.camera)
+        text = str(driver.camera)
         table = calibrated_sensor(text, calibration, order) if calibration else None
         table = table or SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
