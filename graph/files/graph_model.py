@@ -70,19 +70,13 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
-Names = Annotated[
-    list[str],
-    Field(min_length=1),
-    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
-]
+_AS_LIST = BeforeValidator(lambda value: [value] if isinstance(value, str) else value)
+_ONE_OR_LIST = WithJsonSchema(
+    {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+)
+Names = Annotated[list[str], Field(min_length=1), _AS_LIST, _ONE_OR_LIST]
 """One name, or a list of them."""
-References = Annotated[
-    list[Reference],
-    Field(min_length=1),
-    BeforeValidator(lambda value: value if isinstance(value, list) else [value]),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
-]
+References = Annotated[list[Reference], Field(min_length=1), _AS_LIST, _ONE_OR_LIST]
 """What one change says of one node, or of several."""
 
 
