@@ -19,12 +19,12 @@ from tactograph.graph import load
 from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tactograph.nodes.simulate.shape_cat import shape_cat
 from tactograph.nodes.simulate.shape_flat import shape_flat
-from tactograph.nodes.simulate.shape_grating import shape_grating
-from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
-from tactograph.nodes.simulate.shape_teapot import shape_teapot
-from tactograph.nodes.simulate.shape_text import shape_text
+from tactograph.rings.shapes.nodes.shape_cat import shape_cat
+from tactograph.rings.shapes.nodes.shape_grating import shape_grating
+from tactograph.rings.shapes.nodes.shape_pyramid import shape_pyramid
+from tactograph.rings.shapes.nodes.shape_teapot import shape_teapot
+from tactograph.rings.shapes.nodes.shape_text import shape_text
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "data"

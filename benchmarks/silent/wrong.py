@@ -16,8 +16,8 @@ import numpy as np
 from silent.calibrations import F4, Recipe, bytes_of
 from silent.rigs import Rig
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tactograph.nodes.simulate.shape_cone import shape_cone
-from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
+from tactograph.rings.shapes.nodes.shape_cone import shape_cone
+from tactograph.rings.shapes.nodes.shape_pyramid import shape_pyramid
 
 
 class Scene(NamedTuple):

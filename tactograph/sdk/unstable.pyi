@@ -163,6 +163,10 @@ from tactograph.nodes.files.image_files import (
     lights_of as lights_of,
     read_numbers as read_numbers,
 )
+from tactograph.nodes.files.mesh_file import (
+    rasterised as rasterised,
+    read_mesh as read_mesh,
+)
 from tactograph.nodes.files.result_view import (
     calibrated_view as calibrated_view,
     read_view as read_view,
@@ -237,6 +241,15 @@ from tactograph.nodes.optics.normals import (
 )
 from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM as PAPER_PIXEL_MM,
+    Length as Length,
+    PixelSide as PixelSide,
+    Shape as Shape,
+    ShapeImage as ShapeImage,
+    WallAngle as WallAngle,
+    risen as risen,
+    shape as shape,
+    stretched as stretched,
+    turned as turned,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,

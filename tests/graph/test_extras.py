@@ -11,8 +11,8 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.files.height_files import write_mesh
+from tactograph.nodes.files.mesh_file import read_mesh
 from tactograph.nodes.show.show_file import show_file
-from tactograph.nodes.simulate.shape_mesh import shape_mesh
 from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
@@ -55,7 +55,7 @@ def test_a_command_names_the_extra_and_does_nothing(
 def test_a_node_names_the_extra(hide: Callable[[str], None]) -> None:
     hide("trimesh")
     with pytest.raises(InputError, match=r"needs trimesh: pip install 'tactograph\[mesh\]'"):
-        shape_mesh(file=Path("a.stl"))
+        read_mesh(Path("a.stl"), "read_rest")
 
 
 def test_showing_a_store_names_the_extra(hide: Callable[[str], None]) -> None:

@@ -10,9 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph import load
 from tactograph.nodes import F4
-from tactograph.nodes.simulate.shape_grating import shape_grating
 from tests.fixtures import SHARED, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
@@ -71,32 +69,6 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
 def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
     """A rigid half ball on a coated film that lights itself: three passes left it too low."""
     assert microns("hand", "precise", "sphere") < 18
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wall_deg", [40.0, 30.0], ids=["narrow", "wide"])
-def test_the_light_between_the_walls_of_a_groove(
-    raytraced: Raytraced, made_once: MadeOnce, wall_deg: float
-) -> None:
-    """A rough height shows walls of two cells too flat: only a finer one throws all their light."""
-    rig = raytraced / "hand_bounce"
-    file = made_once("hand_bounce.npz", lambda file: calibrate(rig, file))
-    size = {"width_px": 320, "height_px": 240, "pixel_size_mm": 1 / 14}
-    wall = {"period_mm": 9.0, "duty": 2 / 3, "rise_mm": 0.5, "wall_deg": wall_deg}
-    images = load("see_touch", calibration=file)(
-        height=shape_grating(middle="groove", **size, **wall).height
-    )
-
-    def depth_um(**changes: dict[str, float]) -> float:
-        pipeline = load("reconstruct", calibration=file, **changes)
-        row = pipeline(frames=images["image"])["height"][70:170, 85:235].mean(axis=0)
-        x = np.arange(row.size) - (row.size - 1) / 2
-        level, bottom = (abs(x) > 35), (abs(x) < 10)
-        line = np.polynomial.Polynomial.fit(x[level], row[level], 1)
-        return 1e3 * float(np.mean(line(x[bottom]) - row[bottom]))
-
-    assert depth_um() == pytest.approx(500, abs=4)
-    assert depth_um(changes={"folded.least": 100.0, "folded.narrow": 100.0}) < 495
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475

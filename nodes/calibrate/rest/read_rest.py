@@ -1,4 +1,7 @@
-"""The film at rest where it is no plane: from a height map, a mesh or a form."""
+"""The film at rest where it is no plane: from a height map, a mesh or a form.
+
+Long because each of the three is read and checked in a way of its own.
+"""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -13,9 +13,9 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
-from tactograph.nodes.simulate.shape_grating import shape_grating
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
+from tactograph.rings.shapes.nodes.shape_grating import shape_grating
 
 PIXEL = 0.005
 

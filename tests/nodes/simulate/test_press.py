@@ -6,7 +6,6 @@ from hypothesis import given, settings, strategies as st
 
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tactograph.nodes.simulate.shape_cat import shape_cat
 
 PIXEL = 0.1
 
@@ -37,7 +36,7 @@ def test_film_never_cuts_the_object_and_never_rises_above_it(stand_off, reach):
 
 def test_free_film_balances_tension_and_stiffness():
     # Where nothing holds it: reach^2 * Laplacian(z) = z.
-    shape, reach = shape_cat(width_px=160, height_px=120, pixel_size_mm=1 / 7), 0.8
+    shape, reach = shape_ball(radius_mm=4.0, width_px=160, height_px=120, pixel_size_mm=1 / 7), 0.8
     film = press(*shape, stand_off_mm=1.5, reach_mm=reach, skin_mm=0.0).astype(float)
     free = (film > in_front(shape.height, 1.5) + 1e-3)[1:-1, 1:-1]
     middle = film[1:-1, 1:-1]
@@ -60,7 +59,7 @@ def test_pressing_deeper_raises_the_film_everywhere():
 
 
 def test_tighter_film_touches_less():
-    shape = shape_cat(width_px=160, height_px=120, pixel_size_mm=1 / 7)
+    shape = shape_ball(radius_mm=4.0, width_px=160, height_px=120, pixel_size_mm=1 / 7)
     obstacle = in_front(shape.height, 2.0)
     films = (press(*shape, stand_off_mm=2.0, reach_mm=r, skin_mm=0.0) for r in (0.3, 3.0))
     loose, tight = (np.count_nonzero((obstacle > 0) & (film <= obstacle)) for film in films)

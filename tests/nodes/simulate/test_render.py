@@ -15,7 +15,6 @@ from tactograph.nodes.simulate.interreflect import interreflect
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tactograph.nodes.simulate.shape_cat import shape_cat
 from tactograph.nodes.simulate.view import view
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tests.fixtures import Raytraced
@@ -126,7 +125,10 @@ def test_slope_that_faces_away_is_an_attached_shadow():
 
 
 def test_bit_of_each_led_marks_exactly_where_a_point_light_leaves_black():
-    found = render(*shape_cat(width_px=160, height_px=120, pixel_size_mm=1 / 7), light_ring())
+    found = render(
+        *shape_ball(radius_mm=4.0, rise_mm=3.5, width_px=160, height_px=120, pixel_size_mm=1 / 7),
+        light_ring(),
+    )
     for k in range(4):
         np.testing.assert_array_equal((found.labels >> k & 1) == 1, found.light[k] == 0)
     assert set(np.unique(found.labels)) > {0, 1, 2, 4, 8}

@@ -13,8 +13,6 @@ from tactograph.nodes.calibrate.ball.find_ball import find_ball
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_flat import shape_flat
-from tactograph.nodes.simulate.shape_mesh import shape_mesh
-from tactograph.nodes.simulate.shape_text import shape_text
 
 LARGE = {"width_px": 16384, "height_px": 16384}
 
@@ -24,8 +22,6 @@ LARGE = {"width_px": 16384, "height_px": 16384}
     [
         lambda: shape_ball(**LARGE),
         lambda: shape_flat(**LARGE),
-        lambda: shape_mesh(file=Path("none.stl"), **LARGE),
-        lambda: shape_text(text="large", size_mm=1e4, pixel_size_mm=1e-4),
         lambda: press(np.zeros((8, 8), np.float32), 0.001, reach_mm=20),
         lambda: press(np.zeros((8, 8), np.float32), 0.001, skin_mm=5),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.simulate.shape_cone import shape_cone
+from tactograph.rings.shapes.nodes.shape_cone import shape_cone
 
 
 def test_slope_is_rise_over_run_all_around():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.simulate.shape_grating import shape_grating
+from tactograph.rings.shapes.nodes.shape_grating import shape_grating
 
 AREA = {"width_px": 401, "height_px": 401, "pixel_size_mm": 0.02, "side_mm": 6.0}
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from tactograph.graph import InputError
-from tactograph.nodes.simulate.shape_text import shape_text
+from tactograph.rings.shapes.nodes.shape_text import shape_text
 
 
 def test_holes_of_the_letters_stay_open():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes.simulate.shape_steps import shape_steps
+from tactograph.rings.shapes.nodes.shape_steps import shape_steps
 
 
 def test_levels_are_the_multiples_of_the_step_each_of_the_same_area():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.simulate.shape_image import shape_image
+from tactograph.rings.shapes.nodes.shape_image import shape_image
 
 RAMP = np.linspace(0, 1, 12).reshape(3, 4)
 

@@ -5,9 +5,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F8
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
+from tactograph.sdk import F8, InputError, node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
 
 Profile = Literal["square", "triangle", "sine"]
 

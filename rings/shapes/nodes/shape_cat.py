@@ -1,8 +1,16 @@
 """A sitting cat, seen from the front and lying on its back, half sunk into the plane."""
 
-from tactograph.graph import node
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, stretched, turned
-from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union, without
+from tactograph.rings.shapes.nodes._solid import (
+    Solid,
+    curve,
+    ellipsoid,
+    relief,
+    tube,
+    union,
+    without,
+)
+from tactograph.sdk import node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, stretched, turned
 
 # The model's own unit is the radius of the head; y points down, from the ears to the paws.
 CAT_LENGTH = 4.5

@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, node
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape
+from tactograph.sdk import InputError, node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape
 
 
 @node

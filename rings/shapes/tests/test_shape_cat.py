@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tactograph.nodes.simulate.shape_cat import shape_cat
+from tactograph.rings.shapes.nodes.shape_cat import shape_cat
 
 
 @cache

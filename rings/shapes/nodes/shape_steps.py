@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import node
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
+from tactograph.sdk import node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
 
 
 @node

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes.simulate.shape_pyramid import shape_pyramid
+from tactograph.rings.shapes.nodes.shape_pyramid import shape_pyramid
 
 
 @pytest.mark.parametrize("faces", [3, 4, 6])

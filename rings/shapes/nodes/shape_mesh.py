@@ -5,10 +5,8 @@ from typing import Literal
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import F8
-from tactograph.nodes.files.mesh_file import rasterised, read_mesh
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, turned
+from tactograph.sdk import F8, node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, rasterised, read_mesh, shape, turned
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
 

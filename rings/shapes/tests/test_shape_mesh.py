@@ -7,7 +7,7 @@ import trimesh
 from tactograph.graph import InputError
 from tactograph.nodes.files import mesh_file as module
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tactograph.nodes.simulate.shape_mesh import shape_mesh
+from tactograph.rings.shapes.nodes.shape_mesh import shape_mesh
 
 
 @pytest.fixture

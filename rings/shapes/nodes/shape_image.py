@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F8
-from tactograph.nodes.files.image_files import read_image, read_numbers
-from tactograph.nodes.optics.shape import PAPER_PIXEL_MM, Length, PixelSide, Shape, shape
+from tactograph.sdk import F8, InputError, node, read_image
+from tactograph.sdk.unstable import PAPER_PIXEL_MM, Length, PixelSide, Shape, read_numbers, shape
 
 
 @node

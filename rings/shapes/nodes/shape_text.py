@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 from annotated_types import Ge
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F8
-from tactograph.nodes.optics.shape import MAX_PIXELS, Length, Shape, ShapeImage, shape, turned
+from tactograph.sdk import F8, InputError, node
+from tactograph.sdk.unstable import MAX_PIXELS, Length, Shape, ShapeImage, shape, turned
 
 LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""

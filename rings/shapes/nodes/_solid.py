@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.nodes import F8
+from tactograph.sdk import F8
 
 
 class Points(NamedTuple):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tactograph.nodes.simulate.shape_teapot import shape_teapot
+from tactograph.rings.shapes.nodes.shape_teapot import shape_teapot
 
 
 def test_it_is_one_piece_with_a_hole_through_the_handle():

@@ -1,8 +1,8 @@
 """A teapot lying on its side, half sunk into the plane."""
 
-from tactograph.graph import node
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape, stretched, turned
-from tactograph.nodes.simulate._solid import Solid, curve, ellipsoid, relief, tube, union
+from tactograph.rings.shapes.nodes._solid import Solid, curve, ellipsoid, relief, tube, union
+from tactograph.sdk import node
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, stretched, turned
 
 # The model's own unit is the belly's radius; y points down, from the lid to the foot.
 TEAPOT_LENGTH = 3.88
