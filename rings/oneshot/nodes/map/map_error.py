@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
+from tactograph.rings.oneshot.nodes.map.raise_walls import MIN_SLOPE, uphill
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
 from tactograph.rings.oneshot.nodes.map.smooth_light import SMOOTHED_PX
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
@@ -14,8 +15,6 @@ from tactograph.sdk.unstable import FILM_ROUGHNESS, Misfit, ResizedLight, dot, n
 
 WINDOW_CELLS = 5
 """Side in cells over which light at rest is averaged."""
-MIN_SLOPE = np.float32(1e-3)
-"""Slope in whose direction uphill is not known."""
 
 
 @node
@@ -62,18 +61,17 @@ def map_error(
 
 def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     """The standard deviation of the slope along itself, as a slope."""
-    steep = np.hypot(*slope)
-    uphill = slope / np.maximum(steep, MIN_SLOPE)
+    steep, direction = np.hypot(*slope), uphill(slope)
     _, normal, by_p, by_q = normal_by_slope(*slope)
     told = np.zeros_like(steep)
     for c in maps_over_film(reflectance, steep.shape):
         _, gradient = shading(normal, c)
-        along = dot(gradient, by_p) * uphill[0] + dot(gradient, by_q) * uphill[1]
+        along = dot(gradient, by_p) * direction[0] + dot(gradient, by_q) * direction[1]
         told += along * along
     own = np.square(np.maximum(steep, MIN_SLOPE))
     variance = 1 / (told / np.float32(departure**2) + 1 / own)
     spread = edge_variance(np.stack([variance, variance]), slope, SMOOTHED_PX, factor=1.0)
-    return np.asarray(uphill * np.sqrt(spread), np.float32)
+    return np.asarray(direction * np.sqrt(spread), np.float32)
 
 
 def _film_at_rest(light: ResizedLight, shape: tuple[int, ...]) -> NDArray[np.bool_]:
