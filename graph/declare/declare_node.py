@@ -10,7 +10,7 @@ from typing import Any
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
 from tactograph.graph.declare.node import Node, Parameter
 from tactograph.graph.declare.ports import (
-    CONDITION_INPUT,
+    ENGINE_INPUTS,
     NamedPorts,
     PortType,
     input_ports,
@@ -90,7 +90,7 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
         annotation = hints.get(name)
         if annotation is None:
             raise TypeError(f"{function.__name__}: argument '{name}' has no type")
-        if name == CONDITION_INPUT:
+        if name in ENGINE_INPUTS:
             raise TypeError(f"{function.__name__}: every node has an input '{name}' already")
         if argument.kind is argument.KEYWORD_ONLY:
             if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation is kind), ""):

@@ -25,6 +25,9 @@ IMAGE_SIZES = {"K": "lights, an image each", "H": "rows of pixels", "W": "column
 
 CONDITION_INPUT = "when"
 """The input that every node takes besides its own: it runs where that value is not zero."""
+RESTING_INPUT = "else"
+"""And the node whose values it has where it does not run."""
+ENGINE_INPUTS = frozenset({CONDITION_INPUT, RESTING_INPUT})
 
 
 @dataclass(frozen=True)

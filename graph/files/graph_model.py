@@ -77,6 +77,13 @@ Names = Annotated[
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
 ]
 """One name, or a list of them."""
+References = Annotated[
+    list[Reference],
+    Field(min_length=1),
+    BeforeValidator(lambda value: value if isinstance(value, list) else [value]),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
+]
+"""What one change says of one node, or of several."""
 
 
 MAX_TURNS = 100
@@ -140,7 +147,9 @@ class NodeModel(_Strict):
         "value of the item before.",
     )
     settings: dict[Name, Any] = Field(
-        default={}, alias="with", description="Parameters; $name stands for a graph parameter."
+        default={},
+        alias="with",
+        description="Parameters; $name stands for a param of the graph, which `name: $name` makes.",
     )
     backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
     neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
@@ -163,6 +172,11 @@ class UseModel(_Strict):
     )
     carry: dict[Name, Reference] | None = Field(
         None, description="Input of a turn: the output of the one before that it reads."
+    )
+    while_: Reference | None = Field(
+        None,
+        alias="while",
+        description="Output of a turn; where it is zero, later turns rest and are as that one.",
     )
 
 
@@ -252,25 +266,27 @@ AnyGroup = Annotated[
 class PatchModel(_Strict):
     """One change to the graph that is extended; exactly one verb.
 
-    A name is a node, `use.node`, or `group.node`: that node in every use of the group.
+    A name is a node, `use.node`, or `group.node`: that node in every use of the group.  A list of
+    them is the same change to each, but for `replace` and `insert`.
     """
 
-    set: Reference | None = Field(
+    set: References | None = Field(
         None,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
     replace: Reference | None = Field(None, description="Put another node in this one's place.")
     insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
-    remove: Reference | None = Field(None, description="Remove this node.")
-    backend: Reference | None = Field(None, description="Run this node on the back end `to`.")
-    neutral: Reference | None = Field(None, description="Let this node's neutral value stand in.")
+    remove: References | None = Field(None, description="Remove this node.")
+    backend: References | None = Field(None, description="Run this node on the back end `to`.")
+    neutral: References | None = Field(None, description="Let this node's neutral value stand in.")
     op: Name | None = None
     group: Name | None = Field(None, description="In place of `op`: use this group.")
     inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
     settings: dict[Name, Any] | None = Field(None, alias="with")
     repeat: Turns | None = None
     carry: dict[Name, Reference] | None = None
+    while_: Reference | None = Field(None, alias="while")
     after: Reference | None = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )

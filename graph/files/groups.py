@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from tactograph.graph.declare.ports import CONDITION_INPUT
+from tactograph.graph.declare.ports import CONDITION_INPUT, ENGINE_INPUTS, RESTING_INPUT
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
@@ -44,7 +44,8 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
         uses={**graph.uses, **uses},
     )
     for path, (use, around) in added.items():  # the use around another comes first
-        known = replace(known, uses={**known.uses, path: _bound(known, use, around)})
+        bound = _bound(known, use, around, path.rpartition(".")[2])
+        known = replace(known, uses={**known.uses, path: bound})
     return replace(known, nodes={**graph.nodes, **_taken_apart(known, nodes, "")})
 
 
@@ -79,20 +80,29 @@ def flat_reference(
     return f"{PREVIOUS_ITEM}.{flat}" if previous else flat
 
 
-def in_scope(graph: Graph, entry: Entry, scope: str, *, whole: bool = False) -> Entry:
+def in_scope(
+    graph: Graph, entry: Entry, scope: str, name: str = "", *, whole: bool = False
+) -> Entry:
     """Translate an entry's references to the flat graph, and fill in the group's params.
+
+    `name` is that of the entry in its scope.
 
     Raises GraphError if it refers to something that is not there.
     """
     if scope and not graph.uses[scope].turns:
         entry = replace(entry, places=_used_by(graph.uses[scope], entry))
     inputs = {
-        port: flat_reference(graph, reference, scope, entry.where(f"in.{port}"), whole=whole)
+        port: _in_place(graph, reference, scope)
+        if port == RESTING_INPUT
+        else flat_reference(graph, reference, scope, entry.where(f"in.{port}"), whole=whole)
         for port, reference in entry.inputs.items()
     }
     around = graph.uses[scope].inputs.get(CONDITION_INPUT) if scope else None
     if around is not None and inputs.setdefault(CONDITION_INPUT, around) != around:
         raise GraphError(f"{entry.where('in.when')}: '{scope}', around it, has a condition already")
+    resting = graph.uses[scope].inputs.get(RESTING_INPUT) if scope and name else None
+    if resting is not None:
+        inputs[RESTING_INPUT] = f"{resting}.{name}"
     return replace(
         entry,
         inputs={port: flat for port, flat in inputs.items() if flat is not None},
@@ -253,7 +263,7 @@ def _check_given(
     use: Use, key: str, word: str, given: Mapping[str, Any], taken: Mapping[str, Param]
 ) -> None:
     for name in given:
-        if name not in taken and (key, name) != ("in", CONDITION_INPUT):
+        if name not in taken and not (key == "in" and name in ENGINE_INPUTS):
             has = did_you_mean(name, taken) or f" (it takes: {', '.join(taken) or 'none'})"
             raise GraphError(
                 f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
@@ -263,10 +273,11 @@ def _check_given(
             raise GraphError(f"{use.where(key)}: the group '{use.group}' needs the {word} '{name}'")
 
 
-def _bound(graph: Graph, use: Use, scope: str) -> Use:
+def _bound(graph: Graph, use: Use, scope: str, name: str) -> Use:
     """A use with all its inputs and params, named as in the flat graph."""
     group = graph.definition(use)
-    own = in_scope(graph, Entry("", use.inputs, use.settings, places=use.places), scope, whole=True)
+    stated = Entry("", use.inputs, use.settings, places=use.places)
+    own = in_scope(graph, stated, scope, name, whole=True)
     inputs: dict[str, str] = {}
     for name, param in group.inputs.items():
         if name in use.inputs:
@@ -277,7 +288,7 @@ def _bound(graph: Graph, use: Use, scope: str) -> Use:
             flat = default and flat_reference(graph, default, "", where, whole=True)
         if flat is not None:
             inputs[name] = flat
-    inputs |= {name: flat for name, flat in own.inputs.items() if name == CONDITION_INPUT}
+    inputs |= {name: flat for name, flat in own.inputs.items() if name in ENGINE_INPUTS}
     params = group.body.params.items()
     settings = {name: f"${name}" if p.kind else p.default for name, p in params} | {**own.settings}
     return replace(use, inputs=inputs, settings=settings, places=own.places)
@@ -288,11 +299,16 @@ def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> 
     for name, entry in nodes.items():
         path = _joined(scope, name) if scope else name
         if isinstance(entry, Entry):
-            flat[path] = in_scope(graph, entry, scope)
+            flat[path] = in_scope(graph, entry, scope, name)
         else:
             body = graph.definition(entry).body
             flat |= _taken_apart(graph, {**body.nodes, **body.uses}, path)
     return flat
+
+
+def _in_place(graph: Graph, reference: str, scope: str) -> str:
+    """The name in the flat graph of a node, or use, of a scope."""
+    return _joined(scope, reference) if scope else graph.in_full(reference)
 
 
 def _of_input(

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from tactograph.graph.declare.ports import CONDITION_INPUT
+from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError
 from tactograph.graph.files.flat_graph import Graph, Group, Param, Use
@@ -17,14 +17,19 @@ Turns = Sequence[Mapping[str, Any]]
 """What each turn is given, beside what all are given."""
 
 
-def in_turns(use: Use, turns: Turns | None, carry: Mapping[str, str] | None) -> Use:
+def in_turns(
+    use: Use, turns: Turns | None, carry: Mapping[str, str] | None, going: str | None
+) -> Use:
     """The use as it is, or of all turns if it is to be repeated.
 
-    `carry` names, by input of a turn, the output of the one before that it reads.
+    `carry` names, by input of a turn, the output of the one before that it reads; `going` an output
+    without which further turns rest, and are as the one before.
 
-    Raises GraphError if one of both is missing.
+    Raises GraphError if one of the first two is missing.
     """
     if not turns and not carry:
+        if going:
+            raise GraphError(f"{use.where('while')}: 'while' needs 'repeat'")
         return use
     if not turns or not carry:
         stated, missing = ("repeat", "carry") if turns else ("carry", "repeat")
@@ -36,6 +41,8 @@ def in_turns(use: Use, turns: Turns | None, carry: Mapping[str, str] | None) -> 
     uses: dict[str, Use] = {}
     for index, settings in enumerate(values):
         carried = {port: f"{index}.{made}" for port, made in carry.items()} if index else {}
+        if going and index:
+            carried |= {CONDITION_INPUT: f"{index}.{going}", RESTING_INPUT: str(index)}
         places = _of_turn(use.places, index, turns[index], carried)
         uses[str(index + 1)] = Use(use.group, {**given, **carried}, settings, places)
     params = {each: Param("") for each in passed}
@@ -57,5 +64,7 @@ def _of_turn(
 ) -> dict[str, Place]:
     """Places of a turn's keys, as of a use of its own."""
     own = {f"with.{key}": f"repeat[{index}].{key}" for key in turn}
-    own |= {f"in.{port}": f"carry.{port}" for port in carried}
+    own |= {
+        f"in.{port}": f"carry.{port}" if f"carry.{port}" in places else "while" for port in carried
+    }
     return {**places, **{key: places.get(at, places[""]) for key, at in own.items()}}

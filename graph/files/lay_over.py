@@ -27,6 +27,7 @@ from tactograph.graph.files.graph_model import (
 )
 from tactograph.graph.files.graph_places import find_file, shipped_groups
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
+from tactograph.graph.files.implied_params import with_implied_params
 from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.layer import Layer
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
@@ -89,8 +90,9 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
-        changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
-    return _without_unread(_flat_outputs(changed), model.params)
+        for each in _stated(change):
+            changed = apply_patch(changed, each, _places(document, ("patch", index)))
+    return _without_unread(with_implied_params(_flat_outputs(changed)), model.params)
 
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
@@ -100,9 +102,14 @@ def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
     return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
 
 
-def _stated(change: PatchModel) -> Change:
-    stated = {name: getattr(change, name) for name in change.model_fields_set}
-    return {name: value for name, value in stated.items() if value is not None}
+def _stated(change: PatchModel) -> list[Change]:
+    """What a change says, of one node at a time."""
+    named = {name: getattr(change, name) for name in change.model_fields_set}
+    stated = {name: value for name, value in named.items() if value is not None}
+    listed = [verb for verb in VERB_FUNCTIONS if isinstance(stated.get(verb), list)]
+    if not listed:
+        return [stated]
+    return [{**stated, listed[0]: target} for target in stated[listed[0]]]
 
 
 def _flat_outputs(graph: Graph) -> Graph:
@@ -121,7 +128,7 @@ def _entries(
         places = _places(document, (*path, node_id))
         if isinstance(node, UseModel):
             use = Use(node.group, node.inputs, node.settings, places)
-            entries[node_id] = in_turns(use, node.repeat, node.carry)
+            entries[node_id] = in_turns(use, node.repeat, node.carry, node.while_)
         else:
             entries[node_id] = Entry(
                 node.op, node.inputs, node.settings, node.backend, node.neutral, places
@@ -146,7 +153,8 @@ def _groups(layer: Layer) -> dict[str, Group]:
         groups[name] = replace(group, body=body)
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
-            groups = _with_change(groups, name, _stated(change), places)
+            for each in _stated(change):
+                groups = _with_change(groups, name, each, places)
     return groups
 
 
@@ -187,7 +195,11 @@ def _group_file(name: str, folder: Path) -> Path | None:
 
 
 def _group_of(name: str, file: Path) -> Group:
-    document = read_yaml(file)
+    return group_in(name, read_yaml(file))
+
+
+def group_in(name: str, document: Document) -> Group:
+    """The group of a document that is, or is to be, the content of its file."""
     return _group(name, validate(document, GroupFileModel), document, ())
 
 

@@ -40,12 +40,15 @@ def check_new(graph: Graph, target: str, place: Place) -> None:
         raise GraphError(f"{place}: insert: there is no group, and no use of one, '{around}'{hint}")
 
 
-def flat_change(graph: Graph, change: Change, places: Places, scope: str) -> Change:
-    """Translate a change in a scope to references and values of the flat graph."""
+def flat_change(graph: Graph, change: Change, places: Places, scope: str, node: str = "") -> Change:
+    """Translate a change in a scope to references and values of the flat graph.
+
+    `node` is the name there of the node that it changes.
+    """
     reads = change.get("inputs", {})
     given = {port: reference for port, reference in reads.items() if reference is not None}
     stated = Entry("", given, change.get("settings", {}), places=places)
-    stated = in_scope(graph, stated, scope)
+    stated = in_scope(graph, stated, scope, node)
     gone = dict.fromkeys(reads.keys() - given.keys())
     known = {"inputs": {**stated.inputs, **gone}, "settings": stated.settings}
     flat = {**change, **{key: known[key] for key in known.keys() & change.keys()}}
@@ -85,7 +88,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
             continue
         here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
         change_flat = put_use if "group" in change else VERB_FUNCTIONS[verb]
-        graph = change_flat(graph, flat, flat_change(graph, change, places, use), here)
+        graph = change_flat(graph, flat, flat_change(graph, change, places, use, node), here)
     return graph
 
 
@@ -103,7 +106,7 @@ def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Gr
 def _use(change: Change, inputs: Mapping[str, str], places: Places) -> Use:
     """The use that a change makes; `inputs` stand where it gives none."""
     use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
-    return in_turns(use, change.get("repeat"), change.get("carry"))
+    return in_turns(use, change.get("repeat"), change.get("carry"), change.get("while_"))
 
 
 def change_uses(graph: Graph, target: str, change: Change, places: Places) -> Graph:

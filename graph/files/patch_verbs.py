@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from tactograph.graph.declare.ports import RESTING_INPUT
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import (
@@ -66,7 +67,8 @@ def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
         return f"{PREVIOUS_ITEM}.{changed(bare)}" if previous else changed(bare)
 
     def swapped(inputs: Mapping[str, str]) -> dict[str, str]:
-        return {port: swap(reference) for port, reference in inputs.items()}
+        # What stands in for a node is a node, not what it makes.
+        return {p: r if p == RESTING_INPUT else swap(r) for p, r in inputs.items()}
 
     return replace(
         graph,

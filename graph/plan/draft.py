@@ -24,7 +24,8 @@ class Task:
     """A node of the graph with its references and settings resolved.
 
     `reads` are values of the same item, `recalls` those of the item before.  It runs where all
-    its `conditions` hold: its own `when`, and those of the nodes whose values it needs.
+    its `conditions` hold: its own `when`, and those of the nodes whose values it needs.  Elsewhere
+    its values are those of the task `instead`, if there is one.
     """
 
     id: str
@@ -36,6 +37,7 @@ class Task:
     stream: bool = False
     stand_in: bool = False
     when: Value | None = None
+    instead: str | None = None
     conditions: tuple[Value, ...] = ()
 
     @property
@@ -54,6 +56,12 @@ class Task:
         node, settings = self.node, self.settings.values()
         is_told = bool(node.session or node.provenance)
         return node.source or self.stand_in or is_told or any(isinstance(v, Path) for v in settings)
+
+    @property
+    def inherited(self) -> dict[Value, Value]:
+        """By value, that of the task `instead`, which stands for it where this task rests."""
+        ports = self.node.outputs if self.instead is not None else ()
+        return {Value(self.id, port): Value(str(self.instead), port) for port in ports}
 
     @property
     def edges(self) -> dict[str, Value]:

@@ -8,7 +8,12 @@ from typing import Any, NamedTuple
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.ports import CONDITION_INPUT, record_ports
+from tactograph.graph.declare.ports import (
+    CONDITION_INPUT,
+    ENGINE_INPUTS,
+    RESTING_INPUT,
+    record_ports,
+)
 from tactograph.graph.errors import ErrorsTogether, GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import (
     PREVIOUS_ITEM,
@@ -53,8 +58,10 @@ def bind(
                 edges[name] = _reads(names, name)
     errors.raise_any()
     whens = {name: _condition(names, name) for name in edges}
+    instead = {name: other for name in edges if (other := _instead(names, name)) is not None}
     before = {
         name: {value.node for value in (*reads.values(), whens[name]) if value}
+        | {other for other in [instead.get(name)] if other is not None}
         for name, (reads, _) in edges.items()
     }
     _refuse_cycles(graph, before)
@@ -75,7 +82,14 @@ def bind(
         with errors.gathered():
             settings = {} if handed_in else settings_of(entry, graph, node, given)
             tasks[name] = Task(
-                name, node, entry, settings, *edges[name], stand_in=handed_in, when=whens[name]
+                name,
+                node,
+                entry,
+                settings,
+                *edges[name],
+                stand_in=handed_in,
+                when=whens[name],
+                instead=instead.get(name),
             )
     errors.raise_any()
     ordered = [tasks[name] for name in in_order(before) if name in tasks]
@@ -132,7 +146,7 @@ def _find(graph: Graph, node_id: str) -> Node:
         raise GraphError(f"{entry.where()}: no node can be called '{PREVIOUS_ITEM}'")
     try:
         return find_node(entry.op, graph.own).with_inputs(
-            n for n in entry.inputs if n != CONDITION_INPUT
+            n for n in entry.inputs if n not in ENGINE_INPUTS
         )
     except InputError as error:
         raise GraphError(f"{entry.where('op')}: {error}") from None
@@ -177,7 +191,7 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
     reads: dict[str, Value] = {}
     recalls: dict[str, Value] = {}
     for name, reference in entry.inputs.items():
-        if name == CONDITION_INPUT:
+        if name in ENGINE_INPUTS:
             continue
         where = entry.where(f"in.{name}")
         bare, previous = split_previous(reference)
@@ -220,20 +234,38 @@ def _condition(names: _Names, node_id: str) -> Value | None:
     return value
 
 
+def _instead(names: _Names, node_id: str) -> str | None:
+    """The node whose values this one has where it rests, if there is one."""
+    entry = names.graph.nodes[node_id]
+    other = entry.inputs.get(RESTING_INPUT)
+    if other is None:
+        return None
+    where = entry.where(f"in.{RESTING_INPUT}")
+    names.graph.check_node(other, where)
+    if CONDITION_INPUT not in entry.inputs:
+        raise GraphError(f"{where}: '{RESTING_INPUT}' needs '{CONDITION_INPUT}'")
+    if names.nodes[other].outputs != names.nodes[node_id].outputs or other in names.passed:
+        raise GraphError(f"{where}: '{other}' does not make what '{node_id}' does")
+    return other
+
+
 def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
     """The conditions of a task, and of those that make what it cannot do without."""
     found = dict.fromkeys([task.when] if task.when else [])
     for name, value in task.reads.items():
         optional = {name, name.partition(".")[0]} & task.node.optional_inputs
         needed = not (optional or task.node.inputs[name].optional)
-        found |= dict.fromkeys(tasks[value.node].conditions) if needed else {}
+        maker = tasks[value.node]
+        while maker.instead is not None:
+            maker = tasks[maker.instead]
+        found |= dict.fromkeys(maker.conditions) if needed else {}
     return tuple(found)
 
 
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
     known = list(dict.fromkeys([*node.input_names, *node.further_names]))
     for name in entry.inputs:
-        if name not in known and name != CONDITION_INPUT:
+        if name not in known and name not in ENGINE_INPUTS:
             raise GraphError(
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"
                 f"{did_you_mean(name, known)} (it takes: {', '.join(known) or 'none'})"

@@ -85,7 +85,10 @@ class Plan(Draft):
         ]
         read: dict[str, set[str]] = {}
         for value in (*edges, *self.outputs.values()):
-            read.setdefault(value.node, set()).add(value.port)
+            maker: str | None = value.node
+            while maker is not None:
+                read.setdefault(maker, set()).add(value.port)
+                maker = self.tasks[maker].instead
         return read
 
     def value(self, reference: str) -> Value:

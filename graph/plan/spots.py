@@ -27,11 +27,17 @@ def read_by(plan: Plan, step: Step) -> list[Spot]:
         return [*conditions, Spot(step.reads[0], "host" if step.kind == "upload" else "device")]
     if step.kind == "fill":
         return conditions
-    ports = plan.tasks[step.name].node.inputs
-    return conditions + [
-        Spot(value, _side(ports[name].kind, step.on_device))
-        for name, value in plan.tasks[step.name].reads.items()
-        if not (step.on_device and ports[name].kind == "object")
+    task = plan.tasks[step.name]
+    ports, inherited = task.node.inputs, task.inherited
+    stand_in = [Spot(inherited[v], side) for v, side in written_by(step) if v in inherited]
+    return [
+        *conditions,
+        *stand_in,
+        *(
+            Spot(value, _side(ports[name].kind, step.on_device))
+            for name, value in task.reads.items()
+            if not (step.on_device and ports[name].kind == "object")
+        ),
     ]
 
 

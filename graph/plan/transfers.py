@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+from tactograph.graph.declare.ports import RESTING_INPUT
+from tactograph.graph.errors import GraphError
 from tactograph.graph.plan.draft import Draft, Task, Value
 from tactograph.graph.plan.plan import Placement, Step
 
@@ -31,6 +33,11 @@ def insert(
     before: dict[str, set[str]] = {name: set() for name in steps}
     bring = partial(_bring, steps, before, draft, placements)
     for task in draft.tasks.values():
+        if task.instead is not None:
+            before[task.id].add(task.instead)
+            if placements[task.id].on_device != placements[task.instead].on_device:
+                where = task.entry.where(f"in.{RESTING_INPUT}")
+                raise GraphError(f"{where}: '{task.id}' and '{task.instead}' run on two back ends")
         for name, value in task.reads.items():
             moves = task.node.inputs[name].kind == "array" and not task.filled
             there = placements[task.id].on_device if moves else None
@@ -53,7 +60,8 @@ def insert(
 
 
 def _reads(task: Task) -> tuple[Value, ...]:
-    return tuple(dict.fromkeys((*task.reads.values(), *task.conditions)))
+    values = (*task.reads.values(), *task.conditions, *task.inherited.values())
+    return tuple(dict.fromkeys(values))
 
 
 def _bring(

@@ -45,6 +45,10 @@ class HostValues:
     def __getitem__(self, value: Value) -> Any:
         return self._values[value]
 
+    def get(self, value: Value) -> Any:
+        """A value; None if it is absent from this item."""
+        return self._values.get(value)
+
     def ready(self, value: Value | None) -> Any:
         """A value that can be read without waiting, else None."""
         if value is None or value in self._arriving:

@@ -294,6 +294,7 @@ class OnlyChanged(Executor):
             sorted(task.settings.items()),
             [(name, self._keys[value.node], value.port) for name, value in reads.items()],
             [(self._keys[value.node], value.port) for value in task.conditions],
+            self._keys[task.instead] if task.instead is not None else "",
             [(name, self._before.get(value)) for name, value in task.recalls.items()],
             sources if is_free else (),
         )

@@ -81,8 +81,7 @@ class StepRunner:
         self.stage = step.name
         tell_progress("")
         if not all(map(self.host.holds, step.conditions)):
-            self._leave_out(step)
-            return known
+            return self._leave_out(step, known)
         if step.is_transfer:
             assert self.device is not None
             self.times[step.name] = 0.0  # what is absent is not moved
@@ -101,13 +100,20 @@ class StepRunner:
             shapes = self._call(task, step, sized)
         return self.plan.sizes.behind(task, sized, shapes)
 
-    def _leave_out(self, step: Step) -> None:
-        """Let the outputs of a step be absent from this item."""
+    def _leave_out(self, step: Step, known: Known) -> Known:
+        """Let the outputs of a step be those of the one instead, or absent from this item."""
         self._sized.pop(step.name, None)
         self.times[step.name] = 0.0
+        task = self.plan.tasks.get(step.name)
+        inherited = {} if task is None else task.inherited
         for value, side in written_by(step):
             values = self.device if side == "device" and self.device is not None else self.host
-            values.put(value, None)
+            other = inherited.get(value)
+            values.put(value, None if other is None else values.get(other))
+        other_sized = None if task is None else self._sized.get(task.instead or "")
+        if other_sized is None:
+            return known
+        return self.pass_over(step, known, other_sized.shapes or {})
 
     def release(self, step: Step) -> None:
         """Give back the buffers that a step was the last to read."""

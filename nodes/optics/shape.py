@@ -31,7 +31,7 @@ class ShapeImage(NamedTuple):
     Parameters
     ----------
     offset_mm : middle or axis of the shape from the centre of the image
-    width_px, height_px, pixel_size_mm : the image
+    width_px, height_px, pixel_size_mm : size of the image, and of its pixels
     """
 
     offset_mm: Offset = (0.0, 0.0)

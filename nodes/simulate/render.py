@@ -76,7 +76,7 @@ class Coat(NamedTuple):
     Parameters
     ----------
     coat_alpha : roughness of a coat, Beckmann's alpha; 0 is a film without a coat
-    refractive_index : of the coat
+    refractive_index : refractive index of the coat
     albedo : share of the light that the film under the coat reflects
     camera_mm
         Distance of the camera's pupil, which sees the coat, from the film at rest; 0 is

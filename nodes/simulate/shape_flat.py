@@ -21,7 +21,7 @@ def shape_flat(
 
     Parameters
     ----------
-    width_px, height_px, pixel_size_mm : the image
+    width_px, height_px, pixel_size_mm : size of the image, and of its pixels
     """
     ShapeImage(width_px=width_px, height_px=height_px).check_pixels()
     return shape(np.zeros((height_px, width_px)), pixel_size_mm)

@@ -12,8 +12,6 @@ from tactograph.nodes.trust.light_departure import Brighter, Departure, light_er
 
 MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
-MIN_SHADOWS = 50
-"""Fewer cells in shadow tell nothing of it."""
 MIN_TOUCHED_CHANGE = np.float32(0.12)
 """Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
 MAX_SQUARED_BEND = np.float32(0.08**2)
@@ -85,7 +83,7 @@ def light_evidence(
         of_touch = of_touch / (1 + np.square(wider[tested & steep]))
     dim = dirty = middle = 0.0
     if matt is not None and shadow is not None:
-        dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1, MIN_SHADOWS)
+        dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1)
     if brighter is not None:
         excess = thinned(brighter)
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS

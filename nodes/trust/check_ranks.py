@@ -147,10 +147,12 @@ CHECK_FIGURES = {
         "{added}, the same everywhere (keep other light out of touch and flat frame; or the "
         "camera's black level has changed)",
     ),
+    "left_as_matt": Figure("cause", MIN_ERROR, ""),
 }
-"""All figures of a touch, by name."""
+"""All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
+doubted touch from those that do not (`likely_cause`)."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 20 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 21 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -168,10 +170,16 @@ NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
 """Those of a calibration from which no touches were drawn."""
 
 
-def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None) -> F8:
+def figures_of(
+    evidence: TouchEvidence,
+    added: float = 0.0,
+    lines: LineChanges | None = None,
+    left: float = 0.0,
+) -> F8:
     """Return the figures of a touch (T1 to T5), in the order of `CHECK_FIGURES`.
 
-    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors.
+    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors, `left`
+    what `left_as_matt` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -182,7 +190,7 @@ def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges |
     rows = 0.0 if lines is None else _worst_line(lines)
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
     rest = level, spread, film.shape, film.dark, 1 - film.calm, deep, abs(added)
-    return np.array([*curl, *seen, *more, *rest])
+    return np.array([*curl, *seen, *more, *rest, left])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -197,20 +205,24 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
     own presses count as well, with the weight of a tail: what they exceed the drawn ones by
-    becomes its scale.  Nothing changes where they look like drawn ones.
+    becomes its scale.  Nothing changes where they look like drawn ones, and a tail that they
+    begin farther out falls no faster for that.
 
     Parameters
     ----------
-    drawn : N x 19, the figures of touches drawn from the calibration
-    own : P x 19, those of its presses; P may be 0
+    drawn : N x 20, the figures of touches drawn from the calibration
+    own : P x 20, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
         both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])
+        tail = quantiles[TAIL_START:] - quantiles[TAIL_START - 1]
         quantiles = np.maximum(quantiles, np.quantile(both, levels, axis=0))
-    least = [p_values(each, quantiles.T).min() for each in both]
+        farther = quantiles[TAIL_START - 1] + tail
+        quantiles[TAIL_START:] = np.maximum(quantiles[TAIL_START:], farther)
+    least = [p_values(each, quantiles.T)[:-1].min() for each in both]
     return np.vstack([quantiles.T, np.quantile(least, levels)])
 
 
@@ -221,6 +233,11 @@ def p_values(figures: F8, quantiles: F8) -> F8:
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
     above = (1 + (quantiles >= figures[:, None]).sum(axis=1)) / (1 + RANK_COUNT)
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
+
+
+def share_left(ranks: F8, left: float) -> float:
+    """Return the p-value of what a matt film leaves of a touch."""
+    return float(p_values(np.full(len(CHECK_FIGURES), left), ranks[:-1])[-1])
 
 
 def of_all_checks(least: float, ranks: F8) -> float:

@@ -3,6 +3,7 @@
 Long because the mistakes that explain a doubted touch are tried one by one.
 """
 
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -11,7 +12,6 @@ from annotated_types import Interval
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust._light_evidence import RIM_SHARE
-from tactograph.nodes.trust._likely_cause import likely_cause
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     CheckRanks,
@@ -19,8 +19,10 @@ from tactograph.nodes.trust.check_ranks import (
     figures_of,
     of_all_checks,
     p_values,
+    share_left,
 )
 from tactograph.nodes.trust.film_on_rims import RimShare
+from tactograph.nodes.trust.likely_cause import likely_cause
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -96,7 +98,7 @@ def judge_touch(
         if trust < false_alarms:
             likely = ""
             if light is not None and flat is not None and lights is not None:
-                likely = likely_cause(light, flat, lights)
+                likely = likely_cause(light, flat, lights, partial(share_left, known), false_alarms)
             causes = likely or _said(why, evidence, added or 0.0)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")

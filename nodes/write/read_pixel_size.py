@@ -29,7 +29,9 @@ def read_pixel_size(
 
     Parameters
     ----------
-    height : the file of the height map
+    height
+        The height map: .npy, .tiff, .png (16 bit, with its scale), .tmd, .sur, .sdf, .x3p, .gwy or
+        .gsf.
     mm
         mm per px.  It takes precedence; a file that contradicts it raises a warning.
 

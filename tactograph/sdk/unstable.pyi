@@ -6,15 +6,46 @@ from tactograph.graph import (
 from tactograph.graph.commands import (
     run_shipped as run_shipped,
 )
+from tactograph.graph.commands.check import (
+    verified as verified,
+)
 from tactograph.graph.cores import (
     cores as cores,
 )
+from tactograph.graph.declare.find_node import (
+    node_names as node_names,
+)
+from tactograph.graph.declare.limits import (
+    choices_of as choices_of,
+)
 from tactograph.graph.disk.strict_yaml import (
+    Document as Document,
     Entries as Entries,
     parse_yaml as parse_yaml,
+    read_yaml as read_yaml,
 )
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
+)
+from tactograph.graph.files.flat_graph import (
+    Graph as Graph,
+    Group as Group,
+)
+from tactograph.graph.files.graph_places import (
+    find_file as find_file,
+    shipped_groups as shipped_groups,
+    shipped_overlays as shipped_overlays,
+)
+from tactograph.graph.files.groups import (
+    group_of as group_of,
+)
+from tactograph.graph.files.plain_data import (
+    as_document as as_document,
+)
+from tactograph.graph.files.read_graph import (
+    graph_file as graph_file,
+    graphs_of as graphs_of,
+    shipped_names as shipped_names,
 )
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
@@ -28,9 +59,11 @@ from tactograph.graph.show.colours import (
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
+    DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    Film as Film,
     Lens as Lens,
     LightPositions as LightPositions,
     Misfit as Misfit,
@@ -78,6 +111,9 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     scale_error as scale_error,
     unconfirmed as unconfirmed,
 )
+from tactograph.nodes.calibrate.lights.light_samples import (
+    rest_of as rest_of,
+)
 from tactograph.nodes.calibrate.ranks.drawn import (
     Doubts as Doubts,
     drawn as drawn,
@@ -90,6 +126,7 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     judge_contact as judge_contact,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
+    Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     of_heldout_error as of_heldout_error,
@@ -97,7 +134,9 @@ from tactograph.nodes.calibrate.rating.verdict import (
     verdict_of as verdict_of,
 )
 from tactograph.nodes.capture.read_balls import (
+    BallPresses as BallPresses,
     KnownCircles as KnownCircles,
+    Millimetres as Millimetres,
     Radii as Radii,
     known_circle as known_circle,
     refuse_flat as refuse_flat,
@@ -111,6 +150,9 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
 )
+from tactograph.nodes.capture.read_grey import (
+    GreyImage as GreyImage,
+)
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
 )
@@ -118,6 +160,10 @@ from tactograph.nodes.contact.largest_contacts import (
     MAX_MEASURED as MAX_MEASURED,
     Most as Most,
     largest_contacts as largest_contacts,
+)
+from tactograph.nodes.drawing.new_picture import (
+    BesidePicture as BesidePicture,
+    in_lines as in_lines,
 )
 from tactograph.nodes.drawing.sensor_picture import (
     draw_sensor as draw_sensor,
@@ -198,6 +244,9 @@ from tactograph.nodes.height.scale_height import (
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
 )
+from tactograph.nodes.light.film_drift import (
+    terms as terms,
+)
 from tactograph.nodes.optics.bicubic import (
     between_pixels as between_pixels,
 )
@@ -209,6 +258,7 @@ from tactograph.nodes.optics.cell_side import (
 )
 from tactograph.nodes.optics.film import (
     matt_film as matt_film,
+    predict as predict,
 )
 from tactograph.nodes.optics.film_places import (
     film_areas as film_areas,
@@ -223,9 +273,11 @@ from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.lens import (
+    LENS_TERMS as LENS_TERMS,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
     is_straight as is_straight,
+    pixel_sides as pixel_sides,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )
@@ -254,6 +306,7 @@ from tactograph.nodes.optics.shape import (
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
     SheetMask as SheetMask,
+    cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,

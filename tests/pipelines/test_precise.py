@@ -147,6 +147,39 @@ def test_a_stream_finds_what_single_captures_give(
     assert found == pytest.approx(alone, abs=0.002)
 
 
+@pytest.mark.parametrize(
+    ("shape", "ran"), [("flat", [1]), ("sphere_film", [1]), ("sphere", [1, 2, 3])]
+)
+def test_passes_end_once_the_height_has_settled(
+    raytraced: Raytraced, calibration: Calibration, shape: str, ran: list[int]
+) -> None:
+    """On a plane and a soft film the second pass moves nothing; on a rigid ball each one does."""
+    given = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
+    given["accept_contradictions"] = True
+    found = {}
+    for graph in ("precise", "precise_settled"):
+        (found[graph],) = open_pipeline(graph, given, sinks=False).items()
+    times = found["precise_settled"].times
+    assert [turn for turn in (1, 2, 3) if times[f"passes.{turn}.label"]] == ran
+    off = found["precise_settled"]["height"] - found["precise"]["height"]
+    assert np.sqrt(np.mean(off**2)) < (0.5e-3 if len(ran) < 3 else 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", ["flat", "sphere"])
+def test_both_back_ends_end_at_the_same_pass(
+    raytraced: Raytraced, calibration: Calibration, shape: str
+) -> None:
+    given = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
+    given["accept_contradictions"] = True
+    ends = {}
+    for backend in ("numpy", "opencl"):
+        pipeline = open_pipeline("precise_settled", given, sinks=False, backend=backend)
+        (result,) = pipeline.items()
+        ends[backend] = [bool(result.times[f"passes.{turn}.label"]) for turn in (1, 2, 3)]
+    assert ends["numpy"] == ends["opencl"] == [True, shape == "sphere", shape == "sphere"]
+
+
 def under_a_hair(image: Image) -> Image:
     """What a lens sees that a hair crosses: it dims all LEDs alike."""
     shade = np.zeros(image.shape, np.float32)

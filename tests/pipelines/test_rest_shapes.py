@@ -120,7 +120,7 @@ def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> No
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 
 
-@pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat", "check_calibration"])
+@pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat"])
 def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
     graph: str, curved: Curved, raytraced: Raytraced
 ) -> None:

@@ -145,7 +145,7 @@ CALIBRATION_KIND = FileKind(
     "run calibrate",
     Calibration,
     made_from="the images, and the ball's place and radius",
-    users="sensors whose LEDs flash: reconstruct, precise, recalibrate, check_calibration",
+    users="sensors whose LEDs flash: reconstruct, precise, paper",
     check=_check_sensor,
 )
 NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION_KIND))]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
-from tactograph.nodes import F4, F8, U1, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
 from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
@@ -48,10 +48,6 @@ RIM_STEP_MM = 0.5
 """mm by which the film is widened, to differentiate a bounce by the film's rim."""
 MAX_NOISE_RATIO = 1.5
 """Multiple of the camera's noise up to which noise explains a departure."""
-
-
-MEDIAN_OF_SQUARES = 0.455
-"""Median of the square of a normal variable."""
 
 
 class _Press(NamedTuple):
@@ -442,6 +438,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = np.median(np.square(left / balls.reference_light)) / MEDIAN_OF_SQUARES
+    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(left / balls.reference_light))
     alone = np.median(camera / balls.reference_light**2)
     return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

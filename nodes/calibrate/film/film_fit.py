@@ -11,7 +11,7 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, F8
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
@@ -279,7 +279,7 @@ def _scale(balls: Balls, left: F8) -> float:
 
 
 def _robust_spread(left: F8) -> float:
-    return 1.4826 * float(np.median(np.abs(left)))
+    return DEVIATIONS_PER_MAD * float(np.median(np.abs(left)))
 
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:

@@ -27,8 +27,9 @@ def publish_ros2(
 
     Parameters
     ----------
-    touch, points_step : as for `write_mcap`
-    node_name, namespace : its name in ROS, which must differ between sensors
+    touch : as for `write_mcap`
+    points_step : step in px between rows and columns that become points, as for `write_mcap`
+    node_name, namespace : the node's name in ROS, which must differ between sensors
 
     Raises
     ------

@@ -52,7 +52,7 @@ def read_lerobot(
 
     Parameters
     ----------
-    dataset : its folder
+    dataset : folder of a dataset that `write_lerobot` has written
     calibration : touches of another sensor than the calibration's are refused
     another_sensor : take them on purpose, with a warning
     sensor : the sensor's name in the dataset

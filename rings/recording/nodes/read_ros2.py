@@ -43,7 +43,7 @@ def read_ros2(
         The sensor's calibration; it gives the number of LEDs and whether it is a one-shot
         sensor.
     topic : topic of the images, below the namespace unless it begins with a slash
-    node_name, namespace : its name in ROS
+    node_name, namespace : the node's name in ROS, which must differ between sensors
     lights : for a one-shot sensor: the calibration's order of the colours
     bits : bit depth, if the camera uses fewer bits than its 16-bit images hold
     seconds, items : time, or number of touches, after which to end; None: never

@@ -117,3 +117,61 @@ def test_explain_and_draw_show_it(about: Command) -> None:
     drawn = about("draw", TOUCHED, "--backend", "numpy").out
     ids = {name: number for number, name in re.findall(r'(n\d+)\["(\w+)<br/>', drawn)}
     assert f"{ids['found']} -->|pixel| {ids['light']}" in drawn
+
+
+# Of the items 1, 2 and 3 the first is dark after one turn.
+TURNS = """
+format: 1
+prefer: [opencl, numpy]
+groups:
+  more:
+    inputs: {light: {}, frame: {default: frames.image}}
+    nodes:
+      sum:   {op: summed, in: {image: frame, before: light}}
+      twice: {op: doubled, in: {image: sum}}
+      still: {op: bright, in: {image: sum}, with: {above: 3.0}}
+    outputs: {light: sum}
+nodes:
+  frames: {op: touches}
+  up: {group: more, in: {light: frames.image}, repeat: 3, carry: {light: light}, while: still.pixel}
+outputs: {light: up.light, twice: up.twice, pixel: up.still.pixel}
+"""
+
+
+@pytest.mark.parametrize("cached", [False, True])
+def test_turns_rest_once_their_condition_fails_and_are_as_the_last_that_ran(
+    toys: list[str], backend: str, cached: bool
+) -> None:
+    pipeline = opened(TURNS, backend, Cache() if cached else None)
+    results = list(pipeline.items())
+    assert means(results, "light") == [2, 8, 12]
+    assert means(results, "twice") == [4, 16, 24]
+    assert [item["pixel"].size > 0 for item in results] == [False, True, True]
+    assert toys.count("doubled") == 1 + 3 + 3
+    times = results[0].times
+    assert times["up.2.sum"] == times["up.3.sum"] == times["up.3.twice"] == 0
+
+
+def test_turns_are_absent_where_what_they_need_is() -> None:
+    seen = """
+  found: {op: bright, in: {image: frames.image}}
+  seen:  {op: doubled, in: {image: frames.image, when: found.pixel}}
+  up:"""
+    text = TURNS.replace("default: frames.image", "default: seen").replace("\n  up:", seen)
+    assert means(list(opened(text).items()), "light") == [None, 14, 21]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("while: still.pixel", "while: stil.pixel", "has no output or node 'stil'; did you mean"),
+        (", repeat: 3, carry: {light: light}", "", "nodes.up.while: 'while' needs 'repeat'"),
+        ("in: {image: sum}, with", "in: {image: sum, else: twice}, with", "'else' needs 'when'"),
+        ("outputs: {light: up",
+         "  last: {op: doubled, in: {image: up, when: up.still.pixel, else: up.3.still}}\n"
+         "outputs: {light: up", "'up.3.still' does not make what 'last' does"),
+    ],
+)  # fmt: skip
+def test_a_wrong_end_of_turns_is_refused(old: str, new: str, message: str) -> None:
+    with pytest.raises(GraphError, match=message):
+        opened(TURNS.replace(old, new))

@@ -70,10 +70,10 @@ def calibrate_force(
     dict
         ``modulus_kpa``, ``thickness_mm``; ``edge_percent``, what force a contact's edge a cell
         farther out would add (root mean square); ``thickness_percent``, what the thickness's error
-        does to the modulus.  From two presses on ``held_out_n`` and ``held_out_percent``, root mean square distance of a
-        press's force from that by the modulus of the others (and the thickness of all), and
-        ``modulus_error``, its relative standard deviation: by what moduli differ by, by what the
-        presses' forces err by (`press_to_pressure`), and by the thickness.
+        does to the modulus.  From two presses on ``held_out_n`` and ``held_out_percent``, root mean
+        square distance of a press's force from that by the modulus of the others (and the thickness
+        of all), and ``modulus_error``, its relative standard deviation: by what moduli differ by,
+        by what the presses' forces err by (`press_to_pressure`), and by the thickness.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def read_touches(
         Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
         holds ``.mcap`` files: heights, as `write_mcap` writes them, which state no pixel size, or
         with a calibration frames, as `record` writes them.
-    most : number of touches
+    most : number of touches; of more, so many are taken, evenly spread
     pixel_size_mm : for heights in ``.mcap`` files, and stores of graphs that put out no pixel size
     calibration
         Of the sensor whose frames `folder` holds: `replay` makes heights of them, without errors.

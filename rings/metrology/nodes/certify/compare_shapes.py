@@ -61,7 +61,7 @@ def compare_shapes(
     ----------
     height, error, truth : N x H x W in mm, as `measure_touches` gives them
     pixel : mm per px
-    ball_radius_mm : of every ball in touches without a truth
+    ball_radius_mm : radius of every ball in touches without a truth
     zero
         What is left free of a height that has a truth.  "rest": nothing, zero is the film at
         rest; "free": its zero; "plane": its zero and tilt, of an object that fills the frame.

@@ -37,7 +37,7 @@ def measure_touches(
     Parameters
     ----------
     captures : folder of captures, in order of name, or one capture; None: there are none
-    calibration : of the sensor
+    calibration : the calibration of the sensor
     graph
         Name of a graph that takes captures and this calibration; "": `precise`, or
         `gelsight_mini` for a one-shot sensor.

@@ -72,7 +72,7 @@ def uncertainty_budget(
     compared : as `compare_shapes` gives it
     noise, flatness : as `measurement_noise` and `flatness_deviation` give them
     radius_mm, radius_error_um
-        Of the balls, if any, and its standard uncertainty in um; None: not stated.
+        Radius of the balls, if any, and its standard uncertainty in um; None: not stated.
     draws, seed : of the check by drawing
 
     Returns

@@ -30,7 +30,7 @@ def xy_mapping(
     ----------
     calibration : of the sensor
     grid : an image of dots or a checkerboard, other than `calibrate_camera` had; None: none
-    pitch_mm : between neighbouring marks
+    pitch_mm : distance between neighbouring marks
     crop : x0, y0, x1, y1 in pixels
 
     Returns

@@ -99,7 +99,7 @@ def level_scan(
         What a known step settles: heights will be scaled, so each part of the error is less what
         the step's depth has of it, and the factor's uncertainty is one more.  A model that the step
         found wrong is wrong by another factor on walls of another slope: that is one part more.
-    scale : as for `scale_height`, instead of a known step
+    scale : factor and its uncertainty, as for `scale_height`, instead of a known step
     level
         ``flat``: most of the surface is a plane, which tells drift and plane.  ``plane``: most of
         it is level, but may bend; nothing but a plane is taken off.  ``rest``: the frame's border

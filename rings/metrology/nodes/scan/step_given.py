@@ -16,8 +16,8 @@ def step_given(
     Parameters
     ----------
     folder : a scan of the step; None: there is none
-    known_um : as for `measure_step`
-    scale : as for `scale_height`
+    known_um : certified depth and standard uncertainty, as for `measure_step`
+    scale : factor and its uncertainty, as for `scale_height`
 
     Raises
     ------

@@ -41,7 +41,7 @@ def write_press_calibration(
     serial : the camera's serial number
     lens : length 8, by which the images were undistorted; None: an ideal lens
     file : the file; it is replaced as a whole
-    sensor : as for `write_calibration`
+    sensor : the sensor's name, as for `write_calibration`
 
     Raises
     ------

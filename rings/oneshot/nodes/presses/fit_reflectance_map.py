@@ -35,6 +35,7 @@ from tactograph.sdk.nodes import (
     rest_at_border,
 )
 from tactograph.sdk.unstable import (
+    DEVIATIONS_PER_MAD,
     I4,
     MIN_FLAT_LIGHT,
     BallCircles,
@@ -336,6 +337,6 @@ def _outliers(
         y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
         residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
     middle = np.median(residual[kept])
-    spread = 1.4826 * np.median(np.abs(residual[kept] - middle))
+    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual[kept] - middle))
     high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
     return np.asarray(kept & (residual > high))

@@ -17,7 +17,7 @@ from tactograph.nodes.drawing.new_picture import write_picture
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
 WRITERS = ("write_calibration", "write_camera")
-BESIDE = ("plot_calibration", "plot_camera", "plot_recalibration")
+BESIDE = ("plot_calibration",)
 
 
 def check(node: str, file: Path) -> None:
@@ -57,11 +57,11 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
         bind(graph, graph.placeholders, sinks=True)
 
 
-@pytest.mark.parametrize("node", [*BESIDE, "plot_check"])
+@pytest.mark.parametrize("node", BESIDE)
 @pytest.mark.parametrize("content", ["photo", "text", "folder"])
 def test_a_photo_stays(node: str, content: str, tmp_path: Path) -> None:
     picture = tmp_path / "photo.png"
-    file = picture if node == "plot_check" else picture.with_suffix(".npz")
+    file = picture.with_suffix(".npz")
     check(node, file)
     write_picture(Figure(), picture)
     check(node, file)

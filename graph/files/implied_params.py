@@ -1,0 +1,87 @@
+"""Params that a graph need not state: those of a node's parameter that is called the same.
+
+``with: {crop: $crop}`` makes `crop` a param of the graph, with the kind, the default and the help
+of the node's parameter `crop`.  Under another name (``with: {folder: $crop}``) it has to be stated,
+so that a slip of the pen is found.
+"""
+
+import typing
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.limits import parts_of
+from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node_page import describe
+from tactograph.graph.errors import GraphError, InputError
+from tactograph.graph.files.flat_graph import Entry, Graph, Param
+
+
+def with_implied_params(graph: Graph) -> Graph:
+    """Add the params that nodes take under the names of their own parameters.
+
+    Raises GraphError if nodes differ in what such a param is where it is not given.
+    """
+    implied: dict[str, Param] = {}
+    for entry in graph.nodes.values():
+        for name, value in entry.settings.items():
+            if value != f"${name}" or name in graph.params:
+                continue
+            param = _param_of(graph, entry, name)
+            known = implied.setdefault(name, param) if param else None
+            if param and known and (known.kind, known.state) != (param.kind, param.state):
+                raise GraphError(
+                    f"{entry.where(f'with.{name}')}: '{name}' is {param.kind}, {param.state}, for "
+                    f"{entry.op}, but {known.kind}, {known.state}, for another node; state it "
+                    "under 'params'"
+                )
+    return replace(graph, params={**graph.params, **implied})
+
+
+def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
+    """The param that is like a node's parameter; None where the plan will refuse the node."""
+    try:
+        node = find_node(entry.op, graph.own)
+    except InputError:
+        return None
+    parameter = node.parameters.get(name)
+    if parameter is None:
+        return None
+    if not (kind := _kind_of(parameter)):
+        return None
+    default = None if parameter.required else _plain(parameter.default)
+    return Param(kind, _words(node)[name].replace("``", ""), parameter.required, default)
+
+
+@cache
+def _words(node: Node) -> dict[str, str]:
+    """What a node's docstring says of its parameters; to take it apart takes a millisecond."""
+    return describe(node).arguments
+
+
+def _kind_of(parameter: Parameter) -> str:
+    """The kind of param that gives a parameter all that it takes; "" if there is none."""
+    parts = parts_of(parameter.annotation)
+    members = [
+        each
+        for part in parts
+        if typing.get_origin(part) is tuple
+        for member in typing.get_args(part)
+        for each in parts_of(member)
+    ]
+    if members:
+        return "numbers" if {int, float} & {*members} else "text"
+    kinds = {Path: "path", bool: "flag", float: "number", int: "integer", str: "text"}
+    found = [kind for type_, kind in kinds.items() if type_ in parts]
+    is_literal = any(typing.get_origin(part) is typing.Literal for part in parts)
+    return found[0] if found else "text" * is_literal
+
+
+def _plain(default: Any) -> Any:
+    """A default as a graph file states it."""
+    if isinstance(default, tuple):
+        words = [_plain(each) for each in default]
+        return ",".join(words) if words and isinstance(words[0], str) else words
+    return str(default) if isinstance(default, Path) else default

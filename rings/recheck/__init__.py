@@ -1,0 +1,1 @@
+"""Whether a calibration still holds, and carrying it over to a new film."""

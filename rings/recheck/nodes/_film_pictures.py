@@ -1,0 +1,50 @@
+"""Plots that compare two films."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tactograph.sdk import BLUE, F4, Height, Light
+
+
+def draw_films(
+    films: dict[str, Light], albedo: F4, dent: Height, words: str, *, width: float
+) -> tuple[Figure, tuple[Axes, Axes]]:
+    """Draw two films at rest, and maps of how they differ.
+
+    Parameters
+    ----------
+    films : K x H x W, by title
+    albedo, dent : as `film_change` returns them
+    words : which film is compared with which
+    width : width of the figure, in inches
+
+    Returns
+    -------
+    The figure, and the two empty axes on the right, upper and lower.
+    """
+    figure = Figure(figsize=(width, 8), dpi=100, layout="constrained")
+    axes = figure.subplots(2, 3)
+    means = {title: film.mean(axis=0) for title, film in films.items()}
+    top = max(float(mean.max()) for mean in means.values())
+    for place, (title, mean) in zip(axes[0], means.items(), strict=False):
+        place.imshow(mean, cmap="gray", vmin=0, vmax=top)
+        place.set_title(f"{title}, mean light")
+    _draw_map(figure, axes[1, 0], 100 * albedo, f"albedo, {words} / %")
+    _draw_map(figure, axes[1, 1], 1e3 * dent, f"height, {words} / um")
+    return figure, (axes[0, 2], axes[1, 2])
+
+
+def draw_light(axes: Axes, percent: F4, words: str) -> None:
+    """Draw the brightness of each LED."""
+    axes.bar([f"LED {k}" for k in range(1, len(percent) + 1)], percent, color=BLUE)
+    axes.axhline(100, color="black", linewidth=0.5)
+    axes.set_title(f"light of the LEDs, {words} / %")
+
+
+def _draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
+    """Draw a signed map, whose scale ignores the few strongest pixels."""
+    most = float(np.percentile(np.abs(values), 99.8)) or 1.0
+    drawn = axes.imshow(values, cmap="RdBu_r", vmin=-most, vmax=most)
+    figure.colorbar(drawn, ax=axes)
+    axes.set_title(title)

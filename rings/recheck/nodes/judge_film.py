@@ -1,0 +1,220 @@
+"""Judge from today's untouched film whether a calibration is still valid, cause by cause.
+
+Long because each cause has its sentence, and says what to do.
+"""
+
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
+
+MAX_LED_CHANGE = 0.1
+"""Tolerated relative change of one LED's light against the others, or of all together."""
+MAX_AMBIENT = 0.004
+"""Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
+MAX_BLACK_LEVEL = 0.1
+"""Highest black level of a camera, as a fraction of full scale."""
+MAX_SHIFT_PX = 0.5
+"""Tolerated shift of the image in px."""
+MIN_DEVIATIONS = 6.0
+"""Robust standard deviations of a map above which a departure is not noise."""
+MIN_DENT_MM, MIN_DENT_SLOPE = 0.003, 0.01
+"""Smallest height in mm and smallest slope of a dent."""
+TOUCHED_MM = 0.15
+"""Height in mm above which it is more likely that something touches the film."""
+MIN_MARK_CHANGE = 0.015
+"""Smallest change of albedo of a mark."""
+SHARP_GRADIENT = 1 / 8
+"""Gradient per px of a mark, relative to its depth, above which it lies in the film.  Marks on the
+lens are out of focus."""
+ANOTHER_SENSOR = "not that of the calibration: is this another sensor, or another lens?"
+
+
+class Verdicts(NamedTuple):
+    """One sentence for each cause, and the figures."""
+
+    leds: str
+    film: str
+    lens: str
+    ambient: str
+    camera: str
+    quality: Metrics
+
+
+@node
+def judge_film(
+    strength: Annotated[F4, Port("K", "1")],
+    ambient: Annotated[float, Port(unit="1")],
+    shift: Annotated[F4, Port("2", "px")],
+    albedo: Annotated[F4, Port("H W", "1")],
+    dent: Height,
+    pixel: PixelSize,
+) -> Verdicts:
+    """Return a verdict on the LEDs, the film, the lens, ambient light and the camera.
+
+    Parameters
+    ----------
+    strength, ambient, shift, albedo, dent
+        K, full scale, 2 in px, H x W, and H x W in mm: as `film_change` returns them, between the
+        calibration's flat frame and today's.
+    pixel : mm per px
+
+    Returns
+    -------
+    Five sentences, which begin with "right" where nothing is wrong; ``light_percent/...`` of each
+    LED; ``ambient_percent`` of full scale; ``shift_px``; ``dent_um``; the depth in per cent of the
+    strongest mark in the film and on the lens; ``wrong``, the number of causes found.
+    """
+    scratch, dirt = _marks(albedo)
+    deepest, where = _dent(dent, pixel)
+    moved = float(np.hypot(*shift))
+    verdicts: tuple[str, ...] = (ANOTHER_SENSOR,) * 5
+    if not _is_impossible(strength, ambient, deepest, pixel * dent.shape[1]):
+        verdicts = (
+            _of_leds(strength),
+            _of_film(deepest, where, scratch),
+            _of_lens(dirt),
+            _of_ambient(ambient),
+            _of_camera(shift, moved),
+        )
+    figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+    figures |= {
+        "ambient_percent": 100 * ambient,
+        "shift_px": moved,
+        "dent_um": 1e3 * deepest,
+        "film_mark_percent": 100 * abs(scratch.depth),
+        "lens_mark_percent": 100 * abs(dirt.depth),
+        "wrong": float(sum(not verdict.startswith("right") for verdict in verdicts)),
+    }
+    leds, film, lens, ambience, camera = verdicts
+    return Verdicts(leds, film, lens, ambience, camera, figures)
+
+
+class _Mark(NamedTuple):
+    """The strongest mark of a kind: change of albedo, position in px, and number of marks."""
+
+    depth: float
+    x: int
+    y: int
+    number: int
+
+
+def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
+    """The marks in the film, which are sharp, and those on the lens, which are blurred."""
+    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(albedo)))
+    standing = (np.abs(albedo) > max(MIN_DEVIATIONS * spread, MIN_MARK_CHANGE)).astype(np.uint8)
+    count, labels = cv2.connectedComponents(standing, connectivity=8)
+    by_y, by_x = np.gradient(albedo)
+    steepness = np.hypot(by_x, by_y)
+    marks: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
+    for number in range(1, count):
+        inside: NDArray[np.intp] = np.flatnonzero(labels == number)
+        deepest = inside[np.abs(albedo.flat[inside]).argmax()]
+        depth = float(albedo.flat[deepest])
+        y, x = divmod(int(deepest), albedo.shape[1])
+        sharp = bool(steepness.flat[inside].max() > SHARP_GRADIENT * abs(depth))
+        marks[sharp].append((depth, x, y))
+    return _strongest(marks[True]), _strongest(marks[False])
+
+
+def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
+    if not marks:
+        return _Mark(0.0, 0, 0, 0)
+    return _Mark(*max(marks, key=lambda mark: abs(mark[0])), len(marks))
+
+
+def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
+    """Height in mm of the strongest dent, and its position in px; 0 if there is none."""
+    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(dent)))
+    by_y, by_x = np.gradient(dent, pixel)
+    y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
+    highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())
+    if abs(highest) < max(MIN_DEVIATIONS * spread, MIN_DENT_MM) or steepest < MIN_DENT_SLOPE:
+        return 0.0, (0, 0)
+    return highest, (int(x), int(y))
+
+
+def _of_leds(strength: F4) -> str:
+    usual = float(np.median(strength))
+    k = int(np.abs(strength / usual - 1).argmax())
+    own = 100 * float(strength[k]) / usual
+    if abs(own - 100) > 100 * MAX_LED_CHANGE:
+        return (
+            f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its "
+            "wire, then recalibrate"
+        )
+    if abs(usual - 1) > MAX_LED_CHANGE:
+        return (
+            f"all LEDs have {100 * usual:.0f} % of their light: check exposure, gain and supply; "
+            "heights stay right as long as nothing is dark or saturated"
+        )
+    low, high = 100 * float(strength.min()), 100 * float(strength.max())
+    return f"right: {low:.1f} to {high:.1f} % of their light"
+
+
+def _is_impossible(strength: F4, ambient: float, deepest: float, width_mm: float) -> bool:
+    """Whether no film, LED or camera of the calibration's changes so.
+
+    No LED gives less than no light, no black level falls by more than it stood at, and no dent is
+    deeper than half the view.
+    """
+    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
+    return is_dark or abs(deepest) > width_mm / 2
+
+
+def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
+    if abs(deepest) > TOUCHED_MM:
+        return (
+            f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
+            f"{1e3 * deepest:.0f} um: take the capture of the untouched film again"
+        )
+    sentences = []
+    if deepest:
+        sentences.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
+    if scratch.number:
+        sentences.append(
+            f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
+            f"at {scratch.x},{scratch.y} px"
+        )
+    if sentences:
+        return (
+            " and ".join(sentences)
+            + ": wipe the film; if it stays, recalibrate with a new flat frame"
+        )
+    return "right: no dents, no scratches"
+
+
+def _of_lens(dirt: _Mark) -> str:
+    if dirt.number:
+        return (
+            f"a blurred spot of {100 * dirt.depth:+.0f} % at {dirt.x},{dirt.y} px: clean the lens, "
+            "or recalibrate with a new flat frame"
+        )
+    return "right: clean"
+
+
+def _of_ambient(ambient: float) -> str:
+    if ambient < -MAX_AMBIENT:
+        return (
+            f"the black level has changed: every image is {-100 * ambient:.1f} % of full scale "
+            "darker, lit or not; check the camera's offset, or take an image with all LEDs off "
+            "and recalibrate with it"
+        )
+    if ambient > MAX_AMBIENT:
+        return (
+            f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
+            "take an image with all LEDs off and recalibrate with it"
+            + ("; or is this another sensor?" if ambient > MAX_BLACK_LEVEL else "")
+        )
+    return "right: none"
+
+
+def _of_camera(shift: F4, moved: float) -> str:
+    if moved > MAX_SHIFT_PX:
+        x, y = shift
+        return f"the image has moved by {x:+.1f},{y:+.1f} px: fix the camera and calibrate again"
+    return f"right: moved by {moved:.1f} px"

@@ -1,0 +1,64 @@
+"""Plot what a new film has changed."""
+
+from typing import Annotated
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
+from tactograph.sdk import F4, ORANGE, Height, Light, Metrics, Port, node, write_picture
+from tactograph.sdk.unstable import BallCircles, BallPress, BesidePicture, SheetLight, cut, in_lines
+
+
+@node
+def plot_recalibration(
+    then: Light,
+    now: Light,
+    albedo: Annotated[F4, Port("H W", "1")],
+    dent: Height,
+    image: SheetLight,
+    circle: BallCircles,
+    of: BallPress,
+    quality: Metrics,
+    advice: str,
+    *,
+    file: BesidePicture,
+) -> None:
+    """Draw both films at rest, the check press, and maps of albedo and dents.
+
+    Parameters
+    ----------
+    then, now : K x H x W, the old and the new film at rest
+    albedo, dent : H x W, and H x W in mm: as `film_change` returns them
+    image, circle, of
+        The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
+        there is no ball.
+    quality, advice : for the title
+    file : the picture goes beside it: ``new.npz`` gives ``new.png``
+    """
+    films = {"old film at rest": then, "new film at rest": now}
+    words = "new against old"
+    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=15)
+    _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
+    light = [v for name, v in quality.items() if name.startswith("light_percent/")]
+    draw_light(lower, np.asarray(light, np.float32), words)
+    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
+
+
+def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
+    axes.imshow(press.mean(axis=0), cmap="gray")
+    for x, y, radius in circles[circles[:, 2] > 0]:
+        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+    is_pressed = (circles[:, 2] > 0).any()
+    axes.set_title("check press" if is_pressed else "no check press")
+
+
+def _title(quality: Metrics) -> str:
+    figures = [
+        f"{name} {value:.4g}"
+        for name, value in quality.items()
+        if not name.startswith("light_percent")
+    ]
+    return in_lines(figures)

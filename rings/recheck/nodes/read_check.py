@@ -1,0 +1,54 @@
+"""Read the presses of a ball that check a film, if there are any."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tactograph.sdk import InputError, Light, node
+from tactograph.sdk.nodes import read_balls
+from tactograph.sdk.unstable import BallPresses, Layout, Millimetres
+
+NO_BALL_MM = 1e3
+"""Radius in mm where no ball was given: so large that it limits nothing."""
+
+
+@node
+def read_check(
+    flat: Light,
+    *,
+    folder: Path | None = None,
+    radius_mm: Millimetres | None = None,
+    center_px: tuple[float, float] | None = None,
+    contact_px: Millimetres | None = None,
+    layout: Layout,
+) -> BallPresses:
+    """Read check presses as `read_balls` does; without a folder, return the film at rest.
+
+    Parameters
+    ----------
+    flat : K x H x W, the film at rest, whose size every press must have
+    folder : a capture, or a folder of captures; None: there is no check press
+    radius_mm, center_px, contact_px : as for `read_balls`
+
+    Raises
+    ------
+    InputError
+        As `read_balls`; if presses and flat frame differ in size.
+    """
+    if folder is None:
+        radius, known = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
+        return BallPresses(flat, flat, radius, known, [])
+    taken = read_balls(
+        folder=folder,
+        radius_mm=radius_mm,
+        center_px=center_px,
+        contact_px=contact_px,
+        **layout._asdict(),
+    )
+    if taken.first.shape != flat.shape:
+        k, rows, columns = taken.first.shape
+        raise InputError(
+            f"{folder}: is {k} lights of {columns} x {rows} pixels, but the calibration is for "
+            f"{flat.shape[0]} lights of {flat.shape[2]} x {flat.shape[1]}"
+        )
+    return taken
