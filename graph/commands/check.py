@@ -37,17 +37,23 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
         raise
 
 
-def _check(read: Graph, own_params: Container[str]) -> None:
+def verified(read: Graph) -> Plan:
+    """Plan a graph for no data in particular; raises GraphError, with all errors of a pass."""
     from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.files.groups import alike, uses_of
     from tactograph.graph.plan.make_plan import make_plan
-    from tactograph.graph.show.sketch import use_of
 
     bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
     device, reason = open_device(bound)
     # `check` does not say where nodes run, so it need not load a device.
     anywhere = replace(read, prefer=("numpy",))
-    plan = make_plan(anywhere, read.placeholders, device=device, no_device=reason)
+    return make_plan(anywhere, read.placeholders, device=device, no_device=reason)
+
+
+def _check(read: Graph, own_params: Container[str]) -> None:
+    from tactograph.graph.files.groups import alike, uses_of
+    from tactograph.graph.show.sketch import use_of
+
+    plan = verified(read)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     say(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
     for line in _written(read, plan):

@@ -16,8 +16,7 @@ from tactograph.graph.files.patch_groups import (
 )
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
-_KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
-    # verb: (required keys, optional keys)
+KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     "set": (set(), {"inputs", "settings"}),
     "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "while_"}),
     "insert": (
@@ -28,7 +27,9 @@ _KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
 }
-_IN_FILE = {"inputs": "in", "settings": "with", "while_": "while"}
+"""The keys that each verb needs, and those that it may have besides."""
+IN_FILE = {"inputs": "in", "settings": "with", "while_": "while"}
+"""What a file calls a key of a change."""
 
 
 def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
@@ -38,10 +39,10 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     node it speaks of is not there.
     """
     place = places[""]
-    verbs = [verb for verb in _KEYS_BY_VERB if verb in change]
+    verbs = [verb for verb in KEYS_BY_VERB if verb in change]
     if len(verbs) != 1:
         raise GraphError(
-            f"{place}: a change has exactly one of {', '.join(_KEYS_BY_VERB)}; "
+            f"{place}: a change has exactly one of {', '.join(KEYS_BY_VERB)}; "
             f"this one has {' and '.join(verbs) or 'none'}"
         )
     verb = verbs[0]
@@ -68,11 +69,11 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
 def _check_keys(verb: str, change: Change, places: Places) -> None:
     place = places[""]
     given = set(change) - {verb}
-    required, optional = _KEYS_BY_VERB[verb]
+    required, optional = KEYS_BY_VERB[verb]
     for key in sorted(required - given):
-        raise GraphError(f"{place}: {verb} needs '{_IN_FILE.get(key, key)}'")
+        raise GraphError(f"{place}: {verb} needs '{IN_FILE.get(key, key)}'")
     for key in sorted(given - required - optional):
-        raise GraphError(f"{place}: {verb} takes no '{_IN_FILE.get(key, key)}'")
+        raise GraphError(f"{place}: {verb} takes no '{IN_FILE.get(key, key)}'")
     if verb == "set" and not given:
         raise GraphError(f"{place}: set needs 'with' or 'in'")
     for port, reference in change.get("inputs", {}).items():
@@ -81,5 +82,5 @@ def _check_keys(verb: str, change: Change, places: Places) -> None:
     if "op" in optional and len(given & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
     for key in sorted(given & {"repeat", "carry", "while_"} if "op" in given else ()):
-        said = _IN_FILE.get(key, key)
+        said = IN_FILE.get(key, key)
         raise GraphError(f"{places.get(said, place)}: only a group has '{said}'")

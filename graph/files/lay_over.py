@@ -195,7 +195,11 @@ def _group_file(name: str, folder: Path) -> Path | None:
 
 
 def _group_of(name: str, file: Path) -> Group:
-    document = read_yaml(file)
+    return group_in(name, read_yaml(file))
+
+
+def group_in(name: str, document: Document) -> Group:
+    """The group of a document that is, or is to be, the content of its file."""
     return _group(name, validate(document, GroupFileModel), document, ())
 
 

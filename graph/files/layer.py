@@ -47,7 +47,11 @@ class Layer:
 
 def read_layer(file: Path) -> Layer:
     """Read a graph file, an overlay or a study."""
-    document = read_yaml(file)
+    return layer_of(read_yaml(file), file)
+
+
+def layer_of(document: Document, file: Path) -> Layer:
+    """The layer of a document that is, or is to be, the content of a file."""
     if isinstance(document.data, dict) and "base" in document.data:
         study = validate(document, StudyModel)
         model = GraphModel.model_construct(extends=[study.base], variants=study.variants)

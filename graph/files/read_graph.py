@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph, split_previous, split_reference
 from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
@@ -17,8 +18,8 @@ from tactograph.graph.files.graph_places import (
     shipped_studies,
     variants_added_to,
 )
-from tactograph.graph.files.lay_over import alone, blamed_on, laid_over
-from tactograph.graph.files.layer import Layer, read_layer
+from tactograph.graph.files.lay_over import alone, blamed_on, group_in, laid_over
+from tactograph.graph.files.layer import Layer, layer_of, read_layer
 from tactograph.graph.files.plain_data import as_document
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
@@ -90,6 +91,23 @@ def read_graphs(name: str) -> list[Graph]:
         return [read_graph(name)]
     base = _graph_of(layer, ())
     return [base, *(_lay(base, variant, ()) for variant in base.variants.values())]
+
+
+def graphs_of(document: Document, file: Path) -> list[Graph]:
+    """The graphs of a document that is to be the content of a file: its graph, then its variants.
+
+    A group, and an overlay, are no graph by themselves.  Raises what `read_graph` does.
+    """
+    if file.name.endswith(".group.yaml"):
+        group_in(file.name, document)
+        return []
+    layer = layer_of(document, file)
+    assert isinstance(layer.model, GraphModel)
+    if not (layer.model.nodes or layer.model.extends):
+        return []
+    graph = _graph_of(layer, ())
+    variants = layer.variants(layer.base or layer.name).values()
+    return [graph, *(_lay(graph, variant, ()) for variant in variants)]
 
 
 def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:

@@ -10,6 +10,7 @@ from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
 from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
+from tactograph.graph.files.apply_patch import IN_FILE, KEYS_BY_VERB
 from tactograph.graph.files.graph_model import GraphModel, GroupFileModel, StudyModel
 from tactograph.graph.files.read_graph import shipped_names
 
@@ -25,12 +26,16 @@ def make_schema() -> dict[str, Any]:
     definitions = schema["$defs"]
     for each in nodes:
         definitions[f"with_{each.name}"] = _settings(each, definitions)
-    entry = definitions["NodeModel"]
-    entry["properties"]["op"]["anyOf"] = [
-        {"enum": [n.name for n in nodes]},
-        {"description": "a node of another package"},
-    ]
-    entry["allOf"] = [_rule(each) for each in nodes]
+    entry, change = definitions["NodeModel"], definitions["PatchModel"]
+    named = {"anyOf": [{"enum": [n.name for n in nodes]}, {"description": "of another package"}]}
+    definitions["op"] = {**entry["properties"]["op"], **named}
+    definitions["by_op"] = {"allOf": [_rule(each) for each in nodes]}
+    change["properties"] = {key: _given(rule) for key, rule in change["properties"].items()}
+    for each in (entry, change):
+        each["properties"]["op"] = {"$ref": "#/$defs/op"}
+        each["allOf"] = [{"$ref": "#/$defs/by_op"}]
+    change["allOf"] += [_verb_rule(verb) for verb in KEYS_BY_VERB]
+    change["anyOf"] = [{"required": [verb]} for verb in KEYS_BY_VERB]
     shipped = f" Shipped: {', '.join(shipped_names())}."
     definitions["GraphModel"]["properties"]["extends"]["description"] += shipped
     a_group, a_graph = _if_it_has("inputs", "GroupFileModel"), {"$ref": "#/$defs/GraphModel"}
@@ -42,6 +47,23 @@ def make_schema() -> dict[str, Any]:
 
 def _if_it_has(key: str, model: str) -> dict[str, Any]:
     return {"if": {"required": [key]}, "then": {"$ref": f"#/$defs/{model}"}}
+
+
+def _given(rule: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a key that may be left out, where it is given."""
+    words = {key: rule[key] for key in rule.keys() & {"description", "anyOf"}}
+    kinds = [kind for kind in words.pop("anyOf") if kind != {"type": "null"}]
+    return words | (kinds[0] if len(kinds) == 1 else {"anyOf": kinds})
+
+
+def _verb_rule(verb: str) -> dict[str, Any]:
+    """The keys that go with a verb of a patch."""
+    needed, optional = KEYS_BY_VERB[verb]
+    keys = sorted(IN_FILE.get(key, key) for key in {verb, *needed, *optional})
+    rule: dict[str, Any] = {"required": sorted(needed), "propertyNames": {"enum": keys}}
+    if {"op", "group"} <= optional:
+        rule["oneOf"] = [{"required": ["op"]}, {"required": ["group"]}]
+    return {"if": {"required": [verb]}, "then": rule}
 
 
 def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
@@ -89,4 +111,5 @@ def _rule(node: Node) -> dict[str, Any]:
             "additionalProperties": {"type": "string"} if node.repeated else False,
         },
     }
-    return {"if": {"properties": {"op": {"const": node.name}}}, "then": {"properties": properties}}
+    this = {"required": ["op"], "properties": {"op": {"const": node.name}}}
+    return {"if": this, "then": {"properties": properties}}

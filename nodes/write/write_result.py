@@ -6,12 +6,17 @@ from typing import Literal
 
 import numpy as np
 
-from tactograph.graph import Provenance, node, warn
+from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.layer_files import layer_files, write_layer
-from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
+from tactograph.nodes.files.result_file import (
+    RELIEF_FIGURE,
+    RESULT_FILE,
+    read_result,
+    write_result_file,
+)
 from tactograph.nodes.files.result_view import view_stated
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
@@ -29,19 +34,18 @@ def write_result(
     *,
     folder: Path,
     grid: Literal["pixel", "metric"] = "pixel",
-    mesh: bool = True,
+    ply: bool = False,
     pictures: bool = True,
     provenance: Provenance,
 ) -> None:
     """Write the result of one touch into `folder`, or its subfolder of the touch's name.
 
-    ``height.npy`` and ``height.tiff`` (float32, mm), ``height.ply`` (a mesh in mm, x right,
-    y up, z to the camera), ``height.png`` for people, ``result.json``.  Of every layer of the
-    touch: ``NAME.npy``, drawn in ``NAME.png``, or ``NAME.png`` (whole numbers; flags as 0 and
-    255).  Numbers look black, so beside them is a picture for people, ``NAME_view.png``.  So
-    ``shadow.png`` has bit k-1 set where LED k does not light the pixel, ``contact.png`` holds the
-    contact's number (0: none), ``error.npy`` mm, ``unresolved.png`` 255 where an edge leaves the
-    height open.
+    ``height.npy`` and ``height.tiff`` (float32, mm), ``height.png`` for people,
+    ``result.json``.  Of every layer of the touch: ``NAME.npy``, drawn in ``NAME.png``, or
+    ``NAME.png`` (whole numbers; flags as 0 and 255).  Numbers look black, so beside them is a
+    picture for people, ``NAME_view.png``.  So ``shadow.png`` has bit k-1 set where LED k does not
+    light the pixel, ``contact.png`` holds the contact's number (0: none), ``error.npy`` mm,
+    ``unresolved.png`` 255 where an edge leaves the height open.
 
     ``result.json`` names these files, and a checksum of each but itself (CRC-32): a kill while
     files are moved leaves one that does not match them, and `read_height` tells.  Files that an
@@ -57,7 +61,10 @@ def write_result(
         error are on a regular grid on the film with the spacing of the pixels, of the image's
         size and about its middle; NaN at the border where no pixel sees the film.  Other layers
         stay those of the pixels.
-    mesh, pictures : whether to write these, too; they take longer than all the rest
+    ply
+        Whether to write ``height.ply``, a mesh in mm (x right, y up, z to the camera), of some ten
+        times the size of ``height.npy``.
+    pictures : whether to write these; they take longer than all the rest
 
     Raises
     ------
@@ -69,6 +76,11 @@ def write_result(
         if layer.kind.warning and (doubt := layer.kind.warning(touch, layer.value)):
             warn(doubt)
     if grid == "metric":
+        if touch.view.camera and (touch.metrics or {}).get(RELIEF_FIGURE):
+            raise InputError(
+                "`grid`=metric: the film is no plane at rest, and seen from near its places are "
+                "not those of a plane; export a mesh with its calibration"
+            )
         touch = _on_even_grid(touch)
     place, (lens, camera) = folder / touch.name if touch.name else folder, touch.view
     with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:
@@ -76,7 +88,7 @@ def write_result(
         write_tiff(target / "height.tiff", touch.height, *pixel_sides(lens, touch.pixel))
         for layer in layers_of(touch):
             write_layer(layer, target)
-        if mesh:
+        if ply:
             write_mesh(target / "height.ply", touch.height, touch.pixel, lens, camera or 0.0)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.

@@ -6,15 +6,46 @@ from tactograph.graph import (
 from tactograph.graph.commands import (
     run_shipped as run_shipped,
 )
+from tactograph.graph.commands.check import (
+    verified as verified,
+)
 from tactograph.graph.cores import (
     cores as cores,
 )
+from tactograph.graph.declare.find_node import (
+    node_names as node_names,
+)
+from tactograph.graph.declare.limits import (
+    choices_of as choices_of,
+)
 from tactograph.graph.disk.strict_yaml import (
+    Document as Document,
     Entries as Entries,
     parse_yaml as parse_yaml,
+    read_yaml as read_yaml,
 )
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
+)
+from tactograph.graph.files.flat_graph import (
+    Graph as Graph,
+    Group as Group,
+)
+from tactograph.graph.files.graph_places import (
+    find_file as find_file,
+    shipped_groups as shipped_groups,
+    shipped_overlays as shipped_overlays,
+)
+from tactograph.graph.files.groups import (
+    group_of as group_of,
+)
+from tactograph.graph.files.plain_data import (
+    as_document as as_document,
+)
+from tactograph.graph.files.read_graph import (
+    graph_file as graph_file,
+    graphs_of as graphs_of,
+    shipped_names as shipped_names,
 )
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
@@ -28,6 +59,7 @@ from tactograph.graph.show.colours import (
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
+    DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
@@ -52,6 +84,9 @@ from tactograph.nodes.calibrate import (
     PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    Balls as Balls,
+)
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
 )
@@ -68,9 +103,6 @@ from tactograph.nodes.calibrate.file.calibration import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     sample_balls as sample_balls,
-)
-from tactograph.nodes.calibrate.film.balls_on_film import (
-    Balls as Balls,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD as AS_TOLD,
@@ -117,6 +149,9 @@ from tactograph.nodes.capture.read_capture import (
 )
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
+)
+from tactograph.nodes.capture.read_grey import (
+    GreyImage as GreyImage,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -238,9 +273,11 @@ from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.lens import (
+    LENS_TERMS as LENS_TERMS,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
     is_straight as is_straight,
+    pixel_sides as pixel_sides,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )

@@ -44,7 +44,7 @@ nodes:
   save:
     op: write_result
     in: {touch: touch, metrics: score}
-    with: {folder: $out, mesh: false, pictures: false}
+    with: {folder: $out, pictures: false}
 outputs: {score: score}
 """
 

@@ -102,6 +102,52 @@ def test_a_small_graph_passes_with_its_params_groups_and_nodes_of_others() -> No
 
 
 def test_every_built_in_node_is_in_the_schema() -> None:
-    entry = make_schema()["$defs"]["NodeModel"]
-    assert entry["properties"]["op"]["anyOf"][0]["enum"] == shipped_nodes()
-    assert len(entry["allOf"]) == len(shipped_nodes())
+    shared = make_schema()["$defs"]
+    assert shared["op"]["anyOf"][0]["enum"] == shipped_nodes()
+    assert len(shared["by_op"]["allOf"]) == len(shipped_nodes())
+
+
+def changed(**change: Any) -> dict[str, Any]:
+    return {"format": 1, "extends": "paper", "patch": [change]}
+
+
+SIZE = {"op": "pixel_size", "with": {"mm": 0.1}}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"set": "take.pixel", "with": {"mm": 0.2}, "in": {"stated": None}},
+        {"set": "rounds", "with": {"anything": 1}},
+        {"insert": "size", **SIZE, "after": "cal.pixel_size"},
+        {"replace": "size", "op": "acme_scale", "with": {"by": 4}},
+        {"insert": "rounds", "group": "round", "repeat": 3, "carry": {"a": "b"}},
+        {"remove": "save"},
+        {"backend": "save", "to": "numpy"},
+    ],
+)
+def test_a_right_change_passes(change: dict[str, Any]) -> None:
+    validator().validate(changed(**change))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param({"insert": "size", **SIZE, "with": {"nm": 1}}, id="a parameter"),
+        pytest.param({"replace": "size", **SIZE, "with": {"mm": 0}}, id="out of range"),
+        pytest.param(
+            {"insert": "a", "op": "write_result", "with": {}}, id="no folder, which is needed"
+        ),
+        pytest.param({"insert": "size", **SIZE, "in": {"hieght": "a"}}, id="an input"),
+        pytest.param({"insert": "size", **SIZE, "in": {"height": None}}, id="an input taken away"),
+        pytest.param({"insert": "size", **SIZE, "group": "round"}, id="op and group"),
+        pytest.param({"insert": "size", "with": {"mm": 1}}, id="neither op nor group"),
+        pytest.param({"set": "size", **SIZE}, id="an op that is set"),
+        pytest.param({"set": "size", "remove": "save"}, id="two verbs"),
+        pytest.param({"op": "pixel_size", "with": {"mm": 0.1}}, id="no verb"),
+        pytest.param({"backend": "save"}, id="no back end"),
+    ],
+)
+def test_a_wrong_change_does_not_pass(change: dict[str, Any]) -> None:
+    with pytest.raises(jsonschema.ValidationError):
+        validator().validate(changed(**change))

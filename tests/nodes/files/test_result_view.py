@@ -30,7 +30,7 @@ def dome() -> F4:
 def write(folder: Path, view: View, grid: str = "pixel") -> Path:
     image = np.ones((4, *SHAPE), np.float32)
     touch = touch_of(height=dome(), image=image, pixel=0.07, view=view)
-    made = {"mesh": True, "pictures": False, "provenance": MADE}
+    made = {"ply": True, "pictures": False, "provenance": MADE}
     write_result(touch, folder=folder, grid=grid, **made)  # type: ignore[arg-type]
     return folder / "height.npy"
 

@@ -105,7 +105,7 @@ def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: s
     height = seen(BENT)
     image = np.ones((4, *SHAPE), np.float32)
     touch = Touch(height, image, PIXEL, view=View(BENT, CAMERA), layers={"error": 0.01 * height})
-    write_result(touch, folder=tmp_path, grid=grid, provenance=MADE)
+    write_result(touch, folder=tmp_path, grid=grid, ply=True, provenance=MADE)
     found = np.load(tmp_path / "height.npy")
     even, (error,) = on_even_grid(height, [0.01 * height], BENT, CAMERA)
     expected = (height, 0.01 * height) if grid == "pixel" else (even, error)

@@ -52,7 +52,7 @@ def result(tmp_path: Path) -> Path:
     level, image = np.zeros((8, 10), np.float32), np.ones((4, 8, 10), np.float32)
     lit = np.zeros((8, 10), np.uint8)
     touch = Touch(level, image, 0.1, metrics={"contacts": 0.0}, layers={"shadow": lit})
-    write_result(touch, folder=tmp_path / "out", mesh=False, pictures=False, provenance=MADE)
+    write_result(touch, folder=tmp_path / "out", pictures=False, provenance=MADE)
     return tmp_path / "out"
 
 

@@ -41,7 +41,7 @@ nodes:
   save:
     op: write_result
     in: {touch: touch}
-    with: {folder: $out, mesh: false}
+    with: {folder: $out}
 outputs: {warmth: height}
 """
 

@@ -51,7 +51,7 @@ def write(
         image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored, **parts
     )
     with collect_warnings([]) as notes:
-        write_result(touch, folder=folder, mesh=False, pictures=False, provenance=MADE)
+        write_result(touch, folder=folder, pictures=False, provenance=MADE)
     return notes
 
 
@@ -86,7 +86,7 @@ def test_confidence_contacts_and_what_is_unresolved_are_written_beside(tmp_path:
     sure, numbers = np.full(SHAPE, 0.75, np.float32), np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], unresolved = 2, np.eye(*SHAPE, dtype=np.uint8)
     touch = flat(confidence=sure, contact=numbers, unresolved=unresolved)
-    write_result(touch, folder=tmp_path, mesh=False, provenance=MADE)
+    write_result(touch, folder=tmp_path, provenance=MADE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
     for name, plane in (("unresolved", 255 * unresolved), ("contact", numbers)):
@@ -99,7 +99,7 @@ def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> N
     numbers[2:4, 3:5], numbers[5:7, 6:9] = 1, 2
     for name, labels in (("free", 0 * numbers), ("touched", numbers)):
         touch = flat(shadow=labels, contact=labels, highlight=labels)
-        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=MADE)
     for what in ("shadow", "highlight", "contact"):
         views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
         free, touched = (colours_of(cv2.imread(str(view))) for view in views)
@@ -110,7 +110,7 @@ def result(folder: Path, pixel: float = 0.1, level: float = 0.0, **more: object)
     """Write the result of a film with a dent in its corner; the files that are there then."""
     height = np.full(SHAPE, level, np.float32)
     height[1, 8] += 1.0
-    settings = {name: more.pop(name, False) for name in ("mesh", "pictures")}
+    settings = {name: more.pop(name, False) for name in ("ply", "pictures")}
     touch = flat(height=height, pixel=pixel, **more)
     write_result(touch, folder=folder, provenance=MADE, **settings)
     return {file.name for file in folder.iterdir()}
@@ -120,7 +120,7 @@ def full() -> dict[str, object]:
     """All that a result may hold."""
     plane, labels = np.ones(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
     maps = {"error": 0.01 * plane, "confidence": plane, "highlight": labels, "contact": labels}
-    return maps | {"mesh": True, "pictures": True}
+    return maps | {"ply": True, "pictures": True}
 
 
 def test_a_result_states_its_pixel_size_and_names_its_files_with_checksums(tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_a_result_that_names_no_files_costs_none(tmp_path: Path, text: str) -> N
 def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> None:
     there = result(tmp_path, **full())
     with pytest.raises(InputError, match="camera"):
-        result(tmp_path, view=View(None, 2.0), mesh=True)
+        result(tmp_path, view=View(None, 2.0), ply=True)
     assert {file.name for file in tmp_path.iterdir()} == there
 
 
@@ -246,7 +246,7 @@ def test_an_equal_height_is_drawn_once_and_another_anew(
     monkeypatch.setattr("tactograph.nodes.drawing.result_pictures.draw_height", draw)
     for name, level, pixel in (("a", 0, 0.1), ("b", 0, 0.1), ("c", 1, 0.1), ("d", 1, 0.2)):
         touch = flat(height=np.full(SHAPE, level, np.float32), pixel=pixel)
-        write_result(touch, folder=tmp_path / name, mesh=False, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=MADE)
     assert drawn == [0, 1, 1]
     pictures = [(tmp_path / name / "height.png").read_bytes() for name in "abcd"]
     assert pictures == [b"\1", b"\1", b"\2", b"\3"]

@@ -4,30 +4,31 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import (
-    CameraSettings,
     Capture,
     Plane,
-    View,
     check_camera,
     open_capture,
 )
+from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
 )
-from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
+from tactograph.rings.live.nodes.simulated.simulated_sensor import SimulatedSensor, read_scene
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
-from tactograph.sdk import Height, InputError, LiveFrames, LiveState
+from tactograph.sdk import Height, LiveFrames, LiveState
 from tactograph.sdk.unstable import (
     ALL_LIT,
     Order,
@@ -53,7 +54,7 @@ class ColourSensor:
     """A camera that sees a film under three colours; `table` is the film of a simulated one."""
 
     camera: Camera
-    table: SimulatedColourSensor | None
+    table: SimulatedSensor | None
 
     def truth(self, end: float) -> Height | None:
         """The true height for a frame whose exposure ended at `end`, if known."""
@@ -70,11 +71,15 @@ def open_colour_sensor(
     *,
     preset: SensorPreset | None = None,
     queue: int = 8,
+    calibration: Path | None = None,
+    order: Order = "bgr",
 ) -> ColourSensor:
     """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
 
     The preset completes the settings, and the size where that is None.  Its view is applied to a
-    real camera's pictures; a simulated camera delivers frames to which it is already applied.
+    real camera's pictures; a simulated camera delivers frames to which it is already applied.  A
+    simulated one sees the film of the `calibration`, whose colours are in an `order`, unless its
+    scene states a rig.
 
     Raises
     ------
@@ -82,19 +87,17 @@ def open_colour_sensor(
         If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
         the preset's frames have another size.
     """
-    table: SimulatedColourSensor | None = None
+    table: SimulatedSensor | None = None
     once = False
     wanted = driver.wanted(*size, colour=True)
     if driver.is_simulated:
-        film: dict[str, float] = {}
-        if preset is not None:  # image and pixel size of a sensor of this kind
-            width, height = preset.size
-            film = {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
-        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, film))
+        text = str(driver.camera)
+        table = calibrated_sensor(text, calibration, order) if calibration else None
+        table = table or SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
         once = check_camera(driver.camera, driver.library)
-        wanted = wanted if preset is None else _with_preset(wanted, preset)
+        wanted = wanted if preset is None else with_preset(wanted, preset)
         connect = partial(open_capture, driver.camera, driver.library, colour=True)
     source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
     try:
@@ -103,34 +106,6 @@ def open_colour_sensor(
         source.close()
         raise
     return ColourSensor(source, table)
-
-
-def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
-    """The settings to request from the driver, and the view of its pictures.
-
-    Raises
-    ------
-    InputError
-        If the requested size differs from the preset's.
-    """
-    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
-    if size != preset.size:
-        raise InputError(
-            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
-            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
-        )
-    asked = preset.camera
-    return replace(
-        wanted,
-        width=asked.width,
-        height=asked.height,
-        rate=asked.rate or wanted.rate,
-        format=asked.format,
-        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
-        gain=asked.gain if wanted.gain is None else wanted.gain,
-        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
-        view=View(preset.turn_deg, preset.crop, size),
-    )
 
 
 @dataclass

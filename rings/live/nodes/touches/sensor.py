@@ -15,12 +15,14 @@ from tempfile import mkdtemp
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Capture, check_camera, open_capture
+from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
     LedController,
     open_controller,
 )
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import LitBetween, SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
@@ -30,6 +32,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
 from tactograph.sdk import Height, InputError
+from tactograph.sdk.unstable import SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
@@ -180,7 +183,9 @@ def open_rig(
     *,
     leds: int,
     ambient: bool = False,
+    preset: SensorPreset | None = None,
     queue: int = 8,
+    calibration: Path | None = None,
 ) -> Rig:
     """Open a camera and start the cycle of its LEDs.
 
@@ -190,12 +195,17 @@ def open_rig(
     size : width and height to request from the camera; None keeps the driver's
     leds : number of LEDs
     ambient : whether the cycle has a step with all LEDs off
+    preset
+        Completes the settings, and the size where that is None.  Its view is applied to a real
+        camera's pictures; a simulated one delivers frames to which it is already applied.
     queue : as for `Camera`
+    calibration : of the film that a simulated camera sees, unless its scene states a rig
 
     Raises
     ------
     InputError
-        If the camera or the controller cannot be opened.
+        If the camera or the controller cannot be opened, or the preset's frames have another
+        size.
     """
     cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
     table: SimulatedSensor | None = None
@@ -204,7 +214,9 @@ def open_rig(
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if driver.is_simulated:
-            table = SimulatedSensor(read_scene(str(driver.camera), Scene))
+            text = str(driver.camera)
+            table = calibrated_sensor(text, calibration) if calibration else None
+            table = table or SimulatedSensor(read_scene(text, Scene, film_of(preset)))
             lit_between = steady(cycle, driver.rate, table.start)
             if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.
@@ -222,6 +234,8 @@ def open_rig(
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
         wanted = driver.wanted(*size)
+        if preset is not None and table is None:
+            wanted = with_preset(wanted, preset)
         source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
         undo.callback(source.close)
         source.check(START_S, driver.camera)

@@ -29,9 +29,10 @@ def write_stitched(
     metrics: Metrics,
     *,
     folder: Path,
+    ply: bool = False,
     provenance: Provenance,
 ) -> None:
-    """Write ``height.npy``, ``error.npy``, a mesh, pictures, and ``result.json`` into `folder`.
+    """Write ``height.npy``, ``error.npy``, pictures, and ``result.json`` into `folder`.
 
     Files are as `write_result` writes them; ``source.png`` holds the number of the touch that
     counts most at each pixel, and ``seams.png`` shows the surface with the seams between touches.
@@ -43,6 +44,7 @@ def write_stitched(
     pixel : mm per px
     metrics : figures to keep in ``result.json``
     folder : created if needed
+    ply : whether to write ``height.ply``, too
 
     Raises
     ------
@@ -57,7 +59,8 @@ def write_stitched(
         np.save(target / "height.npy", height)
         np.save(target / "error.npy", error)
         write_tiff(target / "height.tiff", height, pixel)
-        write_mesh(target / "height.ply", height, pixel)
+        if ply:
+            write_mesh(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
         draw_map(error, ERROR_MAP, pixel, target / "error.png")

@@ -199,7 +199,7 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     for number, name in enumerate(("one", "two")):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         result(tmp_path / "results" / name, **maps)
-    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole"}
+    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
     (found,) = open_pipeline("stitch", given).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
     assert about["metrics"]["stitched_touches"] == 2
@@ -248,7 +248,7 @@ def test_touches_through_a_lens_are_put_on_the_even_grid(
     touch = Touch(height, np.ones((4, *height.shape), np.float32), PIXEL, view=view)
     session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
     for name in "a", "b":
-        folder, made = tmp_path / "results" / name, {"mesh": False, "pictures": False}
+        folder, made = tmp_path / "results" / name, {"pictures": False}
         write_result(touch, folder=folder, provenance=made_by, **made)
         write_mcap(touch, folder=tmp_path / "log", provenance=made_by, session=session, wait=True)
     session.close()

@@ -1,0 +1,1 @@
+"""Graph files in an editor: completion, words on hover, mistakes while typing, by `lsp`."""

@@ -1,0 +1,73 @@
+"""What the word at the cursor means, and where it is defined."""
+
+import inspect
+from pathlib import Path
+from typing import NamedTuple
+
+from tactograph.rings.editor.language.complete import CHANGE_VERBS
+from tactograph.rings.editor.language.cursor import Cursor
+from tactograph.rings.editor.language.declared import of_node
+from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
+from tactograph.sdk import InputError, find_node
+from tactograph.sdk.unstable import find_file, graph_file, shipped_groups, shipped_overlays
+
+
+class Spot(NamedTuple):
+    """A file and a line of it, from 0."""
+
+    file: Path
+    line: int = 0
+
+
+def words_at(cursor: Cursor, file: Path) -> str:
+    """What the word at the cursor means, as Markdown; empty if that is not known."""
+    scope, said = scope_at(cursor, file), str(_value(cursor))
+    if said.startswith("$"):
+        return scope.params.get(said[1:], "")
+    match cursor.inside:
+        case ("op",):
+            return of_node(said).summary
+        case ("with" | "in" as kind, name) if cursor.is_key:
+            takes = taken_by(cursor.at(cursor.entry), scope, cursor, file)
+            return (takes.params if kind == "with" else takes.inputs).get(str(name), "")
+        case (verb,) if verb in CHANGE_VERBS:
+            return scope.declared(said).summary
+    return scope.ports.get(said.removeprefix("previous."), "")
+
+
+def definition_at(cursor: Cursor, file: Path) -> Spot | None:
+    """Where the word at the cursor is defined: a node, a group, a graph, or a node's code."""
+    said = str(_value(cursor))
+    try:
+        if "extends" in cursor.path[-2:]:
+            return Spot(find_file(said, file.parent, shipped_overlays()) or graph_file(said))
+        if cursor.inside == ("op",):
+            function = inspect.unwrap(find_node(said).function)
+            return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
+        if cursor.inside == ("group",) and said not in (cursor.data.get("groups") or {}):
+            found = find_file(f"{said}.group.yaml", file.parent, shipped_groups())
+            return Spot(found) if found else None
+    except InputError:
+        return None
+    return _of_name(said.removeprefix("previous."), scope_at(cursor, file))
+
+
+def _of_name(name: str, scope: Scope) -> Spot | None:
+    """The line of a node, a use, a group or a param in the file that holds it."""
+    graph = scope.graph
+    if graph is None:
+        return None
+    while name:
+        full = graph.in_full(name)
+        entry = graph.nodes.get(full) or graph.uses.get(full)
+        place = entry.places.get("") if entry is not None else None
+        place = place or graph.places.get(f"groups.{name}")
+        place = place or graph.places.get(f"params.{name.removeprefix('$')}")
+        if place is not None and place.line:
+            return Spot(Path(place.file), place.line - 1)
+        name = name.rpartition(".")[0]
+    return None
+
+
+def _value(cursor: Cursor) -> object:
+    return cursor.path[-1] if cursor.is_key else cursor.at(cursor.path)

@@ -1,0 +1,153 @@
+"""The names that a line may use: those of the graph before it, or of the group around it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tactograph.rings.editor.language.cursor import Cursor
+from tactograph.rings.editor.language.declared import (
+    NO_DECLARATION,
+    Declared,
+    of_data,
+    of_group,
+    of_node,
+)
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import (
+    Graph,
+    as_document,
+    find_file,
+    graphs_of,
+    group_of,
+    read_yaml,
+    shipped_groups,
+)
+
+PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
+BASE_OF_OVERLAYS = "reconstruct"
+"""The graph by whose names an overlay is completed: it is written for several."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Nodes and uses by name, with what each makes, and params of the graph with their words."""
+
+    names: Mapping[str, Declared] = field(default_factory=dict)
+    params: Mapping[str, str] = field(default_factory=dict)
+    graph: Graph | None = None
+
+    @property
+    def ports(self) -> dict[str, str]:
+        """Everything that can be read, with its type: NODE of one output, else NODE.PORT."""
+        ports: dict[str, str] = {}
+        for name, declared in self.names.items():
+            if len(declared.outputs) < 2 or self.graph is None:
+                ports[name] = next(iter(declared.outputs.values()), "")
+            if len(declared.outputs) > 1:
+                ports |= {f"{name}.{port}": said for port, said in declared.outputs.items()}
+        return ports
+
+    def declared(self, name: str) -> Declared:
+        """What the node, use or group of a name takes."""
+        graph = self.graph
+        if graph is None:
+            return self.names.get(name, NO_DECLARATION)
+        full = graph.in_full(name)
+        if full in graph.nodes:
+            return of_node(graph.nodes[full].op)
+        if (group := group_of(graph, full)) is not None:
+            return of_group(group)
+        outer, _, inner = name.partition(".")
+        entry = graph.groups[outer].body.nodes.get(inner) if outer in graph.groups else None
+        return of_node(entry.op) if entry is not None else NO_DECLARATION
+
+
+def scope_at(cursor: Cursor, file: Path) -> Scope:
+    """The names at the cursor, as the graph has them before the line takes effect."""
+    body = _body_around(cursor)
+    if body is not None:
+        inputs = dict.fromkeys(body.get("inputs") or {}, NO_DECLARATION)
+        nodes = (body.get("nodes") or {}).items()
+        uses = {name: taken_by(node or {}, Scope(), cursor, file) for name, node in nodes}
+        return Scope(inputs | uses, of_data(body).params)
+    for data in _readable(cursor):
+        try:
+            return of_graph(graphs_of(as_document(data), file)[-1])
+        except (InputError, IndexError):  # no graph is in it
+            continue
+    return Scope()
+
+
+def of_graph(graph: Graph) -> Scope:
+    """The names of a whole graph."""
+    names = {graph.in_short(name): of_node(entry.op) for name, entry in graph.nodes.items()}
+    uses = {name: group_of(graph, name) for name in graph.uses}
+    names |= {graph.in_short(name): of_group(group) for name, group in uses.items() if group}
+    params = {
+        name: f"{each.kind}, {each.state}; {each.help}" for name, each in graph.params.items()
+    }
+    return Scope(names, params, graph)
+
+
+def taken_by(entry: Mapping[str, Any], scope: Scope, cursor: Cursor, file: Path) -> Declared:
+    """What the node or group takes that an entry of `nodes` or `patch` speaks of."""
+    if "op" in entry:
+        return of_node(str(entry["op"]))
+    if "group" in entry:
+        return _group(str(entry["group"]), cursor.data, file)
+    verb = next((verb for verb in PATCH_VERBS if verb in entry), None)
+    return scope.declared(str(entry[verb])) if verb else NO_DECLARATION
+
+
+def _group(name: str, data: Mapping[str, Any], file: Path) -> Declared:
+    """What a group of this file takes, or one of a file of its own."""
+    stated = (data.get("groups") or {}).get(name) or {"extends": f"{name}.group.yaml"}
+    if "extends" not in stated:
+        return of_data(stated)
+    try:
+        place = find_file(stated["extends"], file.parent, shipped_groups())
+        return of_data(read_yaml(place).data) if place else NO_DECLARATION
+    except InputError:
+        return NO_DECLARATION
+
+
+def _body_around(cursor: Cursor) -> dict[str, Any] | None:
+    """The group whose node is at the cursor, if it is one that this file defines."""
+    if "inputs" in cursor.data:
+        return cursor.data
+    if cursor.path[0] == "groups" and len(cursor.path) > 2 and cursor.path[2] != "patch":
+        body: dict[str, Any] = cursor.at(cursor.path[:2])
+        return body
+    return None
+
+
+def _readable(cursor: Cursor) -> Iterator[dict[str, Any]]:
+    """The file before the line at the cursor; if that is wrong elsewhere, what it extends."""
+    before = _before(cursor)
+    base = before.get("base") or before.get("extends") or BASE_OF_OVERLAYS
+    if "base" not in before and "nodes" not in before:
+        before["extends"] = base
+    yield before
+    if "nodes" not in before:
+        yield {"format": 1, "extends": base}
+
+
+def _before(cursor: Cursor) -> dict[str, Any]:
+    """The data without the line at the cursor, and without what takes effect after it."""
+    data = {key: value for key, value in cursor.data.items() if key not in ("outputs", "variants")}
+    first, *rest = cursor.path
+    if first == "variants" and len(rest) > 1:
+        variant = {**cursor.at(cursor.path[:2]), "outputs": {}}
+        if rest[1] == "patch":
+            variant["patch"] = variant["patch"][: _index(rest, 2)]
+        return {**data, "variants": {rest[0]: variant}}
+    if first == "patch":
+        data["patch"] = data["patch"][: _index(rest, 0)]
+    if first == "nodes" and rest:
+        data["nodes"] = {name: node for name, node in data["nodes"].items() if name != rest[0]}
+    return data
+
+
+def _index(path: list[str | int], at: int) -> int:
+    return path[at] if len(path) > at and isinstance(path[at], int) else 0  # type: ignore[return-value]

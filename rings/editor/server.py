@@ -1,0 +1,138 @@
+"""The language server: pygls hands over what an editor asks, `language` answers."""
+
+import asyncio
+from importlib.metadata import version
+from pathlib import Path
+
+from lsprotocol import types
+from pygls.lsp.server import LanguageServer
+from pygls.uris import from_fs_path, to_fs_path
+
+from tactograph.rings.editor.language.complete import offers_at
+from tactograph.rings.editor.language.cursor import Cursor, find_cursor
+from tactograph.rings.editor.language.explain import definition_at, words_at
+from tactograph.rings.editor.language.last_times import times_beside
+from tactograph.rings.editor.language.mistakes import Checked, Mistake, check
+
+PAUSE_S = 0.3
+"""Time without a key before a text is checked."""
+server = LanguageServer("tactograph", version("tactograph"))
+_checked: dict[str, Checked] = {}
+"""What was found by the last check of each open file."""
+
+
+@server.feature(types.TEXT_DOCUMENT_DID_OPEN)
+@server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
+async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
+    """Check a text as soon as nobody types."""
+    uri = params.text_document.uri
+    document = server.workspace.get_text_document(uri)
+    before = document.version
+    await asyncio.sleep(PAUSE_S)
+    if document.version != before:
+        return
+    found = await asyncio.to_thread(check, document.source, _file(uri))
+    known = _checked.get(uri)
+    graph = found.graph or (known and known.graph)
+    _checked[uri] = found._replace(graph=graph)
+    if document.version == before:
+        shown = [_diagnostic(each) for each in found.mistakes]
+        server.text_document_publish_diagnostics(
+            types.PublishDiagnosticsParams(uri, shown, document.version)
+        )
+        can = server.client_capabilities.workspace
+        if can and can.inlay_hint and can.inlay_hint.refresh_support:
+            server.workspace_inlay_hint_refresh(None)
+
+
+@server.feature(
+    types.TEXT_DOCUMENT_COMPLETION,
+    types.CompletionOptions(trigger_characters=[".", "$", "{", " "]),
+)
+def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
+    """The words that fit at the cursor."""
+    cursor = _cursor(params)
+    if cursor is None:
+        return []
+    line, end = params.position.line, params.position.character
+    typed = _range(line, end - len(cursor.word), end)
+    return [
+        types.CompletionItem(
+            word, documentation=about or None, text_edit=types.TextEdit(typed, word)
+        )
+        for word, about in offers_at(cursor, _file(params.text_document.uri)).items()
+    ]
+
+
+@server.feature(types.TEXT_DOCUMENT_HOVER)
+def explain(params: types.HoverParams) -> types.Hover | None:
+    """What the word at the cursor means."""
+    cursor = _cursor(params)
+    words = words_at(cursor, _file(params.text_document.uri)) if cursor else ""
+    return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, words)) if words else None
+
+
+@server.feature(types.TEXT_DOCUMENT_DEFINITION)
+def define(params: types.DefinitionParams) -> types.Location | None:
+    """Where the word at the cursor is defined."""
+    cursor = _cursor(params)
+    spot = definition_at(cursor, _file(params.text_document.uri)) if cursor else None
+    uri = from_fs_path(str(spot.file.resolve())) if spot else None
+    return types.Location(uri, _range(spot.line, 0, 0)) if spot and uri else None
+
+
+@server.feature(types.TEXT_DOCUMENT_CODE_ACTION)
+def mend(params: types.CodeActionParams) -> list[types.CodeAction]:
+    """Put the word that was meant in place of a mistake."""
+    return [
+        types.CodeAction(
+            f"Write '{word}'",
+            types.CodeActionKind.QuickFix,
+            [shown],
+            edit=types.WorkspaceEdit(
+                {params.text_document.uri: [types.TextEdit(shown.range, word)]}
+            ),
+        )
+        for shown in params.context.diagnostics
+        for word in (shown.data or {}).get("meant", ())
+    ]
+
+
+@server.feature(types.TEXT_DOCUMENT_INLAY_HINT)
+def tell_times(params: types.InlayHintParams) -> list[types.InlayHint]:
+    """The milliseconds that each node took in the last run."""
+    uri = params.text_document.uri
+    found, document = _checked.get(uri), server.workspace.get_text_document(uri)
+    if found is None or found.graph is None or found.mistakes:
+        return []
+    folders = [_file(uri).parent, *map(Path, filter(None, [server.workspace.root_path]))]
+    return [
+        types.InlayHint(
+            types.Position(line, len(document.lines[line].rstrip())), said, padding_left=True
+        )
+        for line, said in times_beside(document.source, found.graph, folders)
+        if params.range.start.line <= line <= params.range.end.line
+    ]
+
+
+def _file(uri: str) -> Path:
+    return Path(to_fs_path(uri) or "unnamed.yaml")
+
+
+def _cursor(params: types.TextDocumentPositionParams) -> Cursor | None:
+    document = server.workspace.get_text_document(params.text_document.uri)
+    return find_cursor(document.source, params.position.line, params.position.character)
+
+
+def _range(line: int, start: int, end: int) -> types.Range:
+    return types.Range(types.Position(line, start), types.Position(line, end))
+
+
+def _diagnostic(found: Mistake) -> types.Diagnostic:
+    return types.Diagnostic(
+        _range(found.line, found.start, found.end),
+        found.said,
+        types.DiagnosticSeverity.Error,
+        source="tactograph",
+        data={"meant": found.meant},
+    )
