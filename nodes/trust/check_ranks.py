@@ -261,5 +261,5 @@ def of_all_checks(least: float, ranks: F8) -> float:
     drawn = ranks[-1]
     tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:
-        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES)))
+        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES) - 1))
     return float((drawn <= least).mean())

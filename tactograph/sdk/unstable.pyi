@@ -84,6 +84,9 @@ from tactograph.nodes.calibrate import (
     PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    Balls as Balls,
+)
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
 )
@@ -100,9 +103,6 @@ from tactograph.nodes.calibrate.file.calibration import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     sample_balls as sample_balls,
-)
-from tactograph.nodes.calibrate.film.balls_on_film import (
-    Balls as Balls,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD as AS_TOLD,

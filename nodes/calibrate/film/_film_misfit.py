@@ -8,8 +8,8 @@ from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.special import ndtri, stdtrit
 
 from tactograph.nodes import F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
 

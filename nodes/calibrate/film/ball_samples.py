@@ -4,6 +4,7 @@ Long because a sample holds the light that its film throws on itself, on a film 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -19,8 +20,8 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
     ball_height,
     sunk,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -201,12 +202,7 @@ def sample_balls(
         np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    centre, beneath = (circle[:, :2].astype(np.float64) - middle) * pixel, None
-    if shape is not None and resting is not None:
-        _, *under, base = shape.at(*centre.T)
-        centre, place = np.stack(under, axis=1), shape.at(u, v)
-        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
-        beneath = Beneath(*place, resting.bounced[:, row, column].astype(np.float64), base)
+    centre = (circle[:, :2].astype(np.float64) - middle) * pixel
     every = Balls(
         u=u.astype(np.float64),
         v=v.astype(np.float64),
@@ -219,9 +215,22 @@ def sample_balls(
         by_lift=by_lift,
         by_rim=by_rim,
         sector=sector,
-        beneath=beneath,
     )
+    if shape is not None and resting is not None:
+        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
+        glow = resting.bounced[:, row, column].astype(np.float64)
+        every = laid_on(every, circle, shape, glow)
     return every if most is None else thinned(every, most)
+
+
+def laid_on(balls: Balls, circle: F4, shape: RestShape, glow: F8 | None = None) -> Balls:
+    """Return balls on a film that is no plane at rest; `glow` is what it throws on itself there."""
+    _, *under, base = shape.at(*_seen_at(circle, shape.height.shape, shape.pixel))
+    if glow is None and balls.beneath is not None:
+        glow = balls.beneath.bounced
+    assert glow is not None  # known since the balls were laid first
+    beneath = Beneath(*shape.at(balls.u, balls.v), glow, base)
+    return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
 
 
 def lights_itself(film: Film) -> bool:

@@ -26,10 +26,10 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST, rest_left
 from tactograph.nodes.calibrate.film._film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
@@ -130,7 +130,9 @@ def judge_radius(
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
-    others : doubts of images and flat frame; named in place of the radius, which they spoil
+    others
+        Doubts of images, flat frame and the film's shape; named in place of the radius, which they
+        spoil.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.

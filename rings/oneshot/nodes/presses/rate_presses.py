@@ -57,6 +57,7 @@ def rate_presses(
     pixel: PixelSize,
     of_radius: Judged | None = None,
     of_pixels: list[str] | None = None,
+    of_punches: Judged | None = None,
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
@@ -74,6 +75,7 @@ def rate_presses(
     kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
+    of_punches : what `judge_punches` returns
     of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
@@ -112,16 +114,16 @@ def rate_presses(
         "steepest_slope": steepest,
         "rim_um": 1e3 * rim,
     }
-    of_radius = of_radius or Judged({}, [])
+    of_radius, of_punches = of_radius or Judged({}, []), of_punches or Judged({}, [])
     doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + of_radius.doubts
+    doubts += of_punches.doubts
     for doubt in doubts:
         warn(doubt)
     counting = "heldout_normal_deg", float(degrees)
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
-    return PressRating(
-        quality | of_radius.quality, advice, doubts, verdict, errors[:, 0].astype(np.float32)
-    )
+    quality |= of_radius.quality | of_punches.quality
+    return PressRating(quality, advice, doubts, verdict, errors[:, 0].astype(np.float32))
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:
