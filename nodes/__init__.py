@@ -39,6 +39,8 @@ CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
 """Height of such cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of the height"]
+DEVIATIONS_PER_MAD = 1.4826
+"""Standard deviation of a normal variable over its median magnitude."""
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
 UM_PER_MM = 1e3
@@ -55,6 +57,7 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2), "Side of a pixel on the film"]
 Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that the film reflects"]
+Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has moved, else 0"]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
@@ -86,6 +89,11 @@ Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
 - light: standard deviation of an LED's light, relative to a matt film at rest.
 - bounce: relative error of the light reflected from film to film.
 - tilt: error of the slant common to all normals of an object, in radians."""
+FULL_MISFIT_SLOPE = np.float32(0.1)
+"""Slope from which on the model's error is that of the presses."""
+LEVEL_MISFIT_SHARE = np.float32(0.3)
+"""Share of that error on level film around a touch.  There the flat frame cancels it, except for
+the light that the touch throws on the film."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]

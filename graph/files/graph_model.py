@@ -1,4 +1,7 @@
-"""Pydantic models of graph files: they check what is read, and give the JSON schema."""
+"""Pydantic models of graph files: they check what is read, and give the JSON schema.
+
+Long because all that a graph file may say is declared here, with its help for editors.
+"""
 
 from __future__ import annotations
 
@@ -70,14 +73,15 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
-Names = Annotated[
-    list[str],
+_ONE_OR_MORE = (
     Field(min_length=1),
     BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
-]
+)
+Names = Annotated[list[str], *_ONE_OR_MORE]
 """One name, or a list of them."""
-
+References = Annotated[list[Reference], *_ONE_OR_MORE]
+"""What one change says of one node, or of several."""
 
 MAX_TURNS = 100
 """Far more turns than a group converges in."""
@@ -259,19 +263,20 @@ AnyGroup = Annotated[
 class PatchModel(_Strict):
     """One change to the graph that is extended; exactly one verb.
 
-    A name is a node, `use.node`, or `group.node`: that node in every use of the group.
+    A name is a node, `use.node`, or `group.node`: that node in every use of the group.  A list of
+    them is the same change to each, but for `replace` and `insert`.
     """
 
-    set: Reference | None = Field(
+    set: References | None = Field(
         None,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
     replace: Reference | None = Field(None, description="Put another node in this one's place.")
     insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
-    remove: Reference | None = Field(None, description="Remove this node.")
-    backend: Reference | None = Field(None, description="Run this node on the back end `to`.")
-    neutral: Reference | None = Field(None, description="Let this node's neutral value stand in.")
+    remove: References | None = Field(None, description="Remove this node.")
+    backend: References | None = Field(None, description="Run this node on the back end `to`.")
+    neutral: References | None = Field(None, description="Let this node's neutral value stand in.")
     op: Name | None = None
     group: Name | None = Field(None, description="In place of `op`: use this group.")
     inputs: dict[Name, Reference | None] | None = Field(None, alias="in")

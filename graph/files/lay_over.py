@@ -90,7 +90,8 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
     changed = _flat_outputs(changed)
     for index, change in enumerate(model.patch or []):
-        changed = apply_patch(changed, _stated(change), _places(document, ("patch", index)))
+        for each in _stated(change):
+            changed = apply_patch(changed, each, _places(document, ("patch", index)))
     return _without_unread(with_implied_params(_flat_outputs(changed)), model.params)
 
 
@@ -101,9 +102,14 @@ def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
     return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
 
 
-def _stated(change: PatchModel) -> Change:
-    stated = {name: getattr(change, name) for name in change.model_fields_set}
-    return {name: value for name, value in stated.items() if value is not None}
+def _stated(change: PatchModel) -> list[Change]:
+    """What a change says, of one node at a time."""
+    named = {name: getattr(change, name) for name in change.model_fields_set}
+    stated = {name: value for name, value in named.items() if value is not None}
+    listed = [verb for verb in VERB_FUNCTIONS if isinstance(stated.get(verb), list)]
+    if not listed:
+        return [stated]
+    return [{**stated, listed[0]: target} for target in stated[listed[0]]]
 
 
 def _flat_outputs(graph: Graph) -> Graph:
@@ -147,7 +153,8 @@ def _groups(layer: Layer) -> dict[str, Group]:
         groups[name] = replace(group, body=body)
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
-            groups = _with_change(groups, name, _stated(change), places)
+            for each in _stated(change):
+                groups = _with_change(groups, name, each, places)
     return groups
 
 

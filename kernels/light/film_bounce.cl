@@ -9,7 +9,84 @@
 #include "coated_bounce.clh"
 #include "sweep.clh"
 
-// The light of cells interpolated at pixels, and relaxed from the previous result by `share`.
+// Cells at the edge of the rim that only lanes without a share of light read.
+#define MARGIN_CELLS 14
+
+// The cells of the frame and of the rim around it: `height` is the one that a pinhole at
+// 1 / `pupil` sees, `slope` is the film's.  Under a coat also what they send (`sources`).
+LANED __kernel void lay_out(
+    __global const float *restrict light,
+    __global const float *restrict height,
+    __global const float *slope,
+    __global const float *restrict lights,
+    const float pixel,
+    __global float *restrict table,
+    const int H, const int W,
+    const int factor,
+    const int h, const int w, const int rim,
+    const float pupil,
+    __global float *sources,
+    __global const float *restrict diffuse, __global const float *let_in_curve,
+    const float base, const float roughness, const float refraction, const float camera)
+{
+    const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
+    GRID_PARTS_OF_ROWS(row, column, count, h + 2 * rim, columns)
+    const Side down = side(row, H, h, rim, factor, pixel);
+    const floats j = (float)column + LANE_NUMBERS, none = 0.0f;
+    const floats u = middles(j, W, rim, factor, pixel);
+    const floats v = middles((float)row + none, H, rim, factor, pixel);
+    float heights[LANES], rises[LANES], falls[LANES], lit[LANES];
+    means_of(height, column, down, W, w, rim, factor, 0.0f, heights);
+    for (int l = 0; l < LANES; ++l) {
+        const Side across = side(column + l, W, w, rim, factor, pixel);
+        const int inside = across.pixels > 0 && down.pixels > 0;
+        rises[l] = inside ? mean_slope(height, across, down, W, 1, W) / pixel : 0.0f;
+        falls[l] = inside ? mean_slope(height, down, across, H, W, 1) / pixel : 0.0f;
+        heights[l] += across.aside * rises[l] + down.aside * falls[l];
+    }
+    const floats seen = LOAD_LANES(heights);
+    floats p = LOAD_LANES(rises), q = LOAD_LANES(falls);
+    if (slope) {
+        means_of(slope, column, down, W, w, rim, factor, 0.0f, rises);
+        means_of(slope + H * W, column, down, W, w, rim, factor, 0.0f, falls);
+        p = LOAD_LANES(rises);
+        q = LOAD_LANES(falls);
+    } else {
+        const floats least = MIN_VIEW_SHARE, steep = 1.0f + pupil * (seen - (p * u + q * v));
+        const floats scale = MORE_OF(steep, least);
+        p /= scale;
+        q /= scale;
+    }
+    const floats nearer = 1.0f / (1.0f + pupil * seen), upright = 1.0f / sqrt(1.0f + p * p + q * q);
+    __global float *cell = table + row * columns + column;
+    store_floats(u * nearer, cell + CELL_X * N, count);
+    store_floats(v * nearer, cell + (CELL_X + 1) * N, count);
+    store_floats(seen * nearer, cell + (CELL_X + 2) * N, count);
+    store_floats(-p * upright, cell + CELL_NORMAL * N, count);
+    store_floats(-q * upright, cell + (CELL_NORMAL + 1) * N, count);
+    store_floats(upright, cell + (CELL_NORMAL + 2) * N, count);
+    store_floats(seen, cell + CELL_SEEN * N, count);
+    for (int k = 0; k < LEDS; ++k) {
+        __global const float *led = lights + 3 * k;
+        const floats dx = led[0] - u, dy = led[1] - v;
+        const floats share = led[2] * led[2] / (dx * dx + dy * dy + led[2] * led[2]);
+        const floats rest = share * sqrt(share);
+        means_of(light + k * H * W, column, down, W, w, rim, factor, 1.0f, lit);
+        store_floats(rest * LOAD_LANES(lit), cell + (CELL_LIGHT + k) * N, count);
+        store_floats(rest, cell + (CELL_REST + k) * N, count);
+    }
+    if (!COATED) return;
+    // No step ends beyond these cells, but a sweep may read them.
+    const int sends = row >= MARGIN_CELLS && row < h + 2 * rim - MARGIN_CELLS &&
+                      column + LANES > MARGIN_CELLS && column < columns - MARGIN_CELLS;
+    __global float *sent = sources + row * columns + column;
+    const Film film = COATED_FILM;
+    if (sends) emit(&film, cell, sent, N, count);
+    else for (int k = 0; k < SOURCE_ROWS; ++k) store_floats(none, sent + k * N, count);
+}
+
+// The light of cells interpolated at pixels, and relaxed from the previous result by `share`; without
+// cells, that result.
 LANED __kernel void interpolate(
     __global const float *restrict bounced,
     __global const float *restrict before,
@@ -21,7 +98,8 @@ LANED __kernel void interpolate(
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    floats found = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
+    floats found = 0.0f;
+    if (bounced) found = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
     if (before) {
         const floats earlier = load_floats(before + i, count);
         found = earlier + share * (found - earlier);

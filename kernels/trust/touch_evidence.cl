@@ -8,7 +8,6 @@
 #define MIN_CELLS 20
 #define MIN_LEDS 3
 #define MIN_SLOPE 0.1f
-#define MIN_SHADOWS 50
 #define MIN_TOUCHED_CHANGE 0.12f
 #define MAX_SQUARED_BEND (0.08f * 0.08f)
 #define MIN_SQUARED_BEND (0.2f * 0.2f)
@@ -371,8 +370,8 @@ LANED __kernel ONE_GROUP void weigh(
     } else if (!of_light || seen[0] >= 0.0f) {
         __global const float *row = of_light ? values + rows[which] * N : curl;
         const float lowest = of_light ? UNTOLD : NOT_TESTED;
-        const int fewest = which == 3 ? MIN_SHADOWS : MIN_CELLS, size = of_light ? N : h * w;
-        found = group_quarter(row, lowest, size, quarters[which], fewest, parts);
+        const int size = of_light ? N : h * w;
+        found = group_quarter(row, lowest, size, quarters[which], MIN_CELLS, parts);
         if (which != 3 && which != 4) found = sqrt(found);
     } else if (which == 0) {
         if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[7] = 0.0f;

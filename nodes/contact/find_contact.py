@@ -9,7 +9,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node, warn
-from tactograph.nodes import Contacts, Height, HeightError
+from tactograph.nodes import DEVIATIONS_PER_MAD, Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
 """Fewest evenly spread pixels from which the noise is estimated: errors of neighbours correlate."""
@@ -17,8 +17,6 @@ MAX_CONTACTS = 254
 """Largest number of a contact: numbers have 8 bits."""
 NO_CONTACT = np.uint8(MAX_CONTACTS + 1)
 """Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
-MEDIAN_TO_DEVIATION = 1.4826
-"""Median magnitude to standard deviation, for a normal distribution."""
 
 
 @node(tolerance=Flips(1e-3, why="thresholds on a rounded height"))
@@ -39,9 +37,9 @@ def find_contact(
     noise neither starts a contact nor frays its edge (Canny 1986).
 
     Without a stated error the film at rest gives it: heights below rest are noise alone, and
-    noise is as often below as above.  Their median magnitude, times 1.4826, is the error of all
-    pixels, however much of the frame is touched.  A film that bulges downwards around a
-    contact makes that error larger, and the contact found smaller.
+    noise is as often below as above.  Their median magnitude, over that of a normal variable, is
+    the error of all pixels, however much of the frame is touched.  A film that bulges downwards
+    around a contact makes that error larger, and the contact found smaller.
 
     Parameters
     ----------
@@ -127,4 +125,4 @@ def _rest_noise(height: Height) -> float:
     # The median of the heights below zero, by a partition of all: faster than selecting first,
     # and four times as fast as around the two in the middle of an even number.
     middle = below // 2
-    return MEDIAN_TO_DEVIATION * -float(np.partition(seen, middle)[middle])
+    return DEVIATIONS_PER_MAD * -float(np.partition(seen, middle)[middle])

@@ -13,10 +13,8 @@ from tactograph.nodes import F4
 
 ERROR_COUNT = 8
 """Number of random errors, each with other LED positions.  The kernel's ERROR_COUNT."""
-BOUNCE_SIGNS, SETTLING_SIGNS = (1, -1, -1, 1, -1, 1, 1, -1), (1, 1, -1, -1, -1, -1, 1, 1)
-LEAN_SIGNS = 1, -1, 1, -1, 1, -1, 1, -1
-RISE_SIGNS = 1, 1, 1, 1, -1, -1, -1, -1
-"""Signs of the errors that every random error holds in full, so that they hardly interfere."""
+BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, RISE_SIGNS = hadamard(ERROR_COUNT)[[7, 6, 1, 4]].tolist()
+"""Signs of the errors that every random error holds in full, so that they do not interfere."""
 LED_SIGNS = np.roll(hadamard(ERROR_COUNT), -2, axis=1).astype(np.float32)
 """Signs of an error that every LED has alone, by error and LED."""
 WAVE_LENGTHS = 4.0, 12.0

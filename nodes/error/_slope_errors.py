@@ -11,7 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, U1, Film, LightPositions, Misfit
+from tactograph.nodes import (
+    F4,
+    FULL_MISFIT_SLOPE,
+    LEVEL_MISFIT_SHARE,
+    U1,
+    Film,
+    LightPositions,
+    Misfit,
+)
 from tactograph.nodes.error._random_errors import (
     BOUNCE_SIGNS,
     ERROR_COUNT,
@@ -35,11 +43,6 @@ MIN_DETERMINANT_SHARE = np.float32(1e-4)
 MIN_VARIANCE = np.float32(1e-10)
 MIN_NOISE = np.float32(1e-12)
 MAX_SLOPE = np.float32(3)
-FULL_MISFIT_SLOPE = np.float32(0.1)
-"""Slope from which on the model's error is that of the presses."""
-LEVEL_MISFIT_SHARE = np.float32(0.3)
-"""Share of that error on level film around a touch.  There the flat frame cancels it, except for
-the light that the touch throws on the film."""
 LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.3)
 """Share by which the light that a touch throws on level film is wrong, LED by LED, without and
 with a coat, whose mirror images are narrow.  No press is fitted there: around ray-traced touches

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.graph import node, warn
-from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, Slope
+from tactograph.nodes import UM_PER_MM, Height, HeightError, PixelSize, ScaleError, Slope
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.height.level_plane import level_plane
 from tactograph.nodes.height.scale_height import Scale
@@ -22,6 +22,7 @@ def doubt_brightness(
     known: Slope,
     free: Slope,
     pixel: PixelSize,
+    scale_error: ScaleError | None = None,
     *,
     level: str = "plane",
     scale: Scale | None = None,
@@ -31,13 +32,15 @@ def doubt_brightness(
     Touched film is brighter, by some per cent, than film at rest.  Where none is at rest, what it
     is brighter than is not seen.  Slopes of a film whose brightness is known and of one whose
     brightness is any are the two ends of what the light may mean.  A step of known depth settles
-    it, up to the uncertainty of the scale that it gives.
+    it, and the scale that the calibration left open, up to the uncertainty of the scale that it
+    gives.
 
     Parameters
     ----------
     error, height : H x W in mm; the height above the plane, scaled
     known, free : 2 x H x W, slopes found with the brightness held, and left free
     pixel : mm per px
+    scale_error : relative error of all heights, as `judge_radius` gives it
     level : as for `level_plane`
     scale : as for `scale_height`
 
@@ -50,7 +53,7 @@ def doubt_brightness(
         return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
     change = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(change, pixel), level=level) / 2
-    combined = np.hypot(error, share)
+    combined = np.hypot(np.hypot(error, share), height * (scale_error or 0.0))
     of_brightness, of_all = (
         UM_PER_MM * float(np.sqrt(np.nanmean(np.square(each, dtype=float))))
         for each in (share, combined)

@@ -30,6 +30,7 @@ from tactograph.nodes import (
     Light,
     Misfit,
     NoiseCorrelation,
+    ScaleError,
     Slope,
 )
 from tactograph.nodes.error._random_errors import (
@@ -88,7 +89,7 @@ KINK_ENERGY_SHARE = 0.1
 
 @node(
     tolerance=Flips(
-        2e-4,
+        1e-3,
         1e-6,
         2e-3,
         why="conjugate gradients add up in another order; two LEDs nearly in line",
@@ -107,12 +108,13 @@ def height_error(
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
+    scale_error: ScaleError | None = None,
     blur: Blur | None = None,
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
     kink: Annotated[float, Ge(0)] = 0.2,
-    steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
+    steps: Annotated[int, Interval(ge=2, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
     """Return the standard deviation of the height, by sending errors through the solver.
@@ -144,12 +146,13 @@ def height_error(
       in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
       the height by half its variance times the height's Laplacian;
     - an error that all steep steps share: where the slope changes within a pixel, the slopes
-      understate the rise.  It grows with the cube of the change of slope, up to a half.
+      understate the rise.  It grows with the cube of the change of slope, up to a half;
+    - the share of the height itself by which the calibration's scale may be wrong.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
-    add up exactly.  The last error is integrated alone, with its own sign.  On the film at rest
-    the error is zero, because the height is held at zero; `doubt_rest` says how far that may be
-    off.
+    add up exactly.  The steps' common error is integrated alone, with its own sign.  On the film at
+    rest the error is zero, because the height is held at zero; `doubt_rest` says how far that may
+    be off.
 
     Parameters
     ----------
@@ -170,6 +173,8 @@ def height_error(
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
         noise is independent.
+    scale_error
+        Relative error of all heights, as `judge_radius` gives it; without it the scale is exact.
     blur
         Of the camera; without it the camera is sharp.
     flat_noise
@@ -209,8 +214,9 @@ def height_error(
     total = _variance(springs, random_load, common, steps)
     deviation = _smooth_deviation(total, seen.free.astype(np.float32))
     spread = system.window.of(blurred(height, pixel, blur or 0.0))
+    scaled = np.float32(scale_error or 0.0) * system.window.of(height)
     out = np.zeros_like(height)
-    out[system.window] = np.hypot(deviation, spread) * seen.free
+    out[system.window] = np.hypot(np.hypot(deviation, spread), scaled) * seen.free
     return out
 
 
@@ -415,12 +421,14 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
         run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
-    out, blur = run.outputs["height_error"], run.inputs.get("blur") or 0.0
+    out, inputs = run.outputs["height_error"], run.inputs
+    blur = inputs.get("blur") or 0.0
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel(
-        "deviation", by_rows, total, weight, free, run.inputs["height"], out,
+        "deviation", by_rows, total, weight, free, inputs["height"], out,
         *frame, *networks.place, networks.pixel,
         float(edge_deviation_px(blur)), float(flattening_px2(blur)),
+        float(inputs.get("scale_error") or 0.0),
     )  # fmt: skip
 
 
@@ -436,6 +444,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
     slope = (rising * rng.uniform(-3, 3, (2, *shape))).astype(np.float32)
     return {
+        "scale_error": float(rng.uniform(0, 0.3)),
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
         "slope": slope,

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.rings import rings
+from tactograph.nodes.files.image_files import MAX_LEDS
 
 MAX_SETTING = 1e9
 """Largest size of a number for the driver, in the driver's unit."""
@@ -36,7 +37,10 @@ class DriverSettings(_Part):
 
 
 class SensorPreset(_Part):
-    """A kind of sensor; ``sensors/gelsight_mini.yaml`` explains every value."""
+    """A kind of sensor; ``sensors/gelsight_mini.yaml`` explains every value.
+
+    `leds` is the number of LEDs that flash in turn; None: three colours are lit at once.
+    """
 
     format: Literal[1]
     title: str = ""
@@ -45,6 +49,7 @@ class SensorPreset(_Part):
     crop: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)
     size: tuple[Side, Side]
     lights: Literal["bgr", "rgb"] = "bgr"
+    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None
     pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
     warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 

@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, CoarseLight, Grain, Height
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 
 WINDOW_CELLS = 5
@@ -110,7 +110,7 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
         held = 1e-9 * np.trace(square) * np.eye(used)
         coefficients = np.linalg.solve(square + held, sure.T @ z)
         left = z - basis @ coefficients
-        spread = 1.4826 * np.median(np.abs(left)) + 1e-9
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / spread) ** 2)
     none[:used] = coefficients
     return none

@@ -1,6 +1,6 @@
 """The light that the film throws on itself: interreflection of a film that is no longer flat.
 
-Long because cells of two sizes throw it, each laid out, lit and swept by a kernel of its own.
+Long because cells of two sizes throw it, each laid out and swept by a kernel of its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, InputError, node
-from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
+from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope, Still
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.coated_bounce import coated, source_rows
@@ -49,6 +49,8 @@ def film_bounce(
     pixel: PixelSize,
     before: Light | None = None,
     slope: Slope | None = None,
+    kept: Light | None = None,
+    still: Still | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
     azimuths: Annotated[int, Interval(ge=2, le=64)] = COATED_AZIMUTHS,
@@ -81,6 +83,9 @@ def film_bounce(
     slope
         2 x H x W, the film's slope.  Without it the differences of `height` are used, which
         are less accurate on large pixels.
+    kept, still
+        K x H x W, this node's own result at the item before (``previous.NODE``), and 1 where that
+        still holds, as nothing has moved (`light_stays`).
     cells
         Largest number of cells.  They are squares of whole pixels, and the result is
         interpolated between them.  A quarter of the number makes them twice as wide.
@@ -104,6 +109,8 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return None
+    if still and kept is not None:
+        return kept
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
@@ -139,14 +146,19 @@ def _throws_nothing(film_albedo: float) -> bool:
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
-    pixel, albedo = inputs["pixel"], inputs["film.albedo"]
+    pixel, albedo, kept = inputs["pixel"], inputs["film.albedo"], inputs.get("kept")
     _check(albedo)
+    work = run.in_row_lanes(count, *size)
+    if inputs.get("still") and kept is not None:
+        run.kernel(
+            "interpolate", work, None, kept, out, *size, 1, *size, 0.0, constants=_constants(run)
+        )
+        return
     film = inputs["film.rim"], inputs["film.refraction"]
     grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
     larger = _launch_on_cells(run, larger_cells(grid))
     bounced = _launch_on_cells(run, grid, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
-    work = run.in_row_lanes(count, *size)
     run.kernel("interpolate", work, *arguments, settings["share"], constants=_constants(run))
 
 
@@ -160,21 +172,17 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     every, lights = math.prod(grid.whole), inputs["film.lights"]
     camera = 0.0 if run.settings["from_above"] else inputs["film.camera"]
+    rough = inputs["film.roughness"], inputs["film.refraction"]
+    of_coat = inputs["film.diffuse"], upload_curve(run, *rough), inputs["film.base"], *rough
     table = run.scratch((7 + 2 * count, every))
+    sources = run.scratch((source_rows(count), every)) if constants["COATED"] else None
     run.kernel(
         "lay_out", run.in_row_lanes(*grid.whole),
         inputs["light"], inputs["height"], inputs.get("slope"), lights, inputs["pixel"], table,
         *size, grid.factor, grid.rows, grid.columns, grid.rim, camera,
+        sources, *of_coat, inputs["film.camera"],
         constants=constants,
     )  # fmt: skip
-    rough = inputs["film.roughness"], inputs["film.refraction"]
-    curve = upload_curve(run, *rough)
-    coat = lights, inputs["film.diffuse"], curve, inputs["film.base"], *rough, inputs["film.camera"]
-    sources = None
-    if constants["COATED"]:
-        sources = run.scratch((source_rows(count), every))
-        work = run.in_lanes(every)
-        run.kernel("coat", work, table, sources, *coat, every, constants=constants)
     bounced = run.scratch((count, grid.rows, grid.columns))
     ways = run.keep(
         ("azimuths", grid.azimuths), lambda: run.upload(azimuth_directions(grid.azimuths))
@@ -182,7 +190,7 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
     run.kernel(
         "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),
-        table, sources, bounced, *coat,
+        table, sources, bounced, lights, *of_coat, inputs["film.camera"],
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
         camera, ways, grid.azimuths, inputs["film.albedo"], larger,
         local=shared, constants=constants,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Close, SizeLimit, node, warn
 from tactograph.nodes import (
     F4,
+    FULL_MISFIT_SLOPE,
     Height,
     Labels,
     Light,
@@ -35,8 +36,6 @@ from tactograph.nodes.optics.near_light import (
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import Launch
 
-MIN_TESTED_SLOPE = np.float32(0.1)
-"""Only pixels steeper than this test the model."""
 MIN_LAG_PX = 2
 """The noise of pixels this far apart is independent."""
 BLOCK_PX = 16
@@ -145,7 +144,7 @@ def _left(
     """Per block, the sum of products of neighbouring residuals, and the number of pairs."""
     p, q = slope
     counts = (used == (1 << len(lights)) - 1) & (
-        p * p + q * q > MIN_TESTED_SLOPE * MIN_TESTED_SLOPE
+        p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
     )
     rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
     counts, slopes = counts[rows, columns], slope[:, rows, columns]

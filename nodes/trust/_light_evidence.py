@@ -12,19 +12,17 @@ from tactograph.nodes.trust.light_departure import Brighter, Departure, light_er
 
 MIN_SLOPE = np.float32(0.1)
 """Film less steep than this is taken to be at rest."""
-MIN_SHADOWS = 50
-"""Fewer cells in shadow tell nothing of it."""
 MIN_TOUCHED_CHANGE = np.float32(0.12)
 """Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
 MAX_SQUARED_BEND = np.float32(0.08**2)
 """`squared_bend` beyond which a cell of narrow film may hold an edge, and its brightness is not
 compared."""
 RIM_SHARE = 0.1
-"""Share of the touched film in shadow from which on it has rims: walls that shade film are
-doubted, not left out, since beside them the height is wrong."""
+"""Shadowed fraction of the touched film that indicates rims: walls that shade film are doubted,
+not left out, since beside them the height is wrong."""
 INNER_CELLS, MAX_INNER_SHARE = 5, 0.02
-"""Width of film that is not narrow, and the share of such film up to which all is narrow, as the
-walls of grooves and letters are..."""
+"""Minimum width of a resolved feature in cells, and the share of such film up to which all is
+narrow, as the walls of grooves and letters are..."""
 MIN_SQUARED_BEND, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
 """... if this share of it bends by more than this (`squared_bend`)."""
 MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
@@ -85,7 +83,7 @@ def light_evidence(
         of_touch = of_touch / (1 + np.square(wider[tested & steep]))
     dim = dirty = middle = 0.0
     if matt is not None and shadow is not None:
-        dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1, MIN_SHADOWS)
+        dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1)
     if brighter is not None:
         excess = thinned(brighter)
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS

@@ -5,11 +5,10 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, CoarseLight
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight
 from tactograph.nodes.trust._check import thinned
+from tactograph.nodes.trust._rest_evidence import DARK_LIGHT
 
-DARK_LIGHT = np.float32(0.05)
-"""Light that counts as none."""
 MIN_EXPLAINED = 0.7
 """Share of the light's changes beside each LED's own that added light has to explain."""
 ADDED_ROUNDS, ADDED_NOISE = 10, 1e-3
@@ -39,7 +38,7 @@ def added_share(light: F4, flat: F4) -> float:
         square = np.average((shape * shape).mean(axis=0), weights=weight)
         added = np.average((shape * change).mean(axis=0), weights=weight) / max(square, 1e-12)
         left = np.square(change - added * shape).mean(axis=0)
-        noise = 1.4826**2 * np.median(left) + ADDED_NOISE**2
+        noise = DEVIATIONS_PER_MAD**2 * np.median(left) + ADDED_NOISE**2
         weight = 1 / (1 + left / noise) ** 2
     explained = added**2 * square
     if explained <= MIN_EXPLAINED * (explained + np.average(left, weights=weight)):

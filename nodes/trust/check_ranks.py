@@ -21,6 +21,7 @@ import numpy as np
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
 from tactograph.nodes.trust._check import MAX_CELLS, MIN_CELLS
+from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
@@ -31,6 +32,8 @@ RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+MOTION_ERROR = 0.003
+"""Error of a motion of the camera over the width of the image: a pixel of 320."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
 """Height that a depth below the film at rest is compared with at least; change of light between
@@ -123,6 +126,12 @@ CHECK_FIGURES = {
         "the light of the film at rest is spread otherwise than in the calibration (check the "
         "order of the images, and that other light is kept out)",
     ),
+    "moved": Figure(
+        "rest",
+        MOTION_ERROR,
+        "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
+        "lens, zoom and crop are those of the calibration; else calibrate again)",
+    ),
     "dark_share": Figure(
         "rest",
         1 / MAX_CELLS,
@@ -147,10 +156,14 @@ CHECK_FIGURES = {
         "{added}, the same everywhere (keep other light out of touch and flat frame; or the "
         "camera's black level has changed)",
     ),
+    "left_as_matt": Figure("cause", MIN_ERROR, ""),
 }
-"""All figures of a touch, by name."""
+"""All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
+doubted touch from those that do not (`likely_cause`)."""
+SYMPTOM_FIGURES = "moved", "shape", "light_at_rest", "lit_shadows", "depth", "touched_share"
+"""Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 20 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -168,10 +181,17 @@ NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
 """Those of a calibration from which no touches were drawn."""
 
 
-def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None) -> F8:
-    """Return the figures of a touch (T1 to T5), in the order of `CHECK_FIGURES`.
+def figures_of(
+    evidence: TouchEvidence,
+    added: float = 0.0,
+    lines: LineChanges | None = None,
+    motion: FilmMotion | None = None,
+    left: float = 0.0,
+) -> F8:
+    """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors.
+    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors,
+    `motion` what `film_motion` did, and `left` what `left_as_matt` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -181,8 +201,9 @@ def figures_of(evidence: TouchEvidence, added: float = 0.0, lines: LineChanges |
     tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
     rows = 0.0 if lines is None else _worst_line(lines)
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
-    rest = level, spread, film.shape, film.dark, 1 - film.calm, deep, abs(added)
-    return np.array([*curl, *seen, *more, *rest])
+    moved = 0.0 if motion is None else motion_size(motion)
+    rest = level, spread, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
+    return np.array([*curl, *seen, *more, *rest, left])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -197,20 +218,24 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
     own presses count as well, with the weight of a tail: what they exceed the drawn ones by
-    becomes its scale.  Nothing changes where they look like drawn ones.
+    becomes its scale.  Nothing changes where they look like drawn ones, and a tail that they
+    begin farther out falls no faster for that.
 
     Parameters
     ----------
-    drawn : N x 19, the figures of touches drawn from the calibration
-    own : P x 19, those of its presses; P may be 0
+    drawn : N x 21, the figures of touches drawn from the calibration
+    own : P x 21, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
         both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])
+        tail = quantiles[TAIL_START:] - quantiles[TAIL_START - 1]
         quantiles = np.maximum(quantiles, np.quantile(both, levels, axis=0))
-    least = [p_values(each, quantiles.T).min() for each in both]
+        farther = quantiles[TAIL_START - 1] + tail
+        quantiles[TAIL_START:] = np.maximum(quantiles[TAIL_START:], farther)
+    least = [p_values(each, quantiles.T)[:-1].min() for each in both]
     return np.vstack([quantiles.T, np.quantile(least, levels)])
 
 
@@ -223,10 +248,15 @@ def p_values(figures: F8, quantiles: F8) -> F8:
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
 
 
+def share_left(ranks: F8, left: float) -> float:
+    """Return the p-value of what a matt film leaves of a touch."""
+    return float(p_values(np.full(len(CHECK_FIGURES), left), ranks[:-1])[-1])
+
+
 def of_all_checks(least: float, ranks: F8) -> float:
     """Return the share of right touches whose least p-value is as small as this, or smaller."""
     drawn = ranks[-1]
     tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:
-        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES)))
+        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES) - 1))
     return float((drawn <= least).mean())

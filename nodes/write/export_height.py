@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import MinLen
 
-from tactograph.graph import node, warn
+from tactograph.graph import InputError, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
 from tactograph.nodes.files.height_files import MESH_WRITERS, Format, write_height
@@ -25,6 +25,7 @@ def export_height(
     camera: Vergence | None = None,
     error: HeightError | None = None,
     metrics: Metrics | None = None,
+    rest: Height | None = None,
     *,
     folder: Path,
     formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
@@ -46,6 +47,9 @@ def export_height(
     metrics
         Figures of how the height was made, which ``result.json`` then states, with its pixel size
         and view.
+    rest
+        H x W in mm, the height of the film at rest that each pixel sees; None: a plane.  Meshes
+        then are the film's own shape; images stay the height above it.
     folder : created if needed
     formats
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
@@ -66,9 +70,15 @@ def export_height(
     """
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
     view = view_stated(View(lens, camera))
+    if rest is not None and rest.shape != height.shape:
+        raise InputError(
+            f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
+            f"{rest.shape[1]} x {rest.shape[0]}: give the `calibration` that it was made with"
+        )
+    film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]
     if view and images:
-        even, seen = film_places(height, None, 0.0), film_places(height, lens, camera or 0.0)
+        even, seen = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
         apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(seen, even)))
         warn(
             f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
@@ -79,6 +89,7 @@ def export_height(
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            write_height(file, height, pixel, lens, camera or 0.0, error)
+            shown = film if extension in MESH_WRITERS else height
+            write_height(file, shown, pixel, lens, camera or 0.0, error)
         if metrics is not None or view:
             write_result_file(target, {**about, **view})

@@ -6,12 +6,17 @@ from typing import Literal
 
 import numpy as np
 
-from tactograph.graph import Provenance, node, warn
+from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.layer_files import layer_files, write_layer
-from tactograph.nodes.files.result_file import RESULT_FILE, read_result, write_result_file
+from tactograph.nodes.files.result_file import (
+    RELIEF_FIGURE,
+    RESULT_FILE,
+    read_result,
+    write_result_file,
+)
 from tactograph.nodes.files.result_view import view_stated
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.optics.lens import pixel_sides
@@ -71,6 +76,11 @@ def write_result(
         if layer.kind.warning and (doubt := layer.kind.warning(touch, layer.value)):
             warn(doubt)
     if grid == "metric":
+        if touch.view.camera and (touch.metrics or {}).get(RELIEF_FIGURE):
+            raise InputError(
+                "`grid`=metric: the film is no plane at rest, and seen from near its places are "
+                "not those of a plane; export a mesh with its calibration"
+            )
         touch = _on_even_grid(touch)
     place, (lens, camera) = folder / touch.name if touch.name else folder, touch.view
     with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:

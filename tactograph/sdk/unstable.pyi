@@ -59,6 +59,7 @@ from tactograph.graph.show.colours import (
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
+    DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
@@ -83,6 +84,9 @@ from tactograph.nodes.calibrate import (
     PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    Balls as Balls,
+)
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
 )
@@ -99,9 +103,6 @@ from tactograph.nodes.calibrate.file.calibration import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     sample_balls as sample_balls,
-)
-from tactograph.nodes.calibrate.film.balls_on_film import (
-    Balls as Balls,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD as AS_TOLD,
@@ -148,6 +149,9 @@ from tactograph.nodes.capture.read_capture import (
 )
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
+)
+from tactograph.nodes.capture.read_grey import (
+    GreyImage as GreyImage,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -269,9 +273,11 @@ from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.lens import (
+    LENS_TERMS as LENS_TERMS,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
     is_straight as is_straight,
+    pixel_sides as pixel_sides,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
 )

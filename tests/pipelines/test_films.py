@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from tactograph.graph import load
 from tactograph.nodes import F4
-from tests.fixtures import SHARED, MadeOnce, Raytraced
+from tests.fixtures import SHARED, MadeOnce, Raytraced, needs_rings
 from tests.pipelines.conftest import run
 
 RIGS = {
@@ -55,6 +57,7 @@ def calibrate(rig: Path, file: Path) -> None:
     run("calibrate", file, **given, **more)
 
 
+@needs_rings
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
@@ -65,10 +68,36 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
         assert microns(rig, PARTS[rig]) > 2 * right
 
 
+@needs_rings
 @pytest.mark.slow
 def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
     """A rigid half ball on a coated film that lights itself: three passes left it too low."""
     assert microns("hand", "precise", "sphere") < 18
+
+
+@pytest.mark.slow
+def test_a_stream_finds_what_single_touches_give(raytraced: Raytraced, made_once: MadeOnce) -> None:
+    """To the bit wherever the touch has moved, and within 0.2 um while only noise has changed."""
+    file = made_once("hand.npz", lambda file: calibrate(raytraced / "hand", file))
+    names = sorted((raytraced / "hand" / SHAPE).glob("led*.png"))
+    images = np.stack([cv2.imread(str(name), cv2.IMREAD_GRAYSCALE) for name in names])
+    rng = np.random.default_rng(0)
+
+    def frame(right_px: int) -> NDArray[np.uint8]:
+        noisy = np.roll(images, right_px, axis=2) + rng.normal(0, 0.5, images.shape)
+        return np.rint(noisy.clip(0, 255)).astype(np.uint8)
+
+    touches, kept = [0, 0, 0, 3, 3, 6, 9, 9], []
+    with (
+        load("reconstruct", calibration=file) as single,
+        load("reconstruct_stream", calibration=file) as stream,
+    ):
+        for touch in touches:
+            seen = frame(touch)
+            apart = stream(frames=seen)["height"] - single(frames=seen)["height"]
+            kept.append(bool(apart.any()))
+            assert 1e3 * np.sqrt(np.square(apart).mean()) < 0.2
+    assert kept == [False, True, True, False, True, False, False, True]
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475

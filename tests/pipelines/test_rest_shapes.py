@@ -1,17 +1,21 @@
 """A film of any shape at rest: its images by a calibration, and heights above it from them."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from tactograph.graph import InputError, load
+from tactograph.graph import InputError, Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.light.untouched_film import untouched_film
+from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.write.write_result import write_result
 from tests.fixtures import RIG_PIXEL_MM, ROOT, SHARED, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
@@ -120,6 +124,27 @@ def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> No
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 
 
+def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_path: Path) -> None:
+    """From near, points that rise towards the pupil are seen beside where they lie."""
+    np.save(tmp_path / "height.npy", truth)
+    said = {"pixel_size_mm": RIG_PIXEL_MM[RIG], "metrics": {"rest_relief_mm": 1.0}}
+    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
+    (tmp_path / "result.json").write_text(json.dumps(said))
+    given = {"height": tmp_path / "height.npy", "formats": "ply"}
+    laid_out = run("export", tmp_path / "flat", **given)
+    assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
+    view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
+    touch = Touch(truth, truth[None], RIG_PIXEL_MM[RIG], view=view, metrics={"rest_relief_mm": 1.0})
+    with pytest.raises(InputError, match="its places are not those of a plane"):
+        write_result(touch, folder=tmp_path, grid="metric", provenance=made)
+    run("export", tmp_path / "round", **given, calibration=curved("dome"))
+    found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
+    film = shape_of("dome", truth.shape).astype(np.float64) + truth
+    y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
+    x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
+    np.testing.assert_allclose(found, np.stack([x, y, film], axis=-1).reshape(-1, 3), atol=1e-5)
+
+
 @pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat"])
 def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
     graph: str, curved: Curved, raytraced: Raytraced
@@ -140,6 +165,17 @@ def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None
         off[graph], band = found["rmse_um"], found.get("in_90_percent_band", 0.0)
     assert (off["paper"] < 90, off["reconstruct"] < 3, off["precise"] < 1.5) == (True,) * 3, off
     assert band > 85
+
+
+@pytest.mark.slow
+def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
+    """In place of the ball's radius, the pixel size or the images' order."""
+    rig = ROOT / "tests/data/dome"
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
+    with pytest.raises(
+        InputError, match=r"no plane at rest: a bend with a radius of 3\d.* odds of"
+    ):
+        run("calibrate", tmp_path / "cal.npz", capture=rig / "presses", flat=rig / "flat", **given)
 
 
 @pytest.mark.slow

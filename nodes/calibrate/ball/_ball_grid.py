@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.near_light import places

@@ -10,13 +10,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, PixelSize
+from tactograph.graph import InputError, NodeCall, Port, node
+from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
+from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
@@ -29,6 +30,7 @@ from tactograph.nodes.calibrate.lights.light_samples import Object, Press, Rest,
 from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -94,6 +96,11 @@ class _Presses(NamedTuple):
         """Half the diagonal of the frame in mm."""
         return float(np.hypot(*self.flat.shape[1:])) * self.pixel / 2
 
+    @property
+    def unit(self) -> F8:
+        """Unit of each unknown of a bend: half the diagonal rises by as much."""
+        return np.array([1, 1, 1, 0, 0]) / self.half + np.array([0, 0, 0, 1, 1])
+
     def shape(self, unknowns: F8) -> RestShape:
         size = self.flat.shape[1], self.flat.shape[2]
         return bent(size, self.pixel, self.camera, unknowns)
@@ -110,10 +117,12 @@ def find_rest(
     pixel: PixelSize,
     even_pixel: PixelSize,
     factor: int,
+    noise: Noise,
     given: RestShape | None = None,
     *,
     rest: Path | None = None,
     camera_mm: Annotated[float, Gt(0)] | None = None,
+    bounce: NodeCall = film_bounce,
 ) -> FoundRest:
     """Return the film's shape at rest as given, or, where ``rest=find`` asks for it, as found.
 
@@ -124,8 +133,9 @@ def find_rest(
     radius, known, names : of the presses, as for `find_balls`
     pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
     factor : pixels of `even` along a pixel of `flat`
+    noise : (shot, read), a captured light I has the variance shot * I + read
     given : as `read_rest` returns it
-    rest : ``find`` searches for a bend (`find_bend`)
+    rest : ``find`` searches for a bend (`find_bend`), and where the film has a coat, with it
     camera_mm : height of the pupil above height 0
 
     Returns
@@ -149,7 +159,9 @@ def find_rest(
             "others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    bend, _ = find_bend(light, flat, ball.circle, ball.radius, ball.of, pixel, camera)
+    seen = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
+    bend, _ = find_bend(*seen)
+    bend = _under_coat(_presses(*seen), bend, noise, bounce)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
@@ -207,11 +219,7 @@ def find_bend(
     pixel, camera : mm per px at height 0, one over the height of the pupil
     only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """
-    sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
-    circles = [Circle(*map(float, circle[b])) for b in found]
-    given = _Presses(
-        [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
-    )
+    given = _presses(light, flat, circle, radius, of, pixel, camera)
     trials = []
     for bend in TRIED_BENDS:
         k = bend / given.half
@@ -222,9 +230,42 @@ def find_bend(
     return _fitted(given, np.array([k, 0, k, 0, 0]), trial, only_ball), plane
 
 
+def _presses(
+    light: SheetLight,
+    flat: Light,
+    circle: BallCircles,
+    radius: BallRadii,
+    of: BallPress,
+    pixel: float,
+    camera: float,
+) -> _Presses:
+    sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
+    circles = [Circle(*map(float, circle[b])) for b in found]
+    return _Presses(
+        [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
+    )
+
+
+def _under_coat(given: _Presses, bend: Bend, noise: Noise, bounce: NodeCall) -> Bend:
+    """The bend by a film's model with a coat, where the film has one."""
+
+    def lay(unknowns: F8) -> Laid:
+        trial = _placed(given, unknowns, None)
+        circle = np.array([(at.x, at.y, at.radius) for at in trial.circles], np.float32)
+        return Laid(given.shape(unknowns), circle, trial.placed.lights, trial.placed.strength)
+
+    bending = Bending(
+        np.concatenate(given.light, axis=1), given.flat, np.array(given.radii, np.float32),
+        np.arange(len(given.radii), dtype=np.int32), noise, given.pixel, given.camera, given.unit,
+        given.shape, lay, bounce,
+    )  # fmt: skip
+    found = coated_bend(bending, bend.unknowns, bend.samples)
+    return bend if found is None else bend._replace(unknowns=found[0], covariance=found[1])
+
+
 def _fitted(given: _Presses, unknowns: F8, trial: _Trial, only_ball: bool) -> Bend:
     """Least squares of bend, LEDs and balls together."""
-    unit = np.array([1, 1, 1, 0, 0]) / given.half + np.array([0, 0, 0, 1, 1])
+    unit = given.unit
     ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
     cost = _cost(trial)
     normal = np.eye(len(ways))

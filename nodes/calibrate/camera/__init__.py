@@ -1,1 +1,1 @@
-"""Calibrate the camera's lens by a grid that lies on the film."""
+"""The camera's blur, and the size of its pixels on the film."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.optics.film import rest_below, turned
 
 NORMAL_STEPS = 4

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
-from tactograph.nodes.calibrate.film.balls_on_film import MIN_WEIGHT_LIGHT, Beneath
+from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Beneath
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.rest_shape import rest_share
 

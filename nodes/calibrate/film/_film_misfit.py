@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.special import ndtri, stdtrit
 
-from tactograph.nodes import F4, F8
+from tactograph.nodes import F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
 
@@ -31,8 +31,6 @@ MIN_BOUNCE_ERROR = 0.015
 ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
 MAX_APPROACH_SHARE = 0.75
 """Farthest that another place of an LED lies nearer to the film, relative to the LED's height."""
-FULL_TILT_SINE = 0.1
-"""Sine of the slant above which the model's tilt error counts in full."""
 
 
 class Held(NamedTuple):
@@ -160,7 +158,7 @@ def _outward(normal: F8) -> F8:
     """The direction of increasing slant in a normal's tangent plane; zero on level film."""
     nx, ny, nz = normal
     sine = np.maximum(np.hypot(nx, ny), 1e-6)
-    rising = np.minimum(sine / FULL_TILT_SINE, 1)
+    rising = np.minimum(sine / FULL_MISFIT_SLOPE.item(), 1)
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import pays

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8, USUAL_RIM_MM
-from tactograph.nodes.calibrate.film.balls_on_film import Fitted
+from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import matt_film
 

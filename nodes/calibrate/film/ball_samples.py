@@ -4,6 +4,7 @@ Long because a sample holds the light that its film throws on itself, on a film 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
-from tactograph.nodes import F4, F8, U1, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
 from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
@@ -19,8 +20,8 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
     ball_height,
     sunk,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -48,10 +49,6 @@ RIM_STEP_MM = 0.5
 """mm by which the film is widened, to differentiate a bounce by the film's rim."""
 MAX_NOISE_RATIO = 1.5
 """Multiple of the camera's noise up to which noise explains a departure."""
-
-
-MEDIAN_OF_SQUARES = 0.455
-"""Median of the square of a normal variable."""
 
 
 class _Press(NamedTuple):
@@ -205,12 +202,7 @@ def sample_balls(
         np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
     )
     middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    centre, beneath = (circle[:, :2].astype(np.float64) - middle) * pixel, None
-    if shape is not None and resting is not None:
-        _, *under, base = shape.at(*centre.T)
-        centre, place = np.stack(under, axis=1), shape.at(u, v)
-        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
-        beneath = Beneath(*place, resting.bounced[:, row, column].astype(np.float64), base)
+    centre = (circle[:, :2].astype(np.float64) - middle) * pixel
     every = Balls(
         u=u.astype(np.float64),
         v=v.astype(np.float64),
@@ -223,9 +215,22 @@ def sample_balls(
         by_lift=by_lift,
         by_rim=by_rim,
         sector=sector,
-        beneath=beneath,
     )
+    if shape is not None and resting is not None:
+        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
+        glow = resting.bounced[:, row, column].astype(np.float64)
+        every = laid_on(every, circle, shape, glow)
     return every if most is None else thinned(every, most)
+
+
+def laid_on(balls: Balls, circle: F4, shape: RestShape, glow: F8 | None = None) -> Balls:
+    """Return balls on a film that is no plane at rest; `glow` is what it throws on itself there."""
+    _, *under, base = shape.at(*_seen_at(circle, shape.height.shape, shape.pixel))
+    if glow is None and balls.beneath is not None:
+        glow = balls.beneath.bounced
+    assert glow is not None  # known since the balls were laid first
+    beneath = Beneath(*shape.at(balls.u, balls.v), glow, base)
+    return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
 
 
 def lights_itself(film: Film) -> bool:
@@ -442,6 +447,6 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = np.median(np.square(left / balls.reference_light)) / MEDIAN_OF_SQUARES
+    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(left / balls.reference_light))
     alone = np.median(camera / balls.reference_light**2)
     return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

@@ -4,6 +4,8 @@ The unknowns are each LED's direction, distance, strength, emission and diffuse 
 parameters (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls are coupled only by
 the shared unknowns, so the shifts are eliminated ball by ball (Schur's complement), for one ball
 as for a hundred.
+
+Long because all that is fitted, and what else moves with it, passes the same normal equations.
 """
 
 from typing import NamedTuple, Self, cast
@@ -11,7 +13,8 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, F8
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_seen
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
     EMISSION_UNKNOWN,
@@ -25,7 +28,6 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     opened,
     priors,
 )
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted, rest_seen
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
     INFINITY_MM,
@@ -102,6 +104,13 @@ class _Problem(NamedTuple):
         return self._replace(scale=_scale(self.balls, left.light), certain=certain)
 
 
+class Further(NamedTuple):
+    """Derivatives by U unknowns that the film has not: of the light, U x K x N, and `rest_left`."""
+
+    light: F8
+    flat: F8
+
+
 class _Equations(NamedTuple):
     """Normal equations: shared G x G, mixed P x G x 3, own P x 3 x 3, and right-hand sides."""
 
@@ -149,7 +158,8 @@ def fit(
     if not np.isfinite(cost):
         raise InputError(
             "no film has the light of these balls: check that the flat frame shows untouched film, "
-            "the ball's radius, and that the balls are pressed into the film"
+            "the ball's radius, that the balls are pressed into the film, and that the film is a "
+            "plane at rest unless its shape is given"
         )
     for _ in range(MAX_STEPS):
         equations = _equations(problem, now, left)
@@ -193,6 +203,31 @@ def other_places(
     spread /= np.outer(scale, scale)
     places = [UNKNOWNS_PER_LED * k + j for k in range(len(fitted.leds)) for j in range(3)]
     return places_within(fitted.leds[:, :3], spread[np.ix_(places, places)], width_mm)
+
+
+def further_step(
+    balls: Balls,
+    rest: Rest,
+    parts: frozenset[str],
+    fitted: Fitted,
+    further: Further,
+    shift_mm: float,
+    width_mm: float,
+) -> tuple[F8, F8]:
+    """Return the best step of unknowns that the film has not, and their covariance.
+
+    Film, LEDs and balls' places move with them.
+    """
+    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
+    problem = _Problem(balls, rest, names, shift_mm, width_mm)
+    left = problem.left(fitted)
+    equations = _equations(problem.judged(left), fitted, left, further)
+    by, _ = _solve(equations, 0.0)
+    shared, _ = _without_shifts(equations.shared, equations.mixed, equations.own)
+    scale = np.sqrt(np.diag(shared))
+    spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
+    first = len(scale) - len(further.light)
+    return by[first:], (spread / np.outer(scale, scale))[first:, first:]
 
 
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
@@ -279,7 +314,7 @@ def _scale(balls: Balls, left: F8) -> float:
 
 
 def _robust_spread(left: F8) -> float:
-    return 1.4826 * float(np.median(np.abs(left)))
+    return DEVIATIONS_PER_MAD * float(np.median(np.abs(left)))
 
 
 def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
@@ -292,12 +327,16 @@ def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     return total + sum((away / sure) ** 2 for _, away, sure in held)
 
 
-def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
+def _equations(
+    problem: _Problem, now: Fitted, residuals: _Left, further: Further | None = None
+) -> _Equations:
     balls, rest, names, shift_mm, width_mm, *_, certain = problem
     seen = rest_seen(balls, now.film)
     light, left = residuals.light + balls.light, problem.normed(residuals.light)
     by_own = problem.normed(_by_shift(balls, now, light, seen))
-    by = problem.normed(_by_shared(balls, now, names, light, seen))
+    by = _by_shared(balls, now, names, light, seen)
+    count = len(by)
+    by = problem.normed(by if further is None else np.concatenate([by, further.light]))
     weight = problem.each * huber_weight(left)
     spread = place_deviations(balls, shift_mm)
     sure, away = by * weight, (weight * left)[None]
@@ -307,7 +346,10 @@ def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
     own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
-        flat = by_rest(rest, now, names).reshape(len(by), -1)
+        flat = by_rest(rest, now, names)
+        flat = (flat if further is None else np.concatenate([flat, further.flat])).reshape(
+            len(by), -1
+        )
         flat_weight = (huber_weight(residuals.flat / certain) / certain**2).ravel()
         shared += (flat * flat_weight) @ flat.T
         right -= flat @ (flat_weight * residuals.flat.ravel())
@@ -321,8 +363,8 @@ def _equations(problem: _Problem, now: Fitted, residuals: _Left) -> _Equations:
         shared[j, j] += sure_of**-2
         right[j] -= away_from / sure_of**2
     for away_from, by_all in albedos(now, names):
-        shared += np.outer(by_all, by_all)
-        right -= by_all * away_from
+        shared[:count, :count] += np.outer(by_all, by_all)
+        right[:count] -= by_all * away_from
     return _Equations(shared, mixed, own, right, right_own)
 
 

@@ -26,10 +26,10 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST, rest_left
 from tactograph.nodes.calibrate.film._film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
@@ -115,6 +115,7 @@ def judge_radius(
     film: Film,
     fitted: Metrics,
     of_pixels: list[str] | None = None,
+    others: list[str] | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -129,6 +130,9 @@ def judge_radius(
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
+    others
+        Doubts of images, flat frame and the film's shape; named in place of the radius, which they
+        spoil.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
@@ -161,7 +165,7 @@ def judge_radius(
     found = explain(balls, flat, pixel, lights, strength, shape, camera)
     doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
-        raise InputError(doubts[0] + FORCE_ADVICE)
+        raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
     scale, is_open = scale_error(found, left), ""
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())

@@ -19,11 +19,11 @@ from tactograph.nodes.calibrate import (
     BallPress,
     BallRadii,
 )
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate.film._film_unknowns import SHARED_UNKNOWNS, Unknown
 from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION

@@ -7,13 +7,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Height, Light, Slope
+from tactograph.nodes import F4, FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, Height, Light, Slope
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.slope.height_slopes import height_slopes
+from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
-FLANK_SLOPES = (0.05, 3.0)
+FLANK_SLOPES = MIN_SLOPE.item(), 3.0
 """Slopes of an object's flanks, evenly drawn by their logarithms: from film that is as good as at
-rest (`slope_curl`) to the walls that a soft film still covers."""
+rest to the walls that a soft film still covers."""
 REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)
 """Half an object's width over the image's shorter side; and a fold's over that."""
 SKIRT_SHARE = 0.1
@@ -23,8 +24,6 @@ LED_DRIFT, LED_DRIFT_ACROSS = 0.03, 0.01
 of LEDs that warm up."""
 HALF_WAY_BLUR = 0.6
 """Blur of white noise over the distance at which it is half alike, 1 / (2 sqrt(ln 2))."""
-LEAN_SLOPE, LEAST_LEAN = 0.1, 0.3
-"""Slope from which on the model's error counts in full, and its share on level film (H3)."""
 Random = np.random.Generator
 Form = Callable[[Random, F4, F4, float], F4]
 
@@ -132,7 +131,7 @@ OBJECT_FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents
 def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:
     """The slopes of normals that err: the more the steeper, as those of the film's model do."""
     squared = (slope * slope).sum(axis=0)
-    error = error * np.clip(np.sqrt(squared) / LEAN_SLOPE, LEAST_LEAN, 1)
+    error = error * np.clip(np.sqrt(squared) / FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, 1)
     return np.asarray(slope + error + slope * (slope * error).sum(axis=0), np.float32)
 
 

@@ -1,8 +1,10 @@
 """What the checks of a touch say of right touches of a sensor: its presses, and drawn ones."""
 
+import math
 import tempfile
 import warnings
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +22,7 @@ from tactograph.nodes.optics.lens import LENS_TERMS
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, NO_RANKS, figures_of, ranked
 from tactograph.nodes.trust.judge_touch import MAX_RIM_SHARE
+from tactograph.nodes.trust.likely_cause import left_as_matt
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -30,8 +33,9 @@ RIGHT_SHARE = 1e-3
 THREE_LEDS = 3
 """Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures"}
+EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
+CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
 ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
 
 
@@ -78,14 +82,15 @@ def rank_checks(
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > THREE_LEDS else "paper_no_shadow"
             walls = given | {"count": max(count // 2, 1), "rigid": True}
-            own, rims = _own("reconstruct", presses, even, RIM_PORTS)
+            own, rims = _own("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
             on_rims = rims > MAX_RIM_SHARE
             soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
+            drawn_of = partial(_drawn, "reconstruct", "drawn_touches", more=CAUSE_PORTS)
             kind, ranks = (
                 CALIBRATION_KIND,
                 [
-                    ranked(_drawn("reconstruct", "drawn_touches", given), own[~on_rims]),
-                    ranked(_drawn("reconstruct", "drawn_touches", walls), own[on_rims]),
+                    ranked(drawn_of(given), own[~on_rims]),
+                    ranked(drawn_of(walls), own[on_rims]),
                     ranked(_drawn(tables, "drawn_touches", given), _own(tables, soft, even)[0]),
                 ],
             )
@@ -122,7 +127,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 19, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 21, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -136,14 +141,17 @@ def _own(
     return np.array(figures).reshape(len(figures), len(CHECK_FIGURES)), np.array(rims)
 
 
-def _drawn(graph: str, overlay: str, given: dict[str, Any]) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 19.
+def _drawn(
+    graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
+) -> F8:
+    """The figures of drawn touches whose height the graph finds, N x 21.
 
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.
     """
     figures, off = [], []
-    with load({"format": 1, "extends": [graph, overlay]}, given) as pipeline:
+    declared = {"format": 1, "extends": [graph, overlay], "outputs": more or {}}
+    with load(declared, given) as pipeline:
         for result in pipeline.items():
             found = result.outputs
             figures.append(_figures(found))
@@ -157,4 +165,9 @@ def _figures(found: Mapping[str, Any]) -> F8:
     """The figures of one touch."""
     evidence = TouchEvidence(found["level"], found["figures"])
     lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
-    return figures_of(evidence, float(found.get("added", 0.0)), lines)
+    left = 0.0
+    if "leds" in found:
+        # Infinite where nothing touches: that explains no touch.
+        left = left_as_matt(found["light"], found["cells"], found["leds"])
+        left = left if math.isfinite(left) else 0.0
+    return figures_of(evidence, float(found.get("added", 0.0)), lines, found["motion"], left)

@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import node, warn
+from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Mask
 
 FILM_PERCENTILE = 95
@@ -33,7 +33,11 @@ class FilmArea(NamedTuple):
 
 @node
 def find_film(
-    flat: Light, *, dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1, told: bool = False
+    flat: Light,
+    seen: Annotated[U1, Port("R C", "flag", high=1)] | None = None,
+    *,
+    dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
+    told: bool = False,
 ) -> FilmArea:
     """Return where a frame shows film, and its light continued over the rest of the frame.
 
@@ -45,10 +49,18 @@ def find_film(
     Parameters
     ----------
     flat : K x H x W, dark level subtracted
+    seen
+        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it
+        (`read_rest`); None: nowhere
     dark : largest light of a dark pixel, as a share of the film's
     told : warn of parts without film
     """
     area = _area(flat, dark)
+    if seen is not None:
+        rows, columns = area.shape
+        side = seen.shape[0] // rows
+        whole = seen[: rows * side, : columns * side].reshape(rows, side, columns, side)
+        area &= whole.min(axis=(1, 3))
     if area.all():
         return FilmArea(flat, area)
     if told:

@@ -9,9 +9,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Len
+from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, F8, Height, Lens, Light, PixelSize
+from tactograph.graph import InputError, node, warn
+from tactograph.nodes import F4, F8, Height, Lens, Light, Mask, PixelSize
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.mesh_file import rasterised, read_mesh
 from tactograph.nodes.light.undistort import undistort
@@ -21,6 +22,8 @@ from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"
 """What stands in place of a file where the shape is to be found."""
+MAX_MISSING_SHARE = 0.5
+"""Share of the frame without film of a shape from which on the shape is another's."""
 RAY_STEPS = 40
 """Steps that follow a camera's ray to the film: the steeper both are, the more it takes."""
 Pose = Annotated[tuple[float, ...], Len(2, 4)]
@@ -29,11 +32,16 @@ Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
 
 
 class Resting(NamedTuple):
-    """The height that each pixel sees of the film at rest, and its shape; None for a plane."""
+    """The height that each pixel sees of the film at rest, and its shape; None for a plane.
+
+    `seen` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
+    everywhere.
+    """
 
     height: Height | None
     shape: RestShape | None
     is_plane: bool
+    seen: Mask | None = None
 
 
 @node
@@ -72,7 +80,7 @@ def read_rest(
     ------
     InputError
         If more than one is given, the file cannot be read or is of another size, or the film does
-        not fill the frame.
+        not fill half of the frame.
     """
     given = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
     names = [name for name, value in given.items() if value is not None]
@@ -98,19 +106,34 @@ def read_rest(
             )
         even = undistort(np.asarray(found, np.float32)[None], lens)[0]
         height = (even + np.float32(z)).astype(np.float64)
-    missing = float(1 - np.isfinite(height).mean())
-    if missing > 0:
-        raise InputError(
-            f"{file or names[0]}: {missing:.1%} of the frame sees no film of this shape: check its "
-            "radius or unit, and where it lies (`at_mm`)"
-        )
+    known = np.isfinite(height)
+    if not known.all():
+        height = _continued(height, known, file or names[0])
     if camera * float(height.max()) >= 1:
         raise InputError(
             f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
             "check `camera_mm`"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
-    return Resting(shape.height, shape, is_plane=False)
+    seen = None if known.all() else known.astype(np.uint8)
+    return Resting(shape.height, shape, is_plane=False, seen=seen)
+
+
+def _continued(height: F8, known: NDArray[np.bool_], told: Path | str) -> F8:
+    """The height with that of the nearest film where a pixel sees none."""
+    missing = float(1 - known.mean())
+    if missing >= MAX_MISSING_SHARE:
+        raise InputError(
+            f"{told}: {missing:.1%} of the frame sees no film of this shape: check its "
+            "radius or unit, and where it lies (`at_mm`)"
+        )
+    warn(
+        f"{told}: {missing:.1%} of the frame sees no film of this shape, and is left out as unknown"
+    )
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(height[tuple(nearest)])
 
 
 def wants_search(file: Path | None) -> bool:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
+from tactograph.nodes import DEVIATIONS_PER_MAD, Labels, Light, Mask, NullVector, Spread
 from tactograph.nodes.calibrate import MIN_PIXELS
 
 
@@ -53,5 +53,5 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     null *= np.sign(null[np.argmax(np.abs(null))])
     residual = null @ lit_light
     # Median absolute deviation, so that the few remaining shadowed pixels do not widen it.
-    spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
+    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual - np.median(residual)))
     return NullFit(null.astype(np.float32), float(spread))

@@ -1,5 +1,6 @@
 """A kind of sensor is a small file that one can copy and change."""
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.files.sensor_preset import read_preset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
+from tactograph.rings.live.nodes.camera.sensor_kind import preset_of, with_preset
 from tactograph.rings.live.nodes.touches.colour_stream import open_colour_sensor
+from tactograph.rings.live.nodes.touches.sensor import open_rig
 
 
 @pytest.mark.parametrize("name", sorted(shipped_presets()))
@@ -54,6 +57,29 @@ def test_a_number_that_no_camera_has_is_refused(place: str, number: str, tmp_pat
     (tmp_path / "mine.yaml").write_text(f"format: 1\nsize: [320, 240]\n{usual}{entry}\n")
     with pytest.raises(InputError, match=rf"mine\.yaml:\d:\d+: {place}: input should be"):
         read_preset(str(tmp_path / "mine.yaml"))
+
+
+FLASHING = "format: 1\nleds: 4\nsize: [160, 120]\npixel_size_mm: 0.1\ncamera: {gain: 3}\n"
+
+
+def test_a_preset_says_how_leds_that_flash_are_seen(tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(FLASHING)
+    preset = preset_of(str(file), flashing=True)
+    assert preset is not None
+    rig = open_rig(CameraParams("simulated"), "none", (None, None), leds=4, preset=preset)
+    with closing(rig):
+        assert rig.camera.shots(2.0)[0].data.shape == (120, 160)
+    wanted = with_preset(CameraParams(0).wanted(160, 120), preset)
+    assert (wanted.gain, wanted.view) == (3, View(0, (0, 0, 1, 1), (160, 120)))
+
+
+@pytest.mark.parametrize("flashing", [True, False])
+def test_a_preset_of_the_other_kind_is_refused(flashing: bool, tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(FLASHING if not flashing else FLASHING.replace("leds: 4\n", ""))
+    with pytest.raises(InputError, match="at once" if flashing else "its LEDs flash"):
+        preset_of(str(file), flashing=flashing)
 
 
 def test_an_unknown_sensor_is_told_with_those_there_are() -> None:

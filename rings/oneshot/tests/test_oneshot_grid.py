@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from rings.camera.tests.grids import dots, on_film, pixels
 from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.height.as_seen import as_seen
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tests.nodes.calibrate.camera.grids import dots, on_film, pixels
 from tests.pipelines.matt_film import CANVAS, FLAT, PIXEL_MM, TOUCH, leds, run, said, taken
 
 RADIUS_MM, PITCH_MM, DEEP_MM = 1.2, 3.0, 0.5

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tactograph.rings.recheck.nodes._led_order import other_order
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import MIN_FLAT_LIGHT, TiltResponse, terms
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, TiltResponse, terms
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""
@@ -218,7 +218,7 @@ def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
             np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64
         )
         left = ratio - coefficients @ basis
-        spread = 1.4826 * np.median(np.abs(left)) + 1e-9
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(left)) + 1e-9
         weight = 1 / (1 + (left / (CAUCHY_DEVIATIONS * spread)) ** 2)
     return np.asarray(coefficients)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 MAX_LED_CHANGE = 0.1
 """Tolerated relative change of one LED's light against the others, or of all together."""
@@ -104,7 +105,7 @@ class _Mark(NamedTuple):
 
 def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
     """The marks in the film, which are sharp, and those on the lens, which are blurred."""
-    spread = 1.4826 * float(np.median(np.abs(albedo)))
+    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(albedo)))
     standing = (np.abs(albedo) > max(MIN_DEVIATIONS * spread, MIN_MARK_CHANGE)).astype(np.uint8)
     count, labels = cv2.connectedComponents(standing, connectivity=8)
     by_y, by_x = np.gradient(albedo)
@@ -128,7 +129,7 @@ def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     """Height in mm of the strongest dent, and its position in px; 0 if there is none."""
-    spread = 1.4826 * float(np.median(np.abs(dent)))
+    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(dent)))
     by_y, by_x = np.gradient(dent, pixel)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())

@@ -92,6 +92,18 @@ def test_extends_takes_a_graph_and_overlays_in_order(write: Write) -> None:
     assert mm(later) == 0.2, "the later overlay holds"
 
 
+def test_a_change_speaks_of_one_node_or_of_several(write: Write) -> None:
+    def changed(patch: str) -> Graph:
+        return read_graph(write(f"format: 1\nextends: reconstruct\npatch: [{patch}]"))
+
+    one_by_one = changed("{set: label, with: {dark: 0}}, {set: judged, with: {dark: 0}}")
+    assert changed("{set: [label, judged], with: {dark: 0}}") == one_by_one
+    with pytest.raises(GraphError, match="there is no node 'jugded'; did you mean"):
+        changed("{neutral: [seen, jugded]}")
+    with pytest.raises(GraphError, match=r"exactly one of .* set and remove"):
+        changed("{set: [label], remove: [label], with: {dark: 0}}")
+
+
 def test_the_files_own_changes_come_after_its_overlays(write: Write) -> None:
     change = "patch: [{set: pixel, with: {mm: 0.3}}]"
     assert mm(read_graph(write(f"format: 1\nextends: [base.yaml, doubled.yaml]\n{change}"))) == 0.3

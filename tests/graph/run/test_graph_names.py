@@ -125,7 +125,6 @@ def test_a_function_called_by_itself_names_its_own_arguments() -> None:
         ("calibrate", "film", "taken", "dark="),
         ("calibrate", "film", "dark", "dark="),
         ("calibrate", "rest_taken", "smooth_px", "--set rest_taken.smooth_px="),
-        ("calibrate_camera", "fit", "marks.pattern", "pattern="),
         ("reconstruct", "take.sigma", "noise", "calibration="),
         ("reconstruct", "take.sigma", "image", "capture="),
         ("reconstruct", "take.sigma", "nothing", None),

@@ -94,6 +94,14 @@ def test_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
     assert np.abs(np.sqrt(blurred**2 - sharp**2) - np.abs(lost))[inside].max() < 0.1 * lost.max()
 
 
+def test_a_scale_that_is_open_is_an_error_of_every_height() -> None:
+    z, slope = dome()
+    sure, unsure = (stated_error(z, slope, 1e-3, scale_error=s, **LIGHT_ALONE) for s in (0, 0.2))
+    inside = at_rest(z) == 0
+    assert np.allclose(unsure[inside], np.hypot(sure, 0.2 * z)[inside], rtol=1e-5)
+    assert unsure.max() > 2 * sure.max()
+
+
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])

@@ -262,7 +262,6 @@ BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}
     ("graph", "given"),
     [
         ("calibrate", {"capture": "missing", **BALL}),
-        ("calibrate_camera", {"image": "missing", "pitch_mm": 1.0}),
     ],
 )
 def test_another_suffix_is_refused_before_reading(graph: str, given: dict[str, object]) -> None:

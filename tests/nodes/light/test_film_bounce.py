@@ -142,6 +142,17 @@ def test_cells_hardly_matter() -> None:
     assert few.shape == many.shape == (3, 160, 160)
 
 
+def test_what_is_kept_holds_while_nothing_moves() -> None:
+    height = bump()
+    kept = np.full_like(ones(height), 0.1)
+    moved, first, stays = (
+        film_bounce(ones(height), height, film(0.5), PIXEL, kept=before, still=still)
+        for before, still in ((kept, 0.0), (None, 1.0), (kept, 1.0))
+    )
+    assert np.array_equal(moved, first)
+    assert stays is kept
+
+
 def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
     height = bump()
     assert film_bounce(ones(height), height, film(0.0), PIXEL) is None

@@ -57,6 +57,14 @@ def test_presses_that_depart_more_than_the_model_knows_set_the_scale() -> None:
     assert of_all_checks(p_values(press, ranked(drawn)[:-1]).min(), ranked(drawn)) < 0.01
 
 
+def test_a_press_where_the_tail_begins_makes_nothing_beyond_it_rarer() -> None:
+    drawn = correlated(np.random.default_rng(7), 128)
+    press = np.quantile(drawn, 0.9, axis=0)
+    alone, with_press = ranked(drawn)[:-1], ranked(drawn, press[None])[:-1]
+    for farther in (1.0, 1.5, 2.0):
+        assert (p_values(farther * press, with_press) > p_values(farther * press, alone)).all()
+
+
 def test_presses_like_drawn_touches_make_no_doubt_rarer() -> None:
     rng = np.random.default_rng(6)
     drawn, others = correlated(rng, 128), correlated(rng, 400)

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
+from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
@@ -22,7 +23,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_fo
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.sdk import F4, InputError, Light, LiveFrames, atomic_file, node, write_image
 from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
-from tactograph.sdk.unstable import Circles, Order, PressImages, make_film, planes_of, read_preset
+from tactograph.sdk.unstable import Circles, Order, PressImages, make_film, planes_of
 
 SMOOTHING_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
@@ -86,7 +87,7 @@ def guide_colour_presses(
         presses.
     """
     folder = new_folder(guide.file)
-    preset = None if sensor is None else read_preset(sensor)
+    preset = preset_of(sensor, flashing=False)
     pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
     source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
     with closing(source):

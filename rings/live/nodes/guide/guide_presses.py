@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
+from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
@@ -27,7 +28,7 @@ from tactograph.sdk import (
     node,
     write_image,
 )
-from tactograph.sdk.nodes import find_ball, flat_field, read_balls, read_flat
+from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
 from tactograph.sdk.unstable import (
     MAX_LEDS,
     Ball,
@@ -39,6 +40,7 @@ from tactograph.sdk.unstable import (
     make_film,
 )
 
+USUAL_LEDS = 4
 SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
 """Light that counts as saturated, and the largest share of saturated pixels."""
 MIN_CONTACT_PX = 10.0
@@ -67,8 +69,9 @@ def guide_presses(
     driver: CameraParams,
     guide: GuideParams,
     port: str | None = None,
-    pixel_size_mm: Annotated[float, Gt(0)],
-    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] = 4,
+    sensor: str | None = None,
+    pixel_size_mm: Annotated[float, Gt(0)] | None = None,
+    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None,
 ) -> Iterator[GuidedPresses]:
     """Ask for one press after another, and yield all presses so far after each.
 
@@ -83,18 +86,24 @@ def guide_presses(
     Parameters
     ----------
     port : serial port of the LED controller, as for `read_camera`; here the LEDs need one
-    pixel_size_mm : mm per px on the film
-    leds : number of LEDs
+    sensor : as for `read_camera`
+    pixel_size_mm : mm per px on the film; None: the sensor's
+    leds : number of LEDs; None: the sensor's, else 4
 
     Raises
     ------
     InputError
-        If the camera or the controller cannot be opened; if an LED stays dark; if the film
-        does not come to rest, or is never pressed; if the folder already holds presses.
+        If the camera or the controller cannot be opened; if the pixel size is not known; if an
+        LED stays dark; if the film does not come to rest, or is never pressed; if the folder
+        already holds presses.
     """
     folder = new_folder(guide.file)
     pressed = folder / "pressed"
-    rig = open_rig(driver, port, (guide.width_px, guide.height_px), leds=leds)
+    preset = preset_of(sensor, flashing=True)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
+    leds = leds or (preset.leds if preset else None) or USUAL_LEDS
+    size = guide.width_px, guide.height_px
+    rig = open_rig(driver, port, size, leds=leds, preset=preset)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
         image, black = film_at_rest(rig, driver.bits, guide.patience_s)
@@ -106,7 +115,7 @@ def guide_presses(
         watch = Watch(rest, stream, guide.still_s, guide.patience_s)
         radius_mm = guide.ball_radius_mm
         count = 0
-        ball_in = partial(_ball, film=film, pixel=pixel_size_mm, radius_mm=radius_mm)
+        ball_in = partial(_ball, film=film, pixel=pixel, radius_mm=radius_mm)
         for count, (press, ball) in enumerate(watch.presses(ball_in), start=1):
             frames = {frame.led: frame.data for frame in press.new}
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))

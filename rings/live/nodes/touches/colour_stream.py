@@ -11,13 +11,12 @@ import numpy as np
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import (
-    CameraSettings,
     Capture,
     Plane,
-    View,
     check_camera,
     open_capture,
 )
+from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
 from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
@@ -29,7 +28,7 @@ from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
-from tactograph.sdk import Height, InputError, LiveFrames, LiveState
+from tactograph.sdk import Height, LiveFrames, LiveState
 from tactograph.sdk.unstable import (
     ALL_LIT,
     Order,
@@ -92,17 +91,13 @@ def open_colour_sensor(
     once = False
     wanted = driver.wanted(*size, colour=True)
     if driver.is_simulated:
-        film: dict[str, float] = {}
-        if preset is not None:  # image and pixel size of a sensor of this kind
-            width, height = preset.size
-            film = {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
         text = str(driver.camera)
         table = calibrated_sensor(text, calibration, order) if calibration else None
-        table = table or SimulatedColourSensor(read_scene(text, ColourScene, film))
+        table = table or SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
         once = check_camera(driver.camera, driver.library)
-        wanted = wanted if preset is None else _with_preset(wanted, preset)
+        wanted = wanted if preset is None else with_preset(wanted, preset)
         connect = partial(open_capture, driver.camera, driver.library, colour=True)
     source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
     try:
@@ -111,34 +106,6 @@ def open_colour_sensor(
         source.close()
         raise
     return ColourSensor(source, table)
-
-
-def _with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
-    """The settings to request from the driver, and the view of its pictures.
-
-    Raises
-    ------
-    InputError
-        If the requested size differs from the preset's.
-    """
-    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
-    if size != preset.size:
-        raise InputError(
-            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
-            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
-        )
-    asked = preset.camera
-    return replace(
-        wanted,
-        width=asked.width,
-        height=asked.height,
-        rate=asked.rate or wanted.rate,
-        format=asked.format,
-        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
-        gain=asked.gain if wanted.gain is None else wanted.gain,
-        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
-        view=View(preset.turn_deg, preset.crop, size),
-    )
 
 
 @dataclass

@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import InputError, LiveFrames, LiveState, node
@@ -27,6 +28,7 @@ def read_camera(
     *,
     driver: CameraParams,
     port: str | None = None,
+    sensor: str | None = None,
     used: UsedCalibration,
     refresh: Refresh = "rolling",
     ambient: bool = False,
@@ -50,6 +52,9 @@ def read_camera(
         The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
         software controller.  ``none``: the LEDs flash by themselves, and the image alone
         decides.
+    sensor
+        The sensor's kind, a preset or a file of your own, which says how many LEDs flash.  It
+        gives the camera's settings, and how its pictures are rotated, cropped and scaled down.
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
@@ -74,7 +79,7 @@ def read_camera(
     InputError
         If at the start the calibration, the camera or the controller cannot be opened, or the
         camera's image size or serial number differs from the calibration's; if the calibration
-        is of a one-shot sensor.
+        is of a one-shot sensor, or `sensor` is none whose LEDs flash.
     """
     flat, dark, one_shot = calibrated_film(used.calibration)
     if one_shot:
@@ -84,19 +89,21 @@ def read_camera(
         )
     driver.check_calibration(used)
     height, width = dark.shape
-    sensor = open_rig(
+    preset = preset_of(sensor, flashing=True)
+    rig = open_rig(
         driver,
         port,
         (width, height),
         leds=len(flat),
         ambient=ambient,
+        preset=preset,
         queue=queue,
         calibration=used.calibration,
     )
-    with closing(sensor):
-        cycle = {"lights": "leds", "refresh": refresh, "cycle": list(sensor.cycle)}
+    with closing(rig):
+        cycle = {"lights": "leds", "refresh": refresh, "cycle": list(rig.cycle)}
         stream = Stream(
-            sensor,
+            rig,
             make_film(flat, dark),
             dark,
             refresh,

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
 from tactograph.sdk import InputError, LiveFrames, LiveState, node
-from tactograph.sdk.unstable import Order, UsedCalibration, calibrated_film, make_film, read_preset
+from tactograph.sdk.unstable import Order, UsedCalibration, calibrated_film, make_film
 
 
 @node(endless=True)
@@ -34,7 +35,7 @@ def read_colour_camera(
     sensor
         The sensor's kind, "gelsight_mini" or "digit", or a file of your own.  It gives the
         camera's settings, how its pictures are rotated, cropped and scaled down, and the order
-        of its colours.  Start from a copy of ``nodes/files/sensors/gelsight_mini.yaml``.
+        of its colours.  Start from a copy of ``rings/live/sensors/gelsight_mini.yaml``.
     lights
         "bgr" or "rgb": the colours that are the lights, in the calibration's order.  None: that
         of `sensor`, else "bgr".
@@ -57,7 +58,7 @@ def read_colour_camera(
     flat, dark, _ = calibrated_film(used.calibration)
     driver.check_calibration(used)
     height, width = dark.shape
-    preset = None if sensor is None else read_preset(sensor)
+    preset = preset_of(sensor, flashing=False)
     order = lights or (preset.lights if preset else "bgr")
     if preset is not None and order != preset.lights:
         raise InputError(

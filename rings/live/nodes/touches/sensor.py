@@ -15,6 +15,7 @@ from tempfile import mkdtemp
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Capture, check_camera, open_capture
+from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -31,6 +32,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
 from tactograph.sdk import Height, InputError
+from tactograph.sdk.unstable import SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
@@ -181,6 +183,7 @@ def open_rig(
     *,
     leds: int,
     ambient: bool = False,
+    preset: SensorPreset | None = None,
     queue: int = 8,
     calibration: Path | None = None,
 ) -> Rig:
@@ -192,13 +195,17 @@ def open_rig(
     size : width and height to request from the camera; None keeps the driver's
     leds : number of LEDs
     ambient : whether the cycle has a step with all LEDs off
+    preset
+        Completes the settings, and the size where that is None.  Its view is applied to a real
+        camera's pictures; a simulated one delivers frames to which it is already applied.
     queue : as for `Camera`
     calibration : of the film that a simulated camera sees, unless its scene states a rig
 
     Raises
     ------
     InputError
-        If the camera or the controller cannot be opened.
+        If the camera or the controller cannot be opened, or the preset's frames have another
+        size.
     """
     cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
     table: SimulatedSensor | None = None
@@ -209,7 +216,7 @@ def open_rig(
         if driver.is_simulated:
             text = str(driver.camera)
             table = calibrated_sensor(text, calibration) if calibration else None
-            table = table or SimulatedSensor(read_scene(text, Scene))
+            table = table or SimulatedSensor(read_scene(text, Scene, film_of(preset)))
             lit_between = steady(cycle, driver.rate, table.start)
             if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.
@@ -227,6 +234,8 @@ def open_rig(
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
         wanted = driver.wanted(*size)
+        if preset is not None and table is None:
+            wanted = with_preset(wanted, preset)
         source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
         undo.callback(source.close)
         source.check(START_S, driver.camera)

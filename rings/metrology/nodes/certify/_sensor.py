@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import F4, Light
+from tactograph.sdk import F4, InputError, Light
 from tactograph.sdk.unstable import Calibration, read_either
 
 
@@ -26,10 +26,15 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     Raises
     ------
     InputError
-        If it is none.
+        If it is none, or its film is no plane at rest.
     """
     known = read_either(calibration)
     film = known.flat, float(known.pixel_size), known.lens
     if isinstance(known, Calibration):
+        if known.rest is not None and known.rest.any():
+            raise InputError(
+                f"{calibration}: its film is no plane at rest; balls, grids and ripples are "
+                "compared on planes alone"
+            )
         return CertifiedSensor(*film, float(known.blur), "precise", "drawn_ripples")
     return CertifiedSensor(*film, None, "gelsight_mini", "drawn_ripples_oneshot")

@@ -9,9 +9,10 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from benchmarks.real_film import run
-from tactograph.graph import load
+from tactograph.graph import InputError, load
 from tactograph.nodes import F4, F8
 from tactograph.nodes.simulate.expose import expose
+from tactograph.rings.metrology.nodes.certify._sensor import certified_sensor
 from tactograph.rings.metrology.nodes.certify.draw_ripples import draw_ripples
 from tactograph.rings.metrology.nodes.certify.measure_touches import measure_touches
 from tactograph.rings.metrology.nodes.certify.transfer_function import transfer_function
@@ -135,3 +136,13 @@ def test_wrong_input_is_told_in_one_line(raytraced: Raytraced, calibration: Cali
         done = python("-m", "tactograph", "certify", *words, "ripples=0", code=2)
         assert told in done.stderr.splitlines()[-1]
         assert "Traceback" not in done.stderr
+
+
+def test_a_round_film_is_not_certified(calibration: Calibration, tmp_path: Path) -> None:
+    """Balls above a film that is no plane are no balls."""
+    with np.load(calibration("near33")) as known:
+        arrays = dict(known)
+    arrays["rest"] = np.full(arrays["flat"].shape[1:], 0.1, np.float32)
+    np.savez(tmp_path / "round.npz", **arrays)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"round.npz: its film is no plane at rest"):
+        certified_sensor(tmp_path / "round.npz")

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from rings.camera.tests.grids import dots, on_film, pixels
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, F8
@@ -16,7 +17,6 @@ from tactograph.rings.metrology.nodes.certify.response_curve import response_cur
 from tactograph.rings.metrology.nodes.certify.transfer_function import transfer_function
 from tactograph.rings.metrology.nodes.certify.xy_mapping import xy_mapping
 from tests.fixtures import Calibration
-from tests.nodes.calibrate.camera.grids import dots, on_film, pixels
 
 PIXEL, ROWS, COLUMNS = 0.02, 120, 160
 Y, X = PIXEL * np.indices((ROWS, COLUMNS))

@@ -17,7 +17,7 @@ from tactograph.nodes.drawing.new_picture import write_picture
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
 WRITERS = ("write_calibration", "write_camera")
-BESIDE = ("plot_calibration", "plot_camera")
+BESIDE = ("plot_calibration",)
 
 
 def check(node: str, file: Path) -> None:

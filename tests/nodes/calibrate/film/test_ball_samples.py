@@ -6,9 +6,9 @@ import pytest
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.ball.level_touches import level_touches
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
-from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.light.film_bounce import film_bounce
 from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
 from tests.nodes.films import LEDS, MATT

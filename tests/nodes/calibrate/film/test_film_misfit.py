@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._film_misfit import (
     MIN_BOUNCE_ERROR,
     Held,
@@ -14,7 +15,6 @@ from tactograph.nodes.calibrate.film._film_misfit import (
     misfit,
     unevenness,
 )
-from tactograph.nodes.calibrate.film.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import start_at
 from tests.nodes.scenes import LIGHTS
 

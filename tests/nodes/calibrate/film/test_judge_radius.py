@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD,
     CLEAR_GEL,

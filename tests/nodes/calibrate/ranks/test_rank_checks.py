@@ -9,7 +9,7 @@ import pytest
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts, drawn
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
-from tactograph.nodes.trust.check_ranks import RANK_COUNT, Ranked
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, RANK_COUNT, Ranked
 from tests.fixtures import Calibration
 
 EXACT = Doubts(level=0.0, width_mm=1.0, light=0.0, uneven=0.0, contact_mm=0.05)
@@ -53,7 +53,7 @@ def test_ranks_are_added_to_a_file_and_nothing_else_changes(
     after = read_calibration(file=file)
     assert np.array_equal(before.flat, after.flat)
     assert before.quality == after.quality
-    assert after.ranks.shape == (len(Ranked), 20, RANK_COUNT)
+    assert after.ranks.shape == (len(Ranked), 1 + len(CHECK_FIGURES), RANK_COUNT)
     assert not np.array_equal(before.ranks, after.ranks)
     assert (np.diff(after.ranks, axis=2) >= 0).all()
     rank_checks(file=file, count=24, seed=5)

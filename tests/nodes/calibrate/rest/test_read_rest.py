@@ -8,6 +8,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.rest.find_film import find_film
 from tactograph.nodes.calibrate.rest.read_rest import read_rest
 from tactograph.nodes.files.height_files import write_mesh
 from tactograph.nodes.optics.rest_shape import rest_shape
@@ -26,7 +27,7 @@ def places() -> tuple[F4, F4]:
 
 
 def test_nothing_given_is_a_plane() -> None:
-    assert read() == (None, None, True)
+    assert read() == (None, None, True, None)
 
 
 @pytest.mark.parametrize("radius", [12.0, -12.0])
@@ -74,10 +75,25 @@ def test_a_height_map_is_what_each_pixel_sees(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(file=tmp_path / "gel.npy").height, height)
 
 
+def test_what_a_film_hides_by_its_own_curvature_is_left_out() -> None:
+    """From near, rays beyond a ball's horizon meet nothing; the area of the film ends there."""
+    radius, pupil = 10.0, 5.0
+    height, _, _, seen = read(radius_mm=-radius, camera_mm=pupil)
+    assert seen is not None
+    # The tangent from the pupil, above the ball's top, meets height 0 this far out.
+    horizon = pupil * np.tan(np.arcsin(radius / (radius + pupil)))
+    far = np.hypot(*places()) / horizon
+    assert not seen[far > 1.02].any()
+    assert seen[far < 0.98].all()
+    assert np.isfinite(height).all()
+    area = find_film(np.ones((4, *SIZE), np.float32), seen).area
+    np.testing.assert_array_equal(area, seen)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"radius_mm": 3.0}, "sees no film"),
+        ({"radius_mm": 2.0}, "sees no film"),
         ({"radius_mm": 9.0, "cylinder_mm": 9.0}, "one shape"),
         ({"radius_mm": 0.0}, "not 0"),
         ({"radius_mm": 9.0, "at_mm": (0.0, 0.0, 6.0), "camera_mm": 5.0}, "pupil|sees no film"),

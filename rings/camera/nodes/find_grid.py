@@ -7,12 +7,11 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, I4
-from tactograph.nodes.calibrate.camera._checkerboard import find_corners
-from tactograph.nodes.calibrate.camera._dots import find_dots
-from tactograph.nodes.calibrate.camera._lattice import MIN_POINTS, Lattice
-from tactograph.nodes.capture.read_grey import GreyImage
+from tactograph.rings.camera.nodes._checkerboard import find_corners
+from tactograph.rings.camera.nodes._dots import find_dots
+from tactograph.rings.camera.nodes._lattice import MIN_POINTS, Lattice
+from tactograph.sdk import F4, InputError, Port, node, warn
+from tactograph.sdk.unstable import I4, GreyImage
 
 MAX_NAMED_DOTS = 5
 """Most dots that a message names."""

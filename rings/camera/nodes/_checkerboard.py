@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter
 
-from tactograph.nodes import F4
-from tactograph.nodes.calibrate.camera._dots import reduced
-from tactograph.nodes.calibrate.camera._lattice import Lattice, on_lattice
+from tactograph.rings.camera.nodes._dots import reduced
+from tactograph.rings.camera.nodes._lattice import Lattice, on_lattice
+from tactograph.sdk import F4
 
 SMOOTHING_PX = (1.5, 3.0)
 """Standard deviations in px of the smoothing before saddles are searched for."""

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from tactograph.nodes import F4
-from tactograph.nodes.calibrate.camera._lattice import MIN_POINTS, Lattice, neighbours, on_lattice
+from tactograph.rings.camera.nodes._lattice import MIN_POINTS, Lattice, neighbours, on_lattice
+from tactograph.sdk import F4
 
 MAX_SEARCH_SIDE_PX = 800
 """Longest side in px of the image in which dots are searched for; the full one measures them."""

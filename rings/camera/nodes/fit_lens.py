@@ -8,11 +8,16 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from tactograph.graph import InputError, Port, node, warn
-from tactograph.nodes import F4, Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate.camera.find_grid import GridMarks
-from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.optics.lens import LENS_TERMS, half_diagonal, pixel_sides, seen_offset
+from tactograph.rings.camera.nodes.find_grid import GridMarks
+from tactograph.sdk import F4, InputError, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import (
+    LENS_TERMS,
+    GreyImage,
+    Lens,
+    half_diagonal,
+    pixel_sides,
+    seen_offset,
+)
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""

@@ -5,11 +5,9 @@ from typing import Annotated
 import numpy as np
 from matplotlib.figure import Figure
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Metrics
-from tactograph.nodes.calibrate.camera.find_grid import GridMarks
-from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.drawing.new_picture import BLUE, ORANGE, BesidePicture, write_picture
+from tactograph.rings.camera.nodes.find_grid import GridMarks
+from tactograph.sdk import BLUE, F4, ORANGE, Metrics, Port, node, write_picture
+from tactograph.sdk.unstable import BesidePicture, GreyImage
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from rings.camera.tests.grids import board, dots, on_film, pixels
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.undistort_presses import undistort_presses
-from tactograph.nodes.calibrate.camera.find_grid import GridMarks, find_grid
-from tactograph.nodes.calibrate.camera.fit_lens import LensFit, fit_lens
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.capture.read_grey import read_grey
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
+from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
+from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
 from tests.fixtures import python
-from tests.nodes.calibrate.camera.grids import board, dots, on_film, pixels
 
 SHAPE = (240, 320)
 NONE = np.zeros(8, np.float32)

@@ -1,0 +1,141 @@
+"""The bend of a film at rest, by a model of its light that has a coat.
+
+A coat's mirror images and what the film throws on itself change the light as a bend does.  Fitted
+at once they are told apart, since the flat frame shows both over the whole film.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tactograph.graph import NodeCall
+from tactograph.nodes import F4, F8, Light, Noise
+from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
+from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
+from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.optics.rest_shape import RestShape
+from tactograph.nodes.optics.sheet import SheetLight
+
+COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
+"""Parts of a film with a coat, and of one that lights itself as well."""
+COAT_UNKNOWNS = 3
+BEND_STEP = 0.01
+"""Step of an unknown, in its unit, for derivatives."""
+MAX_ROUNDS, MAX_CHANGE = 2, 2e-3
+"""Most rounds of each model, and the change of all unknowns, in their units, that ends them."""
+
+
+class Laid(NamedTuple):
+    """Balls found on a film of some shape, B x 3 in px, and LEDs of a matt film, K x 3 and K."""
+
+    shape: RestShape
+    circle: F4
+    lights: F4
+    strength: F4
+
+
+class Bending(NamedTuple):
+    """What a bend is fitted to, and how its unknowns make a shape and lay balls on it."""
+
+    light: SheetLight
+    flat: Light
+    radius: BallRadii
+    of: BallPress
+    noise: Noise
+    pixel: float
+    camera: float
+    unit: F8
+    """Unit of each unknown."""
+    shape: Callable[[F8], RestShape]
+    lay: Callable[[F8], Laid]
+    bounce: NodeCall
+
+
+class _Round(NamedTuple):
+    """A fit of one model on a film of some shape."""
+
+    laid: Laid
+    balls: Balls
+    rest: Rest
+    fitted: Fitted
+
+
+def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F8] | None:
+    """Return the unknowns of the bend under a coat and their covariance; None without a coat.
+
+    A film has one where it explains the balls' light better by sure odds, for as many
+    `independent` samples.  The covariance is that of least squares, and as much as the bend moves
+    when each ball is left out (the jackknife).
+    """
+    if given.flat.min() == given.flat.max():
+        return None
+    matt = _round(given, unknowns, frozenset(), None)
+    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
+    now = matt._replace(fitted=coat)
+    gained = independent * math.log(matt.fitted.scale / coat.scale)
+    if gained - COAT_UNKNOWNS * math.log(independent) / 2 < math.log(SURE_ODDS):
+        return None
+    for parts in COATED_PARTS:
+        for _ in range(MAX_ROUNDS):
+            now = _round(given, unknowns, parts, now.fitted)
+            further = _further(given, unknowns, now)
+            step, spread = _step(given, now, parts, further)
+            unknowns = unknowns + given.unit * step
+            if np.abs(step).max() < MAX_CHANGE:
+                break
+    for number in np.unique(now.balls.ball):
+        others = now.balls.ball != number
+        kept = Further(further.light[..., others], further.flat)
+        without = now._replace(balls=now.balls.only(others))
+        moved = _step(given, without, parts, kept)[0] - step
+        spread = spread + np.outer(moved, moved) * (1 - 1 / len(given.radius))
+    return unknowns, spread * np.outer(given.unit, given.unit)
+
+
+def _round(given: Bending, unknowns: F8, parts: frozenset[str], before: Fitted | None) -> _Round:
+    """Fit a model's film, LEDs and balls on a bend."""
+    laid = given.lay(unknowns)
+    film = matt_film(laid.lights)._replace(camera=given.camera)
+    start = start_at(laid.lights, laid.strength, len(laid.circle))
+    start = start._replace(film=start.film._replace(camera=given.camera))
+    if before is not None:
+        film, start = before.film, before._replace(shifts=np.zeros_like(before.shifts))
+    balls = sample_balls(
+        given.light, given.flat, laid.circle, given.radius, given.of, film, given.noise,
+        given.pixel, fine="bounce" not in parts, bounce=given.bounce, shape=laid.shape,
+    )  # fmt: skip
+    glow = bounced_at_rest(laid.shape, film, given.bounce) if "bounce" in parts else None
+    rest = rest_of(given.flat, given.pixel, laid.shape, glow)
+    assert rest is not None  # the flat frame is not uniform
+    fitted = fit(balls, rest, parts, start, *_sizes(given))
+    return _Round(laid, balls, rest, fitted)
+
+
+def _sizes(given: Bending) -> tuple[float, float]:
+    """Standard deviation of a ball's place, and the film's width, in mm."""
+    return SHIFT_DEVIATION_PX * given.pixel, given.pixel * given.flat.shape[2]
+
+
+def _step(given: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
+    return further_step(now.balls, now.rest, parts, now.fitted, further, *_sizes(given))
+
+
+def _further(given: Bending, unknowns: F8, now: _Round) -> Further:
+    """Derivatives of the light by the unknowns of the bend, in their units."""
+    light, flat = predicted(now.balls, now.fitted), rest_left(now.rest, now.fitted)
+    by_light, by_flat = [], []
+    for way in np.eye(len(unknowns)):
+        shape = given.shape(unknowns + BEND_STEP * given.unit * way)
+        balls = laid_on(now.balls, now.laid.circle, shape)
+        by_light.append((predicted(balls, now.fitted) - light) / BEND_STEP)
+        rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
+        by_flat.append((rest_left(rest, now.fitted) - flat) / BEND_STEP)
+    return Further(np.stack(by_light), np.stack(by_flat))

@@ -1,0 +1,40 @@
+"""Read the film at rest above which a stored height is."""
+
+from pathlib import Path
+
+from tactograph.graph import node, warn
+from tactograph.nodes import Height
+from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
+from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.files.result_file import RELIEF_FIGURE, read_result
+from tactograph.nodes.height.as_seen import as_seen
+
+
+@node
+def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height | None:
+    """Return the height of the film at rest that each pixel of the camera sees, as calibrated.
+
+    Parameters
+    ----------
+    height : the file of a height above that film
+    calibration : the sensor's
+
+    Returns
+    -------
+    H x W in mm; None for a plane, or, with a warning, for a result whose film is none.
+
+    Raises
+    ------
+    InputError
+        If the calibration cannot be read.
+    """
+    if calibration is None:
+        if read_result(height.parent).get("metrics", {}).get(RELIEF_FIGURE):
+            warn(
+                f"{height}: its film is no plane at rest; meshes lay the height out on a plane "
+                "without the sensor's `calibration`"
+            )
+        return None
+    arrays = read_arrays(calibration, CALIBRATION_KIND)
+    rest = arrays.get("rest")
+    return None if rest is None or not rest.any() else as_seen(rest, arrays["lens"])

@@ -1,0 +1,64 @@
+"""What a kind of sensor asks of its camera."""
+
+from dataclasses import replace
+
+from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, View
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import SensorPreset, read_preset
+
+
+def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
+    """Read the preset of a sensor whose LEDs flash, or whose colours are lit at once.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name, or it is of the other kind.
+    """
+    if sensor is None:
+        return None
+    preset = read_preset(sensor)
+    if flashing and preset.leds is None:
+        raise InputError(
+            f"`sensor`={sensor}: lights its colours at once; 'op: read_colour_camera' reads it, or "
+            "say in its file how many LEDs flash (leds: 4)"
+        )
+    if not flashing and preset.leds is not None:
+        raise InputError(f"`sensor`={sensor}: its LEDs flash; 'op: read_camera' reads it")
+    return preset
+
+
+def film_of(preset: SensorPreset | None) -> dict[str, float]:
+    """Return image and pixel size of a simulated sensor of this kind."""
+    if preset is None:
+        return {}
+    width, height = preset.size
+    return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
+
+
+def with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
+    """The settings to request from the driver, and the view of its pictures.
+
+    Raises
+    ------
+    InputError
+        If the requested size differs from the preset's.
+    """
+    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    if size != preset.size:
+        raise InputError(
+            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
+            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
+        )
+    asked = preset.camera
+    return replace(
+        wanted,
+        width=asked.width,
+        height=asked.height,
+        rate=asked.rate or wanted.rate,
+        format=asked.format,
+        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
+        gain=asked.gain if wanted.gain is None else wanted.gain,
+        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        view=View(preset.turn_deg, preset.crop, size),
+    )
