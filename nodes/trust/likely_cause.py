@@ -200,7 +200,7 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
 def _left(light: F4, lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
-    light = light / np.maximum(median, np.float32(MIN_LOGGED))
+    light = np.asarray(light / np.maximum(median, np.float32(MIN_LOGGED)), np.float32)
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
     touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
