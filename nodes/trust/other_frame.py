@@ -21,6 +21,7 @@ MIN_GAIN, MAX_RATIO_ALIKE = 2.5, 1.25
 """What images leave as they are over what they leave without the mistake; and how much more another
 mistake may leave that explains them as well."""
 MIN_FREE_CELLS = 50
+"""Fewer cells of film at rest show no fall-off."""
 
 
 def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
