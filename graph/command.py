@@ -153,8 +153,8 @@ def _report(error: BaseException) -> int:
     """Say in one line why the command ended, and return its exit code."""
     if isinstance(error, click.UsageError) and not isinstance(error, NoArgsIsHelpError):
         words = error.ctx.command_path if error.ctx else "tactograph"
-        said = " ".join(error.format_message().rstrip(".").split())
-        click.echo(f"tactograph: {printable(said)} (see '{words} --help')", err=True)
+        message = " ".join(error.format_message().rstrip(".").split())
+        click.echo(f"tactograph: {printable(message)} (see '{words} --help')", err=True)
         return error.exit_code
     if isinstance(error, click.ClickException):
         error.show()
@@ -181,8 +181,8 @@ def _report_unexpected(error: BaseException) -> int:
         raise error
     if full := full_disk(error):
         return _report(full)
-    said = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
-    click.echo(f"tactograph: internal error: {said}", err=True)
+    message = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
+    click.echo(f"tactograph: internal error: {message}", err=True)
     return 1
 
 

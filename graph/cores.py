@@ -18,9 +18,9 @@ LIBRARY_VARIABLES = (
 
 def cores() -> int:
     """The number of cores that this process may use: those it is bound to, or its share."""
-    told = os.environ.get(CORES_VARIABLE, "")
-    if told.isdecimal() and int(told) > 0:
-        return min(int(told), _bound_to())
+    setting = os.environ.get(CORES_VARIABLE, "")
+    if setting.isdecimal() and int(setting) > 0:
+        return min(int(setting), _bound_to())
     return _bound_to()
 
 

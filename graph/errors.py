@@ -156,8 +156,8 @@ def did_you_mean(word: str, known: Iterable[str], lister: str = "") -> str:
 
 def a_few(words: Sequence[str], most: int) -> str:
     """Join the first words of a list, and count the others: ``a, b and 3 more``."""
-    left = len(words) - most
-    return ", ".join(words[:most]) + (f" and {left} more" if left > 0 else "")
+    more = len(words) - most
+    return ", ".join(words[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 Feed = Callable[[str], str | None]

@@ -56,8 +56,10 @@ def check(node: Node, device: str | None = None) -> int:
     differences = [(case, compare(node, opencl, case)) for case in compared]
     wrong = [f"  {case}: {difference}" for case, difference in differences if difference]
     more = [f"  and {len(wrong) - MAX_DIFFERENCES} more"] if len(wrong) > MAX_DIFFERENCES else []
-    said = f"node '{node.name}' differs on {opencl.name} in {len(wrong)} of {len(compared)} cases:"
-    assert not wrong, "\n".join([said, *wrong[:MAX_DIFFERENCES], *more])
+    message = (
+        f"node '{node.name}' differs on {opencl.name} in {len(wrong)} of {len(compared)} cases:"
+    )
+    assert not wrong, "\n".join([message, *wrong[:MAX_DIFFERENCES], *more])
     return len(compared)
 
 

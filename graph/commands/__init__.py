@@ -83,8 +83,8 @@ class GraphCommand(click.Command):
         except click.NoSuchOption as error:
             name, param = error.option_name, error.option_name.lstrip("-").replace("-", "_")
             how = _how_to_give(param, ctx.meta[WORDS_KEY])
-            told = f"No such option '{name}'; {how}"
-            raise click.NoSuchOption(name, told, error.possibilities, ctx) from None
+            message = f"No such option '{name}'; {how}"
+            raise click.NoSuchOption(name, message, error.possibilities, ctx) from None
 
 
 def _how_to_give(name: str, words: Sequence[str]) -> str:

@@ -142,10 +142,10 @@ def _before(store: Store, *, retry_failed: bool) -> str:
 
     statuses = store.statuses
     finished, failed = (int((statuses == status).sum()) for status in (DONE, FAILED))
-    said = f"{len(store)} captures, {finished} of them finished before"
+    line = f"{len(store)} captures, {finished} of them finished before"
     if not failed:
-        return said
-    return f"{said}, {failed} failed ({'' if retry_failed else 'not '}done again)"
+        return line
+    return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
 def _cluster(

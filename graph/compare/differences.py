@@ -75,13 +75,13 @@ def _nodes_of(graph: Graph, box: str) -> list[str]:
 
 def _inside(box: str, changes: Iterable[Difference], graph: Graph, against: Graph) -> str:
     """The nodes of a box that differ, with their ops where those do."""
-    told = []
+    lines = []
     for node in dict.fromkeys(change.node for change in changes):
         if node in graph.nodes:
             op, name = graph.nodes[node].op, node.removeprefix(f"{box}.")
             same = node in against.nodes and against.nodes[node].op == op
-            told.append(name if same else f"{name}: {op}")
-    return ", ".join(told)
+            lines.append(name if same else f"{name}: {op}")
+    return ", ".join(lines)
 
 
 def _joined(changes: Iterable[Difference]) -> list[Difference]:

@@ -39,8 +39,8 @@ def check_settings(
         wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
         if wrong:
             # Where a number or a list may stand, what is wrong inside the list says more.
-            told = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))
-            raise GraphError(_message(node, where, told, settings)) from None
+            text = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))
+            raise GraphError(_message(node, where, text, settings)) from None
         defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
     checked = {name: getattr(model, name) for name in node.parameters}
@@ -70,17 +70,17 @@ def _message(
     name = str(first["loc"][0])
     if first["type"] == "missing" and len(first["loc"]) == 1:
         return f"{where(name)}: node '{node.name}' needs the parameter '{name}'"
-    said = first["msg"].removeprefix("Value error, ")
+    message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "path_type":
-        said = "a path is needed"
+        message = "a path is needed"
     if first["type"] in ("too_long", "too_short"):
-        said = said.replace(" after validation", "").partition(", not")[0]
+        message = message.replace(" after validation", "").partition(", not")[0]
     given = settings.get(name)
     is_pair = isinstance(given, list) and len(given) == 2 and all(type(n) is int for n in given)
     hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
     at = "".join(f"[{part}]" for part in first["loc"][1:] if isinstance(part, int))
-    told = f"{said[0].lower()}{said[1:]}, not {shortened(repr(first['input']))}"
-    return f"{where(name)}: {told}{at and f' at {at}'}{hint}"
+    text = f"{message[0].lower()}{message[1:]}, not {shortened(repr(first['input']))}"
+    return f"{where(name)}: {text}{at and f' at {at}'}{hint}"
 
 
 @cache

@@ -30,20 +30,20 @@ class Description:
 def describe(node: Node) -> Description:
     """Read a node's docstring; an argument that is not described has an empty string."""
     parsed = _parsed(node.doc)
-    said = {name: port.meaning for name, port in node.inputs.items()}
+    meanings = {name: port.meaning for name, port in node.inputs.items()}
     records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
     for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
             name = name.strip(" *")
-            told = said.get(name), each.type_name
-            said[name] = _one_line(each.description) or "; ".join(filter(None, told))
+            told = meanings.get(name), each.type_name
+            meanings[name] = _one_line(each.description) or "; ".join(filter(None, told))
     known = [*node.input_names, *node.parameters]
     known += [node.repeated.name] if node.repeated else []
     returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
         text=parsed.long_description or "",
-        arguments={name: said.get(name, "") for name in known},
+        arguments={name: meanings.get(name, "") for name in known},
         returns=_one_line(returns[1]) if returns else "",
         raises=[(each.type_name or "", _one_line(each.description)) for each in parsed.raises],
     )

@@ -25,10 +25,10 @@ _ABANDONED_S = 3600.0
 
 def cache_folder() -> Path | None:
     """The folder of the cache; None if it is off."""
-    told = os.environ.get(FOLDER_VARIABLE, "")
-    if told == "off":
+    setting = os.environ.get(FOLDER_VARIABLE, "")
+    if setting == "off":
         return None
-    return Path(told or platformdirs.user_cache_dir("tactograph", appauthor=False))
+    return Path(setting or platformdirs.user_cache_dir("tactograph", appauthor=False))
 
 
 def read_cached(file: Path) -> bytes | None:

@@ -42,8 +42,10 @@ def _said(file: Path, key: str) -> Mapping[str, str]:
         head = about_in(load_arrays(file, only=ABOUT_ARRAY))
     except (OSError, ValueError):
         return {}
-    said = {name: head.get(name) for name in IDENTITY_KEYS}
-    return {name: one_line(text) for name, text in said.items() if isinstance(text, str) and text}
+    identity = {name: head.get(name) for name in IDENTITY_KEYS}
+    return {
+        name: one_line(text) for name, text in identity.items() if isinstance(text, str) and text
+    }
 
 
 def identities(paths: Mapping[str, Any]) -> dict[str, dict[str, str]]:

@@ -19,8 +19,8 @@ def in_words(error: MarkedYAMLError, name: str) -> str:
         return f"{name}: not YAML: {printable(problem)}"
     if begun is not None and ("simple key" in context or "quoted scalar" in context):
         at = begun  # the parser notices only later
-    said = _sentence(problem, context, at, begun) or f"not YAML: {printable(problem)}"
-    return f"{name}:{at.line + 1}:{at.column + 1}: {said}"
+    message = _sentence(problem, context, at, begun) or f"not YAML: {printable(problem)}"
+    return f"{name}:{at.line + 1}:{at.column + 1}: {message}"
 
 
 def _sentence(problem: str, context: str, at: StringMark, begun: StringMark | None) -> str:

@@ -1,4 +1,7 @@
-"""Pydantic models of graph files: they check what is read, and give the JSON schema."""
+"""Pydantic models of graph files: they check what is read, and give the JSON schema.
+
+Long because all that a graph file may say is declared here, with its help for editors.
+"""
 
 from __future__ import annotations
 
@@ -70,21 +73,15 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
-Names = Annotated[
-    list[str],
+_ONE_OR_MORE = (
     Field(min_length=1),
     BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
-]
+)
+Names = Annotated[list[str], *_ONE_OR_MORE]
 """One name, or a list of them."""
-References = Annotated[
-    list[Reference],
-    Field(min_length=1),
-    BeforeValidator(lambda value: value if isinstance(value, list) else [value]),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
-]
+References = Annotated[list[Reference], *_ONE_OR_MORE]
 """What one change says of one node, or of several."""
-
 
 MAX_TURNS = 100
 """Far more turns than a group converges in."""

@@ -47,8 +47,8 @@ class StepRunner:
             return name
         once = [step.name for step in plan.steps if step.kind == "run" and not step.stream]
         place = f", {once.index(name) + 1} of {len(once)}" if name in once else ""
-        told = f", {text}" if (text := progress_told()) else ""
-        return f"{name} ({plan.tasks[name].node.name}){place}{told}"
+        progress = f", {text}" if (text := progress_told()) else ""
+        return f"{name} ({plan.tasks[name].node.name}){place}{progress}"
 
     def walk(
         self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]

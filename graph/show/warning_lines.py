@@ -25,8 +25,8 @@ def warning_lines(
 
 def first_lines(lines: Sequence[str], most: int, kind: str) -> list[str]:
     """The first lines of a `kind`, and one that counts the others."""
-    left = len(lines) - most
-    return [*lines[:most], *([f"{kind}: {left} more, see the table"] if left > 0 else [])]
+    more = len(lines) - most
+    return [*lines[:most], *([f"{kind}: {more} more, see the table"] if more > 0 else [])]
 
 
 def _line(text: str, places: list[str]) -> str:

@@ -114,8 +114,8 @@ class Tuning:
 
         Raises InputError if the node does not take the value; then nothing has changed.
         """
-        said = {parameter: plain(value)}
-        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **said}))
+        message = {parameter: plain(value)}
+        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **message}))
 
     def set_backend(self, node: str, backend: str | None) -> None:
         """Bind a node to a back end; None restores that of the file.
@@ -297,8 +297,8 @@ class Tuning:
         except Exception as error:  # a bad edit must not take the page down
             self.playing = False
             kind = "" if isinstance(error, TactographError) else f"{type(error).__name__}: "
-            said = kind + " ".join(str(error).split())
-            self._publish(replace(self.shown, asked=asked, error=said))
+            message = kind + " ".join(str(error).split())
+            self._publish(replace(self.shown, asked=asked, error=message))
             return
         if not is_quick:
             self._count()

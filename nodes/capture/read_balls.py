@@ -95,12 +95,12 @@ def read_balls(
             f"{folder}: holds {len(names)} presses, and `center_px` and `contact_px` are for "
             "one; write them into each press's capture.yaml"
         )
-    said = [read_capture_file(folder / name) for name in names]
+    files = [read_capture_file(folder / name) for name in names]
     scans = [listed_capture(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
         for name, about, usual, scan in zip(
-            names, said, _spread(folder, names, radius_mm), scans, strict=True
+            names, files, _spread(folder, names, radius_mm), scans, strict=True
         )
     ]
     for name, scan in zip(names, scans, strict=True):
@@ -112,7 +112,7 @@ def read_balls(
         for number, scan in enumerate(scans)
         for mark in (scan.balls if scan else ())
     ]
-    known = [known_circle(about, center_px, contact_px) for about in said]
+    known = [known_circle(about, center_px, contact_px) for about in files]
     return BallPresses(
         np.concatenate([each.image for each in captures], axis=1) if captures[1:] else first,
         first,

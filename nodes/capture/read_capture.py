@@ -225,8 +225,8 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
     if calibration is None:
         return
     for place in (folder, folder.absolute().parent):
-        if any(said := identity_in(read_capture_file(place).model_dump())):
-            check_sensor(place, said, calibration, another_sensor)
+        if any(order := identity_in(read_capture_file(place).model_dump())):
+            check_sensor(place, order, calibration, another_sensor)
             return
 
 
@@ -292,11 +292,11 @@ def _is_capture(folder: Path, layout: Layout) -> bool:
 
 def _lights(folder: Path, layout: Layout) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
-    said = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
-    listed = listed_capture(folder) if said is None else None
+    order = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
+    listed = listed_capture(folder) if order is None else None
     if listed is not None and len(listed.images) == 1:
         return "rgb"
-    return said or "leds"
+    return order or "leds"
 
 
 def read_capture_file(folder: Path) -> CaptureFile:

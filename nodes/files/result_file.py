@@ -15,10 +15,10 @@ RELIEF_FIGURE = "rest_relief_mm"
 def read_result(folder: Path) -> dict[str, Any]:
     """Return the content of a folder's ``result.json``; empty if there is none that can be read."""
     try:
-        said = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
+        result = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return said if isinstance(said, dict) else {}
+    return result if isinstance(result, dict) else {}
 
 
 def checksum(file: Path) -> str:

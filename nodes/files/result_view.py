@@ -45,10 +45,10 @@ def view_in(said: Mapping[str, Any], file: Path) -> View:
 def view_of_text(text: str, file: Path) -> View:
     """Return the view in a file's metadata, JSON of `view_stated`: see `view_in`."""
     try:
-        said = json.loads(text)
+        result = json.loads(text)
     except ValueError:
-        said = {"lens": None}
-    return view_in(said, file)
+        result = {"lens": None}
+    return view_in(result, file)
 
 
 def calibrated_view(calibration: Path) -> View:
@@ -80,10 +80,10 @@ def read_view(height: Path) -> View:
     InputError
         If what is stated is no view.
     """
-    said = read_result(height.parent)
+    result = read_result(height.parent)
     return (
-        view_in(said, height.parent / RESULT_FILE)
-        if height.name in said.get("files", [])
+        view_in(result, height.parent / RESULT_FILE)
+        if height.name in result.get("files", [])
         else View()
     )
 

@@ -94,8 +94,8 @@ class HeightNetworks:
     def __init__(self, run: Launch, deepest: int = 0) -> None:
         self._run = run
         self.state = self._system("state")
-        told = ("corner", "anchored", "scales", "top", "foot")
-        coming = [run.begin_download(self._system(name)) for name in told]
+        fields = ("corner", "anchored", "scales", "top", "foot")
+        coming = [run.begin_download(self._system(name)) for name in fields]
         self.shape = rows, columns = self.state.shape
         self.levels = levels_of(rows, columns)
         gaps = gaps_of(self.levels)

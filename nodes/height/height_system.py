@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 MARGIN_PX = 8
 """Width in pixels of the margin around touched film."""
 UNKNOWN_VARIANCE = np.float32(1e6)
-"""Variance from which on a slope is unknown."""
+"""Variance above which a slope is unknown."""
 MAX_CUBIC_VARIANCE = np.float32(1)
 """Variance up to which a slope counts in a cubic."""
 LONE_SLOPE_VARIANCE = np.float32(4)

@@ -16,7 +16,7 @@ FIT_ROUNDS = 30
 ROBUST_WIDTH = 2.0
 """Residual, over the median of all, from which a pixel counts less (Cauchy's weight)."""
 MIN_SPREAD = 1e-6
-"""Smallest residual in mm from which on a pixel counts less, and smallest change of a plane."""
+"""Smallest residual in mm above which a pixel counts less, and smallest change of a plane."""
 HELD_SHARE, MOST_SHARE = 1 / 4, 1 / 2
 """Share of the film that makes a plane one that may be level, and that makes it what most share."""
 TRIAL_COUNT = 440

@@ -25,5 +25,5 @@ def scale_height(
     height : H x W in mm
     step, scale : factor and its standard uncertainty, as `measure_step` finds them on a known step
     """
-    said = scale if step is None else step
-    return height if said is None else np.asarray(height * np.float32(said[0]), np.float32)
+    factor = scale if step is None else step
+    return height if factor is None else np.asarray(height * np.float32(factor[0]), np.float32)

@@ -185,10 +185,10 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
     if not coarser:
         return (network.inverse @ force.ravel()).reshape(force.shape)
     height = network.relax * force
-    left = quad_sums(force - network.apply(height))
-    moved = cycle(coarser, left, depth + 1)
+    residual = quad_sums(force - network.apply(height))
+    moved = cycle(coarser, residual, depth + 1)
     if depth + 1 >= SINGLE_VISITS and len(coarser) > 1:
-        moved = moved + cycle(coarser, left - coarser[0].apply(moved), depth + 1)
+        moved = moved + cycle(coarser, residual - coarser[0].apply(moved), depth + 1)
     # Every pixel of a block moves as the block does.
     rows, columns = height.shape
     height += BLOCK_OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
@@ -204,9 +204,9 @@ def conjugate_gradients(
     If there is nothing to gain, the same array is returned.
     """
     matrix = levels[0]
-    left = force - matrix.apply(height)
-    direction = correction = cycle(levels, left)
-    energy = float(np.vdot(left, correction))
+    residual = force - matrix.apply(height)
+    direction = correction = cycle(levels, residual)
+    energy = float(np.vdot(residual, correction))
     for _ in range(steps):
         if energy <= enough or energy <= 0:
             break
@@ -216,8 +216,8 @@ def conjugate_gradients(
             break
         length = np.float32(energy / stretched)
         height = height + length * direction
-        left = left - length * moved
-        correction = cycle(levels, left)
-        before, energy = energy, float(np.vdot(left, correction))
+        residual = residual - length * moved
+        correction = cycle(levels, residual)
+        before, energy = energy, float(np.vdot(residual, correction))
         direction = correction + np.float32(energy / before) * direction
     return height

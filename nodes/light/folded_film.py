@@ -42,7 +42,7 @@ def folded_film(
     slope
         2 x H x W, mm per mm, on the cells of a rough pass.  Where they are more than those of
         `film_bounce`, every n-th row and column counts.
-    least, narrow : squared bend over squared slope from which on film is folded, and narrowly
+    least, narrow : squared bend over squared slope above which film is folded, and narrowly
     """
     step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
     slope = slope[:, ::step, ::step]

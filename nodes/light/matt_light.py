@@ -205,9 +205,9 @@ def _by_normal(
     n, rest = _normal(slope), rest_below(film, x, y, z)
     for _ in range(steps):
         n = turned(film, light, n, (x, y, z), rest=rest, lift=lift)
-    left = light - predict(film, n, x, y, z, rest, lift)
+    residual = light - predict(film, n, x, y, z, rest, lift)
     matt = np.einsum("kcn,cn->kn", vectors, n)
-    return np.asarray(left * scale + wrapped(matt, film.wrap), np.float32)
+    return np.asarray(residual * scale + wrapped(matt, film.wrap), np.float32)
 
 
 def _normal(slope: F4) -> F4:

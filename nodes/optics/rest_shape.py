@@ -24,7 +24,7 @@ MIN_VIEW_SHARE = np.float32(0.1)
 """Smallest denominator: beyond it the camera sees the film from behind."""
 MIN_REST_LIGHT = 0.02
 """Least light of the film at rest, over that of a plane, that is divided by: an LED that hardly
-reaches a place tells nothing of it."""
+reaches a place says nothing of it."""
 REST_ROUNDS = 3
 """Rounds that find what the film at rest throws on itself: a few hundredths of its light."""
 Numbers = NDArray[np.floating]

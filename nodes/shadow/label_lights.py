@@ -357,8 +357,8 @@ def _dimmed(pixels: Pixels, price: float, uneven: float) -> Choice:
     v, light, weight = pixels.vectors, pixels.light, pixels.weight
     normal = turned_normal(v, light, weight, linear_normal(v, light, weight), ANY_BRIGHTNESS)
     bright = light_products(v, light, weight, normal, uneven if len(light) > 3 else 0)
-    left = light_products(v, light, weight, normal, ANY_BRIGHTNESS)[1, 1]
-    cost = np.where(bright[0, 1] < 0, left + np.float32(price), np.float32(np.inf))
+    residual = light_products(v, light, weight, normal, ANY_BRIGHTNESS)[1, 1]
+    cost = np.where(bright[0, 1] < 0, residual + np.float32(price), np.float32(np.inf))
     return Choice(np.ones(light.shape, bool), cost, bright[1, 1], normal, normal)
 
 

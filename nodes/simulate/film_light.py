@@ -56,10 +56,10 @@ def film_light(
         place = x[part] * nearer, y[part] * nearer, z
         made[:, part] = predict(film, n, *place, None, lift)
         if shadow is not None:
-            left = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
-            left = touch_gain(film, lift)[None] * left[:, None]
-            dark = shadow.ravel()[None, part] >> np.arange(len(left))[:, None] & 1
-            made[:, part] = np.where(dark > 0, left, made[:, part])
+            shaded = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
+            shaded = touch_gain(film, lift)[None] * shaded[:, None]
+            dark = shadow.ravel()[None, part] >> np.arange(len(shaded))[:, None] & 1
+            made[:, part] = np.where(dark > 0, shaded, made[:, part])
 
     in_blocks(light, height.size)
     return made.reshape(-1, rows, columns)

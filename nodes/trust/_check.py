@@ -11,7 +11,7 @@ NOT_TESTED = np.float32(-1)
 DARK_AS_DUE = np.float32(-0.5)
 """Value where too few LEDs test a slope, and others are in the shadow in which it puts them."""
 MIN_CELLS = 20
-"""Fewer cells tell nothing of a touch."""
+"""Minimum cells for a verdict."""
 MIN_LEDS = 3
 """Two LEDs fit any light, so that their slope may be any."""
 MAX_CELLS = 2500

@@ -18,11 +18,11 @@ MAX_SQUARED_BEND = np.float32(0.08**2)
 """`squared_bend` beyond which a cell of narrow film may hold an edge, and its brightness is not
 compared."""
 RIM_SHARE = 0.1
-"""Share of the touched film in shadow from which on it has rims: walls that shade film are
-doubted, not left out, since beside them the height is wrong."""
+"""Shadowed fraction of the touched film that indicates rims: walls that shade film are doubted,
+not left out, since beside them the height is wrong."""
 INNER_CELLS, MAX_INNER_SHARE = 5, 0.02
-"""Width of film that is not narrow, and the share of such film up to which all is narrow, as the
-walls of grooves and letters are..."""
+"""Minimum width of a resolved feature in cells, and the share of such film up to which all is
+narrow, as the walls of grooves and letters are..."""
 MIN_SQUARED_BEND, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
 """... if this share of it bends by more than this (`squared_bend`)."""
 MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8

@@ -21,6 +21,7 @@ import numpy as np
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
 from tactograph.nodes.trust._check import MAX_CELLS, MIN_CELLS
+from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
@@ -31,6 +32,8 @@ RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+MOTION_ERROR = 0.003
+"""Error of a motion of the camera over the width of the image: a pixel of 320."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
 """Height that a depth below the film at rest is compared with at least; change of light between
@@ -123,6 +126,12 @@ CHECK_FIGURES = {
         "the light of the film at rest is spread otherwise than in the calibration (check the "
         "order of the images, and that other light is kept out)",
     ),
+    "moved": Figure(
+        "rest",
+        MOTION_ERROR,
+        "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
+        "lens, zoom and crop are those of the calibration; else calibrate again)",
+    ),
     "dark_share": Figure(
         "rest",
         1 / MAX_CELLS,
@@ -151,8 +160,10 @@ CHECK_FIGURES = {
 }
 """All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
 doubted touch from those that do not (`likely_cause`)."""
+SYMPTOM_FIGURES = "moved", "shape", "light_at_rest", "lit_shadows", "depth", "touched_share"
+"""Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 21 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -174,12 +185,13 @@ def figures_of(
     evidence: TouchEvidence,
     added: float = 0.0,
     lines: LineChanges | None = None,
+    motion: FilmMotion | None = None,
     left: float = 0.0,
 ) -> F8:
-    """Return the figures of a touch (T1 to T5), in the order of `CHECK_FIGURES`.
+    """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors, `left`
-    what `left_as_matt` did, where it was asked.
+    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors,
+    `motion` what `film_motion` did, and `left` what `left_as_matt` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -189,7 +201,8 @@ def figures_of(
     tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
     rows = 0.0 if lines is None else _worst_line(lines)
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
-    rest = level, spread, film.shape, film.dark, 1 - film.calm, deep, abs(added)
+    moved = 0.0 if motion is None else motion_size(motion)
+    rest = level, spread, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
     return np.array([*curl, *seen, *more, *rest, left])
 
 
@@ -210,8 +223,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 20, the figures of touches drawn from the calibration
-    own : P x 20, those of its presses; P may be 0
+    drawn : N x 21, the figures of touches drawn from the calibration
+    own : P x 21, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
@@ -245,5 +258,5 @@ def of_all_checks(least: float, ranks: F8) -> float:
     drawn = ranks[-1]
     tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:
-        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES)))
+        return float(least * min(TAIL_SHARE / tail, len(CHECK_FIGURES) - 1))
     return float((drawn <= least).mean())

@@ -14,6 +14,7 @@ from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust._light_evidence import RIM_SHARE
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
+    SYMPTOM_FIGURES,
     CheckRanks,
     Ranked,
     figures_of,
@@ -21,6 +22,7 @@ from tactograph.nodes.trust.check_ranks import (
     p_values,
     share_left,
 )
+from tactograph.nodes.trust.film_motion import FilmMotion, motion_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.likely_cause import likely_cause
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -41,6 +43,7 @@ def judge_touch(
     rim_share: RimShare | None = None,
     added: Annotated[float, Port(unit="1")] | None = None,
     lines: LineChanges | None = None,
+    motion: FilmMotion | None = None,
     light: CoarseLight | None = None,
     flat: CoarseLight | None = None,
     lights: LightPositions | None = None,
@@ -63,6 +66,7 @@ def judge_touch(
     rim_share : what `film_on_rims` found
     added : what `added_light` found
     lines : what `line_changes` found; a part of the check of the light
+    motion : what `film_motion` found
     light, flat, lights
         The light relative to the film at rest, that film, and the LEDs: by them a touch that is
         doubted is tried as if its images were in another order, mirrored, and so on.
@@ -92,14 +96,16 @@ def judge_touch(
     if known is None or known[-1, -1] < 0:
         warn(NOT_CHECKED)
     else:
-        p = p_values(figures_of(evidence, added or 0.0, lines), known[:-1])
+        p = p_values(figures_of(evidence, added or 0.0, lines, motion), known[:-1])
         made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
         trust, alone, why = _verdict(p, known, made, false_alarms)
         if trust < false_alarms:
             likely = ""
             if light is not None and flat is not None and lights is not None:
-                likely = likely_cause(light, flat, lights, partial(share_left, known), false_alarms)
-            causes = likely or _said(why, evidence, added or 0.0)
+                has_moved = motion is not None and bool(motion.any())
+                law = partial(share_left, known), false_alarms
+                likely = likely_cause(light, flat, lights, *law, has_moved=has_moved)
+            causes = likely or _said(why, evidence, added or 0.0, motion)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
@@ -119,14 +125,26 @@ def _verdict(
     p: F8, known: F8, made: list[str], false_alarms: float
 ) -> tuple[float, list[float], list[str]]:
     """The trust, that in each check alone, and the causes of those that fail, the worst first."""
-    found = list(zip(p.tolist(), CHECK_FIGURES.values(), strict=True))
-    worst = [min((f for f in found if f[1].check == check), key=lambda f: f[0]) for check in made]
-    alone = [of_all_checks(least, known) for least, _ in worst]
-    order = sorted(zip(alone, [figure.cause for _, figure in worst], strict=True))
-    return order[0][0], alone, [cause for share, cause in order if share < false_alarms]
+    shares = [of_all_checks(each, known) for each in p.tolist()]
+    found = list(zip(shares, CHECK_FIGURES, strict=True))
+    alone, causes = [], []
+    for check in made:
+        of_check = [f for f in found if CHECK_FIGURES[f[1]].check == check]
+        alone.append(min(of_check)[0])
+        # What several causes show says less than any of them.
+        failing = [f for f in of_check if f[0] < false_alarms]
+        causes += sorted(failing, key=lambda f: (_vagueness(f[1]), f[0]))[:1]
+    causes.sort(key=lambda f: (_vagueness(f[1]), f[0]))
+    return min(alone), alone, [CHECK_FIGURES[name].cause for _, name in causes]
 
 
-def _said(causes: list[str], evidence: TouchEvidence, added: float) -> str:
+def _vagueness(name: str) -> int:
+    return SYMPTOM_FIGURES.index(name) + 1 if name in SYMPTOM_FIGURES else 0
+
+
+def _said(
+    causes: list[str], evidence: TouchEvidence, added: float, motion: FilmMotion | None
+) -> str:
     """The causes with the facts of this touch."""
     light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
@@ -141,6 +159,7 @@ def _said(causes: list[str], evidence: TouchEvidence, added: float) -> str:
         "sense": _sense(change.mean() if together else change[one]),
         "number": other + 1,
         "sense_apart": _sense(apart[other]),
+        "moved": "" if motion is None else motion_in_words(motion),
         "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
     }
     first, *others = (cause.format(**facts) for cause in causes)

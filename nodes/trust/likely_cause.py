@@ -9,16 +9,23 @@ not.
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import permutations
 from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
-from tactograph.nodes.trust._check import MIN_CELLS
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.image_orders import (
+    IMAGES_SWAPPED,
+    TURNED_IMAGES,
+    orders,
+    out_of_place,
+    words_of_order,
+)
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 TRIED_ROWS, TRIED_COLUMNS = 30, 40
@@ -30,23 +37,19 @@ RING_CELLS = 3
 USUAL_GAMMA = 2.2
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
-MAX_ORDERS = 24
-"""Orders of more than four LEDs are too many: only two of them are exchanged."""
-IMAGES_SWAPPED = 2
-"""Images out of place where two are exchanged."""
-TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
-    "mirrored left to right": lambda planes: planes[..., ::-1],
-    "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
-    "turned by half": lambda planes: planes[..., ::-1, ::-1],
-}
-"""What undoes each way in which a camera may be held or its images turned."""
+TORN_STEP = 3
+"""Rows between the places at which frames are tried as torn."""
+MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
+"""Logarithm of the contrast that is told, up or down; share of the light's changes that it may
+leave; light of which the logarithm is taken at least."""
 
 
 class _Mistake(NamedTuple):
-    """What may have been done to the images, in words, and the images without it."""
+    """What may have been done to the images, in words; the images without it, and their LEDs."""
 
     words: str
     light: F4
+    leds: slice | list[int] = slice(None)
 
 
 def likely_cause(
@@ -55,6 +58,8 @@ def likely_cause(
     lights: LightPositions,
     share_of: Callable[[float], float],
     false_alarms: float,
+    *,
+    has_moved: bool = False,
 ) -> str:
     """Return the one mistake that explains a touch's light, in words; "" if none does.
 
@@ -65,6 +70,7 @@ def likely_cause(
     lights : K x 3, in mm
     share_of : the share of right touches that leave as much, or more (`left_as_matt`)
     false_alarms : share from which on a touch is doubted
+    has_moved : whether the camera has (`film_motion`)
     """
     raw = light * flat
     if alike := _alike(raw):
@@ -74,12 +80,16 @@ def likely_cause(
     if share_of(left_as_matt(light, flat, lights)) >= false_alarms:
         return ""
     small, rest = _resized(raw), _divisor(flat)
-    tried = [(_left(taken / rest, lights), words) for words, taken in _mistakes(small)]
-    least = min(left for left, _ in tried)
-    if share_of(least) < false_alarms:
-        return ""
-    # Simple mistakes come first.
-    return next(words for left, words in tried if left <= least + MIN_ERROR)
+    # Fewer LEDs fit anything better, as do those of a camera that has moved.
+    may_be_foreign = len(raw) > MIN_LEDS and not has_moved
+    is_square = light.shape[1] == light.shape[2]
+    for stage in _mistakes(small, is_square), _without_one(small) if may_be_foreign else ():
+        tried = [(_left(taken / rest[leds], lights[leds]), words) for words, taken, leds in stage]
+        least = min((left for left, _ in tried), default=math.inf)
+        if share_of(least) >= false_alarms:
+            # Simple mistakes come first.
+            return next(words for left, words in tried if left <= least + MIN_ERROR)
+    return _contrast(small, rest)
 
 
 def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
@@ -90,8 +100,33 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     return _left(_resized(light * flat) / _divisor(flat), lights)
 
 
+def _contrast(raw: F4, rest: F4) -> str:
+    """Whether the border has another contrast than the flat frame; a camera's light has the same.
+
+    That is the slope of the logarithm of its light over that of the flat frame's.
+    """
+    ring = _border(raw.shape[1:])
+    seen, due = (np.log(np.maximum(a[:, ring], MIN_LOGGED)) for a in (raw, rest))
+    seen, due = (a - a.mean(axis=1, keepdims=True) for a in (seen, due))
+    slopes = (seen * due).sum(axis=1) / np.maximum((due * due).sum(axis=1), MIN_LOGGED)
+    unexplained = np.square(seen - slopes[:, None] * due).sum() / max(np.square(seen).sum(), 1e-9)
+    times = float(np.median(slopes))
+    if unexplained > MAX_UNEXPLAINED or times <= 0 or abs(math.log(times)) < MIN_LOG_CONTRAST:
+        return ""
+    return (
+        f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
+        "automatic contrast and histogram equalisation)"
+    )
+
+
+def _border(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    ring = np.ones(shape, bool)
+    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
+    return ring
+
+
 def _alike(raw: F4) -> str:
-    planes = raw / raw.mean(axis=(1, 2), keepdims=True)
+    planes = raw / np.maximum(raw.mean(axis=(1, 2), keepdims=True), np.float32(MIN_LOGGED))
     for k in range(1, len(planes)):
         for j in range(k):
             if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MAX_APART:
@@ -102,59 +137,60 @@ def _alike(raw: F4) -> str:
     return ""
 
 
-def _mistakes(raw: F4) -> Iterator[_Mistake]:
+def _mistakes(raw: F4, is_square: bool) -> Iterator[_Mistake]:
     """Simple ones first."""
     yield _Mistake(
         "the images look as if a gamma had been applied (record raw light: gamma and contrast off)",
         raw ** np.float32(USUAL_GAMMA),
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
-    others = [order for order in _orders(len(raw)) if _moved(order)]
+    if is_square:
+        # Both do the same where LEDs stand on both sides of the diagonal.
+        yield _Mistake(
+            "the images are transposed, or those of two LEDs across the diagonal are swapped (rows "
+            "have to be rows; check names and wires)",
+            np.stack([cv2.resize(plane.T, plane.shape[::-1]) for plane in raw]),
+        )
+    others = [order for order in orders(len(raw)) if out_of_place(order)]
     for order in others:
-        if _moved(order) == IMAGES_SWAPPED:
-            yield _Mistake(_words(order), raw[list(order)])
+        if out_of_place(order) == IMAGES_SWAPPED:
+            yield _Mistake(words_of_order(order), raw[list(order)])
     for side, turn in TURNED_IMAGES.items():
         beside = "beside those of the calibration, with which they would fit"
         yield _Mistake(f"the images are {side} {beside}", turn(raw))
     for order in others:
-        if _moved(order) > IMAGES_SWAPPED:
-            yield _Mistake(_words(order), raw[list(order)])
+        if out_of_place(order) > IMAGES_SWAPPED:
+            yield _Mistake(words_of_order(order), raw[list(order)])
+    yield from _torn(raw)
 
 
-def _orders(count: int) -> Iterator[tuple[int, ...]]:
-    """Orders of LEDs, those with the fewest out of place first."""
-    if math.factorial(count) <= MAX_ORDERS:
-        yield from sorted(permutations(range(count)), key=_moved)
-        return
-    for one in range(count):
-        for other in range(one):
-            order = list(range(count))
-            order[one], order[other] = other, one
-            yield tuple(order)
+def _torn(raw: F4) -> Iterator[_Mistake]:
+    """Frames whose end is of the LED before or after."""
+    for row in range(TORN_STEP, raw.shape[1], TORN_STEP):
+        for by, which in (1, "next"), (-1, "previous"):
+            whole = np.concatenate([raw[:, :row], np.roll(raw[:, row:], by, 0)], axis=1)
+            yield _Mistake(
+                f"frames are torn: from {row / raw.shape[1]:.0%} of their height on they show the "
+                f"{which} LED (whole frames: a slower camera, or a shorter cable)",
+                whole,
+            )
 
 
-def _moved(order: tuple[int, ...]) -> int:
-    return sum(led != place for place, led in enumerate(order))
-
-
-def _words(order: tuple[int, ...]) -> str:
-    """What was done, for the order that undoes it: place k takes image order[k]."""
-    wrong = [place for place, led in enumerate(order) if led != place]
-    if len(wrong) == IMAGES_SWAPPED:
-        return (
-            f"the images of LED {wrong[0] + 1} and LED {wrong[1] + 1} are swapped: exchanged, they "
-            "fit the calibration (check names and wires)"
+def _without_one(raw: F4) -> Iterator[_Mistake]:
+    for led in range(len(raw)):
+        others = [k for k in range(len(raw)) if k != led]
+        yield _Mistake(
+            f"the image of LED {led + 1} is not of the touch that the others show (check that it "
+            "is of this touch and that nothing moved)",
+            raw[others],
+            others,
         )
-    right = ", ".join(str(led + 1) for led in order)
-    return (
-        f"the images are in another order than the calibration's: taken as {right} they fit it "
-        "(check names and wires)"
-    )
 
 
 def _left(light: F4, lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
-    light = light / np.median(light, axis=(1, 2), keepdims=True)
+    median = np.median(light, axis=(1, 2), keepdims=True)
+    light = light / np.maximum(median, np.float32(MIN_LOGGED))
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
     touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
@@ -167,9 +203,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     (p_down, p_right), (q_down, q_right) = np.gradient(p), np.gradient(q)
     bends = sum(np.abs(part) for part in (p_down, p_right, q_down, q_right))
     curl = np.median(np.abs(p_down - q_right)[lit]) / max(float(np.median(bends[lit])), 1e-6)
-    ring = np.ones(touched.shape, bool)
-    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
-    rest = np.median(np.abs(light - 1).max(axis=0)[ring])
+    rest = np.median(np.abs(light - 1).max(axis=0)[_border(touched.shape)])
     # The mean height over the touch is that of the slopes along the way to its middle.
     y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q

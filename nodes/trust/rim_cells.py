@@ -11,9 +11,9 @@ MAX_SQUARED_TURN = np.float32(1.25**2)
 """Square of the change of the slope from cell to cell beyond which an edge lies within a cell,
 which shows the mean of both sides."""
 MIN_RIM_SLOPE = np.float32(1.0)
-"""Slope of the steeper side from which on such an edge is a rim."""
+"""Slope of the steeper side above which such an edge is a rim."""
 MIN_DARK_LEDS = 2
-"""LEDs in shadow from which on those that remain leave the slope open."""
+"""LEDs in shadow above which those that remain leave the slope open."""
 
 
 @node

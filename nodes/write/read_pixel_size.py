@@ -58,11 +58,11 @@ def read_pixel_size(
 
 def _size_in(folder: Path) -> float | None:
     """Return the pixel size of a folder's result; None if it is no result, or an older one."""
-    said = read_result(folder)
-    size = said.get("pixel_size_mm")
+    result = read_result(folder)
+    size = result.get("pixel_size_mm")
     if isinstance(size, bool) or not isinstance(size, int | float):
         return None
-    match said.get("pixel_sides_mm"):
+    match result.get("pixel_sides_mm"):
         case [float(width), float(length)] if not math.isclose(
             width, length, rel_tol=MAX_SIZE_DIFFERENCE
         ):

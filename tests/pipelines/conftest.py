@@ -34,13 +34,17 @@ def run(
     return result
 
 
-def errors(graph: Any, given: dict[str, Any], count: int) -> list[float]:
-    """Root mean square errors in mm of so many heights of a live sensor that is simulated."""
+def errors(graph: Any, given: dict[str, Any], count: int, *, least_mm: float = 0.0) -> list[float]:
+    """Root mean square errors in mm of so many heights of a live sensor that is simulated.
+
+    Those of films that are nowhere as high as `least_mm` do not count.
+    """
     found: list[float] = []
     with open_pipeline(graph, given) as pipeline:
         for result in pipeline.items():
             truth = next(made for value, made in result.item.items() if value.port == "truth")
-            found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
+            if truth.max() >= least_mm:
+                found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
             if len(found) == count:
                 break
     return found

@@ -162,14 +162,14 @@ def _explained_everywhere(normal: F8, right: F8, damping: F8) -> F8:
 
     Elimination in all systems at once is many times faster than solving one after the other.
     """
-    left, explained = right.copy(), np.zeros(right.shape[1:])
+    remaining, explained = right.copy(), np.zeros(right.shape[1:])
     normal = normal.copy()
     for k in range(len(right)):
         pivot = normal[k, k] + damping
-        explained += left[k] * left[k] / pivot
+        explained += remaining[k] * remaining[k] / pivot
         for i in range(k + 1, len(right)):
             factor = normal[k, i] / pivot
-            left[i] -= factor * left[k]
+            remaining[i] -= factor * remaining[k]
             normal[i, i:] -= factor * normal[k, i:]
     return explained
 

@@ -142,11 +142,11 @@ def _width(edge: Edge) -> float:
 
     Some widths are tried first, then those on either side of the best.
     """
-    left = {width: _left(edge, width) for width in WIDTHS_PX[::COARSE_STEP]}
-    best = int(np.searchsorted(WIDTHS_PX, min(left, key=left.__getitem__)))
+    residual = {width: _left(edge, width) for width in WIDTHS_PX[::COARSE_STEP]}
+    best = int(np.searchsorted(WIDTHS_PX, min(residual, key=residual.__getitem__)))
     near = WIDTHS_PX[max(best - COARSE_STEP + 1, 0) : best + COARSE_STEP]
-    left |= {width: _left(edge, width) for width in near if width not in left}
-    return float(min(left, key=left.__getitem__))
+    residual |= {width: _left(edge, width) for width in near if width not in residual}
+    return float(min(residual, key=residual.__getitem__))
 
 
 def _left(edge: Edge, width: float) -> float:

@@ -42,8 +42,8 @@ def read_calibration(
     arrays = read_arrays(file, CALIBRATION_KIND)
     about = read_about(file)
     check_use(file, about, lights)
-    said = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
-    record = record_of(Calibration, {**arrays, **said})
+    header = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
+    record = record_of(Calibration, {**arrays, **header})
     if record.rest is None or not record.rest.any():
         record = record._replace(rest=None)
     elif "rest" not in wanted:

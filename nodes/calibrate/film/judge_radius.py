@@ -115,7 +115,7 @@ def judge_radius(
     film: Film,
     fitted: Metrics,
     of_pixels: list[str] | None = None,
-    of_bend: list[str] | None = None,
+    others: list[str] | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -130,8 +130,9 @@ def judge_radius(
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
-    of_bend
-        A doubt that the film is a plane at rest: the cause, which is named in place of the radius.
+    others
+        Doubts of images, flat frame and the film's shape; named in place of the radius, which they
+        spoil.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
@@ -164,7 +165,7 @@ def judge_radius(
     found = explain(balls, flat, pixel, lights, strength, shape, camera)
     doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
-        raise InputError((of_bend or doubts)[0] + FORCE_ADVICE)
+        raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
     scale, is_open = scale_error(found, left), ""
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())

@@ -117,8 +117,8 @@ def find_ambient(
     stop = {"xatol": AMBIENT_TOLERANCE * film}
     minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
     ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
-    left = misfit(ambient)
-    if left > MAX_MISFIT_SHARE * misfit(0.0) or misfit(MAX_DARK_RATIO * most) < left:
+    residual = misfit(ambient)
+    if residual > MAX_MISFIT_SHARE * misfit(0.0) or misfit(MAX_DARK_RATIO * most) < residual:
         # Light diffused in the gel or reflected from film to film has a similar effect, which
         # `fit_film` models.
         return nothing

@@ -33,7 +33,7 @@ RIGHT_SHARE = 1e-3
 THREE_LEDS = 3
 """Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures"}
+EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
 CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
 ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
@@ -127,7 +127,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 20, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 21, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -144,7 +144,7 @@ def _own(
 def _drawn(
     graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 20.
+    """The figures of drawn touches whose height the graph finds, N x 21.
 
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.
@@ -170,4 +170,4 @@ def _figures(found: Mapping[str, Any]) -> F8:
         # Infinite where nothing touches: that explains no touch.
         left = left_as_matt(found["light"], found["cells"], found["leds"])
         left = left if math.isfinite(left) else 0.0
-    return figures_of(evidence, float(found.get("added", 0.0)), lines, left)
+    return figures_of(evidence, float(found.get("added", 0.0)), lines, found["motion"], left)

@@ -34,12 +34,14 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     rest = rest_of(flat, pixel)
     if rest is None or len(lights) < FEWEST_TESTED_LEDS:
         return []
-    left = _rough_part(rest)
+    residual = _rough_part(rest)
     towards = lights[:, :2] / lights[:, 2:]
     towards = (towards - towards.mean(axis=0)).astype(np.float64)
-    slope = np.linalg.lstsq(towards, left, rcond=None)[0]
+    slope = np.linalg.lstsq(towards, residual, rcond=None)[0]
     steepness = float(np.sqrt(np.square(slope).sum(axis=0).mean()))
-    unexplained = np.square(left - towards @ slope).mean() / max(np.square(left).mean(), 1e-12)
+    unexplained = np.square(residual - towards @ slope).mean() / max(
+        np.square(residual).mean(), 1e-12
+    )
     if steepness < MAX_SLOPE or unexplained > MAX_UNEXPLAINED**2:
         return []
     return [

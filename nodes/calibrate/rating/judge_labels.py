@@ -21,7 +21,7 @@ from tactograph.nodes.slope.height_slopes import height_slopes
 CAUTIOUS_TURN_RAD = 0.8
 """Angle by which leaving LEDs out must turn a normal where labels cost: as at a crack."""
 MAX_COST_DEG = 0.003
-"""Loss up to which labels stand: presses without shadows tell nothing of labels."""
+"""Loss up to which labels stand: presses without shadows give no evidence on labels."""
 MIN_DIFFUSED_SHARE = 0.1
 """Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
 MAX_BALLS = 12

@@ -86,8 +86,8 @@ def plot_calibration(
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
-    said = [textwrap.fill(verdict, TITLE_LETTERS)] if verdict else []
-    title = "\n".join([*said, _title(quality), *([advice] if advice else [])])
+    lines = [textwrap.fill(verdict, TITLE_LETTERS)] if verdict else []
+    title = "\n".join([*lines, _title(quality), *([advice] if advice else [])])
     figure = Figure(figsize=(11 if len(lights) == 1 else 16, HEIGHT_IN), dpi=100)
     # Fixed margins take half the time of a layout that measures every text.
     top = 1 - (LINE_IN * (title.count("\n") + 1) + AXES_TITLE_IN) / HEIGHT_IN

@@ -162,7 +162,7 @@ def rate_calibration(
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not force:
-            raise InputError((bend or contradiction)[0] + FORCE_ADVICE)
+            raise InputError((bend or others or contradiction)[0] + FORCE_ADVICE)
         doubts += contradiction
     doubts = [*(bend or []), *doubts]
     for doubt in doubts:

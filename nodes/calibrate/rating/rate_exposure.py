@@ -9,11 +9,14 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
+from tactograph.nodes.calibrate.rating._other_frame import other_frame
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
 from tactograph.nodes.trust.added_light import added_share
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.fall_off import fall_off
+from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, motion_size
 
 SKIRT_RADII = 1.5
 """Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
@@ -23,9 +26,11 @@ MAX_DEPARTURE = 0.08
 """Departure of an LED's light that pressed film and flickering LEDs explain."""
 MAX_ADDED, CELL_PX = 0.03, 4
 """Other light (T3) over that of the film at rest, looked for on cells of so many pixels."""
+MAX_MOTION = 0.02
+"""Motion of the film between flat frame and press over the image's width (T7)."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
-_TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain and LED currents"
+_TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain, gamma and LED currents"
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, `folder`=DIR",
@@ -51,9 +56,9 @@ def rate_exposure(
 ) -> Judged:
     """Return the difference of the presses' untouched film from the flat frame; doubt it.
 
-    Heights follow from light relative to the flat frame, so exposure, gain and LED currents have
-    to be the same in both.  The median over the film beyond the balls' skirts shows whether they
-    were.
+    Heights follow from light relative to the flat frame, so exposure, gain, gamma and LED
+    currents have to be the same in both, and images have to lie alike.  The film beyond the balls'
+    skirts shows whether they were and do.
 
     Parameters
     ----------
@@ -70,7 +75,8 @@ def rate_exposure(
     Returns
     -------
     ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for each
-    press that differs by more than pressed film and flickering LEDs explain.
+    press that is mirrored, turned, exchanged or moved beside the flat frame, that flickers, or that
+    differs by more than pressed film and flickering LEDs explain.
 
     Raises
     ------
@@ -89,6 +95,14 @@ def rate_exposure(
             doubts.append(where + BANDS_TOLD)
             continue
         free = _free(press, circle[of == number])
+        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
+        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
+        if other := other_frame(cells[0] * cells[1], cells[1], far):
+            doubts.append(
+                f"{where}beside the ball the images show the film of the flat frame {other}: take "
+                "press and flat frame in one way"
+            )
+            continue
         led, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)
         if abs(level) > MAX_DEPARTURE:
@@ -98,13 +112,21 @@ def rate_exposure(
                 f"{cure}"
             )
             continue
-        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
-        added = added_share(*(coarsen(a, factor=CELL_PX)[:, far] for a in (press, flat)))
+        motion = film_motion(cells[0], fall_off(cells[1]))
+        moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
+        # Light that was added evens the film's fall-off, as a zoom does.
+        or_moved = f"; or is it another zoom or crop ({moved})?" if moved else ""
+        added = added_share(*(a[:, far] for a in cells))
         if abs(added) > MAX_ADDED:
             doubts.append(
                 f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
-                "keep other light out, or take an image with all LEDs off as well"
+                f"keep other light out, or take an image with all LEDs off as well{or_moved}"
+            )
+        elif moved:
+            doubts.append(
+                f"{where}beside the ball the film does not lie where the flat frame shows it: "
+                f"{moved} (take both with the same camera, lens, zoom and crop)"
             )
     return Judged({"rest_departure_percent": 100 * worst}, doubts)
 

@@ -26,7 +26,7 @@ def estimate_noise(image: Light) -> Noise:
     ----------
     image : K x H x W, as captured
     """
-    left = np.stack([responses(plane) for plane in image])
+    residual = np.stack([responses(plane) for plane in image])
     number = np.stack([np.digitize(plane, LIGHT_LEVELS).astype(np.uint8) for plane in image])
     rows, squares, weights = [], [], []
     for level in range(1, len(LIGHT_LEVELS)):
@@ -34,10 +34,10 @@ def estimate_noise(image: Light) -> Noise:
         count = int(chosen.sum())
         if count >= MIN_RESPONSES:
             rows.append([image[chosen].mean(), 1.0])
-            squares.append(float(variances(left[chosen])))
+            squares.append(float(variances(residual[chosen])))
             weights.append(np.sqrt(count) / max(squares[-1], MIN_READ_VARIANCE))
     if not rows:
-        return np.array([0, max(float(variances(left.ravel())), MIN_READ_VARIANCE)], np.float32)
+        return np.array([0, max(float(variances(residual.ravel())), MIN_READ_VARIANCE)], np.float32)
     scale = np.array(weights) / max(weights)
     noise, _ = nnls(np.array(rows) * scale[:, None], np.array(squares) * scale)
     return np.array([noise[0], max(noise[1], MIN_READ_VARIANCE)], np.float32)

@@ -146,8 +146,8 @@ def _keywords(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        said = first["msg"].removeprefix("Value error, ")
-        raise InputError(f"'{name}': {where}: {said[0].lower()}{said[1:]}") from None
+        message = first["msg"].removeprefix("Value error, ")
+        raise InputError(f"'{name}': {where}: {message[0].lower()}{message[1:]}") from None
     return {argument: _as_opencv(value) for argument, value in model}
 
 

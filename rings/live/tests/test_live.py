@@ -45,6 +45,13 @@ def test_heights_agree_with_the_truth_while_the_ball_moves(sensor: Path, port: s
     assert np.median(errors("live", given(sensor, port=port), 25)) < 0.01
 
 
+@pytest.mark.parametrize("port", ["none", "simulated"])
+def test_a_calibration_sees_its_own_film_as_it_is(sensor: Path, port: str) -> None:
+    """Nothing is stated of the rig: images are rendered through the calibration itself."""
+    trial = given(sensor, port=port, camera="simulated?press_s=4")
+    assert np.median(errors("live", trial, 15, least_mm=0.3)) < 0.01
+
+
 def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:
     """A dark LED is to the flow what a shadow is that lies everywhere."""
     with open_pipeline("live", given(sensor, port="none")) as camera:

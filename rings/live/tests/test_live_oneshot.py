@@ -33,6 +33,13 @@ def test_every_frame_gives_a_height(mini: Path) -> None:
     assert np.median(errors("live_oneshot", given, 15)) < 0.008
 
 
+@pytest.mark.parametrize("lights", ["bgr", "rgb"])
+def test_a_calibration_sees_its_own_film_as_it_is(mini: Path, lights: str) -> None:
+    """Nothing is stated of the rig: pictures are rendered through the calibration itself."""
+    given = {"calibration": mini, "camera": "simulated?press_s=4", "lights": lights}
+    assert np.median(errors("live_oneshot", given, 15, least_mm=0.3)) < 0.02
+
+
 def test_leds_that_warm_up_are_followed(mini: Path) -> None:
     """All colours begin a fifth brighter, and fade each at its own pace."""
     given = {"calibration": mini, "camera": f"{MOVING}&warm_up=0.2&warm_s=6"}

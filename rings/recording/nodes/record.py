@@ -136,5 +136,5 @@ def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:
     known = identity_from(provenance)
     serial = str((state.settings if state else {}).get("serial") or known.serial)
     inputs = json.dumps(provenance.inputs) if provenance.inputs else ""
-    said = {"sensor": known.name, "serial": serial, "inputs": inputs}
-    return {name: text for name, text in said.items() if text}
+    header = {"sensor": known.name, "serial": serial, "inputs": inputs}
+    return {name: text for name, text in header.items() if text}

@@ -11,6 +11,7 @@ from tactograph.nodes.trust.likely_cause import left_as_matt, likely_cause
 ROWS, COLUMNS = 60, 80
 LIGHTS = np.array([[-40, -30, 40], [42, -31, 40], [38, 33, 40], [-39, 30, 40]], np.float32)
 Change = Callable[[F4], F4]
+Law = tuple[Callable[[float], float], float]
 
 
 def flat() -> F4:
@@ -36,6 +37,12 @@ def banded(raw: F4) -> F4:
     return np.asarray(raw * rows, np.float32)
 
 
+def equalised(raw: F4) -> F4:
+    """The share of darker pixels of the image, in place of the light."""
+    order = raw.reshape(len(raw), -1).argsort(axis=1).argsort(axis=1)
+    return np.asarray(order.reshape(raw.shape) / raw[0].size, np.float32)
+
+
 MISTAKES: dict[str, Change] = {
     "LED 1 and LED 2 are swapped": lambda raw: raw[[1, 0, 2, 3]],
     "LED 2 and LED 4 are swapped": lambda raw: raw[[0, 3, 2, 1]],
@@ -46,6 +53,14 @@ MISTAKES: dict[str, Change] = {
     "look like negatives": lambda raw: 1 - raw,
     "as if a gamma had been applied": lambda raw: raw ** np.float32(1 / 2.2),
     "the light flickers": banded,
+    "has 2.2 times the contrast of the flat frame": lambda raw: raw ** np.float32(2.2),
+    "the image of LED 3 is not of the touch": lambda raw: np.concatenate(
+        [raw[:2], np.roll(raw / flat(), 9, 2)[2:3] * flat()[2:3], raw[3:]]
+    ),
+    "torn: from 60% of their height on they show the next LED": lambda raw: np.concatenate(
+        [raw[:, :36], np.roll(raw[:, 36:], -1, 0)], axis=1
+    ),
+    "has 4 times the contrast of the flat frame": equalised,
     "LED 1 and LED 3 show the same light": lambda raw: raw[[0, 1, 0, 3]],
 }
 
@@ -59,6 +74,20 @@ def cause(light: F4) -> str:
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_named(words: str) -> None:
     assert words in cause(MISTAKES[words](touch()) / flat())
+
+
+def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
+    raw, rest = touch()[:, :, 10:70], flat()[:, :, 10:70]
+    usual = 1.5 * left_as_matt(raw / rest, rest, LIGHTS)
+    turned = raw.transpose(0, 2, 1) / rest
+    law: Law = lambda left: float(left < usual), 0.01
+    assert "are transposed" in likely_cause(turned, rest, LIGHTS, *law)
+
+
+def test_a_frame_that_is_cut_off_does_not_flicker() -> None:
+    cut = touch() / flat()
+    cut[:, 45:] = 0
+    assert "flickers" not in cause(cut)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import CalibratedSensor
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import SimulatedColourSensor
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     EXPOSURE_S,
@@ -127,7 +128,8 @@ class SimulatedCamera:
         if self._released.wait(max(end - now, 0)) or not self.isOpened():
             return False
         middle = end - 0.5 * (self.sensor.exposure_s + scene.readout_s)
-        if isinstance(self.sensor, SimulatedColourSensor):
+        if self.lit_between is None:
+            assert isinstance(self.sensor, SimulatedColourSensor | CalibratedSensor)
             image = self.sensor.picture(middle, self.number)
         else:
             image = self.sensor.image(self._shares(end), middle, self.number)
@@ -142,7 +144,7 @@ class SimulatedCamera:
         assert self.lit_between is not None
         scene = self.sensor.scene
         groups = ROW_GROUPS if scene.readout_s else 1
-        shares = np.zeros((len(self.sensor.lights), groups), np.float32)
+        shares = np.zeros((len(self.sensor.strength), groups), np.float32)
         for i in range(groups):
             close = end - scene.readout_s * (1 - (i + 1) / groups)
             for led, share in self.lit_between(close - self.sensor.exposure_s, close):

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -16,12 +17,13 @@ from tactograph.rings.live.nodes.camera.open_camera import (
     open_capture,
 )
 from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
 )
-from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
+from tactograph.rings.live.nodes.simulated.simulated_sensor import SimulatedSensor, read_scene
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import START_S
@@ -52,7 +54,7 @@ class ColourSensor:
     """A camera that sees a film under three colours; `table` is the film of a simulated one."""
 
     camera: Camera
-    table: SimulatedColourSensor | None
+    table: SimulatedSensor | None
 
     def truth(self, end: float) -> Height | None:
         """The true height for a frame whose exposure ended at `end`, if known."""
@@ -69,11 +71,15 @@ def open_colour_sensor(
     *,
     preset: SensorPreset | None = None,
     queue: int = 8,
+    calibration: Path | None = None,
+    order: Order = "bgr",
 ) -> ColourSensor:
     """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
 
     The preset completes the settings, and the size where that is None.  Its view is applied to a
-    real camera's pictures; a simulated camera delivers frames to which it is already applied.
+    real camera's pictures; a simulated camera delivers frames to which it is already applied.  A
+    simulated one sees the film of the `calibration`, whose colours are in an `order`, unless its
+    scene states a rig.
 
     Raises
     ------
@@ -81,11 +87,13 @@ def open_colour_sensor(
         If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
         the preset's frames have another size.
     """
-    table: SimulatedColourSensor | None = None
+    table: SimulatedSensor | None = None
     once = False
     wanted = driver.wanted(*size, colour=True)
     if driver.is_simulated:
-        table = SimulatedColourSensor(read_scene(str(driver.camera), ColourScene, film_of(preset)))
+        text = str(driver.camera)
+        table = calibrated_sensor(text, calibration, order) if calibration else None
+        table = table or SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
         connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
     else:
         once = check_camera(driver.camera, driver.library)

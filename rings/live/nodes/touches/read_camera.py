@@ -89,9 +89,17 @@ def read_camera(
         )
     driver.check_calibration(used)
     height, width = dark.shape
-    preset, leds = preset_of(sensor, flashing=True), len(flat)
-    size = width, height
-    rig = open_rig(driver, port, size, leds=leds, ambient=ambient, preset=preset, queue=queue)
+    preset = preset_of(sensor, flashing=True)
+    rig = open_rig(
+        driver,
+        port,
+        (width, height),
+        leds=len(flat),
+        ambient=ambient,
+        preset=preset,
+        queue=queue,
+        calibration=used.calibration,
+    )
     with closing(rig):
         cycle = {"lights": "leds", "refresh": refresh, "cycle": list(rig.cycle)}
         stream = Stream(

@@ -69,7 +69,14 @@ def read_colour_camera(
             f"{used.calibration}: is of {len(flat)} LEDs, but a colour picture holds {len(order)} "
             "lights; LEDs that flash are read by 'op: read_camera'"
         )
-    camera = open_colour_sensor(driver, (width, height), preset=preset, queue=queue)
+    camera = open_colour_sensor(
+        driver,
+        (width, height),
+        preset=preset,
+        queue=queue,
+        calibration=used.calibration,
+        order=order,
+    )
     with closing(camera):
         state = LiveState(settings=driver.noted | {"sensor": sensor, "lights": order})
         stream = ColourStream(camera, make_film(flat, dark), order, driver.full_scale, state)

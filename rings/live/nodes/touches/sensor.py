@@ -22,6 +22,7 @@ from tactograph.rings.live.nodes.controller.led_controller import (
     LedController,
     open_controller,
 )
+from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import LitBetween, SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
@@ -184,6 +185,7 @@ def open_rig(
     ambient: bool = False,
     preset: SensorPreset | None = None,
     queue: int = 8,
+    calibration: Path | None = None,
 ) -> Rig:
     """Open a camera and start the cycle of its LEDs.
 
@@ -197,6 +199,7 @@ def open_rig(
         Completes the settings, and the size where that is None.  Its view is applied to a real
         camera's pictures; a simulated one delivers frames to which it is already applied.
     queue : as for `Camera`
+    calibration : of the film that a simulated camera sees, unless its scene states a rig
 
     Raises
     ------
@@ -211,7 +214,9 @@ def open_rig(
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if driver.is_simulated:
-            table = SimulatedSensor(read_scene(str(driver.camera), Scene, film_of(preset)))
+            text = str(driver.camera)
+            table = calibrated_sensor(text, calibration) if calibration else None
+            table = table or SimulatedSensor(read_scene(text, Scene, film_of(preset)))
             lit_between = steady(cycle, driver.rate, table.start)
             if port == SIMULATED_NAME:
                 # A replugged controller has another port; a link points to it, as udev's do.

@@ -224,12 +224,12 @@ def _likeliest(answer: F8, drag: F8, cells: _Cells, sums: F8, error: float) -> t
     carried, summed = ((m.reshape(-1, len(root)) @ root).reshape(m.shape) for m in (answer, sums))
     spread = carried @ carried.T
     noise = error**2 * len(drag)
-    # Less than the noise may feign is not told from none.
+    # A shear below the noise is indistinguishable from none.
     size = max(drag @ drag - noise, noise * np.sqrt(2 / len(drag))) / np.trace(spread)
     factor = cho_factor(size * spread + error**2 * np.eye(len(drag)), overwrite_a=True)
     known = size * carried @ summed.T
     solved = cho_solve(factor, np.column_stack([drag, known]))
     misfit = max(1.0, float(drag @ solved[:, 0]) / len(drag))
-    left = size * np.sum(summed**2, axis=1) - np.sum(known * solved[:, 1:], axis=0)
+    residual = size * np.sum(summed**2, axis=1) - np.sum(known * solved[:, 1:], axis=0)
     shear = size * (solved[:, 0] @ carried).reshape(2, -1) @ root.T
-    return shear.ravel(), np.sqrt(misfit * left)
+    return shear.ravel(), np.sqrt(misfit * residual)

@@ -183,18 +183,18 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
         given["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
     lens, camera = calibrated_view(calibration)
-    told = dict[str, str]()
+    warnings_by_kind = dict[str, str]()
     with load(graph, given, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
-                told.setdefault(warning_kind(line), line)
+                warnings_by_kind.setdefault(warning_kind(line), line)
             if number % stride == 0:
                 seen, pixel = result["height"].copy(), float(result["pixel"])
                 heights[number], _ = on_even_grid(seen, [], lens, camera or 0.0)
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
-    for line in told.values():
+    for line in warnings_by_kind.values():
         warn(line)
     return _of_recording(heights, most, pixel, folder, "record more touches")
 

@@ -146,8 +146,8 @@ def track_pose(
             "track_pose: the touched surface differs from the key frame's by more than both err; "
             "where the figure 'pose_sure' is 0 the pose may be wrong"
         )
-    told = {"pose_overlap": shared, "pose_sure": float(fit.sure), "pose_pressed": pressed}
-    return _tracked(pose, covariance, key, kept, fit.open, told)
+    figures = {"pose_overlap": shared, "pose_sure": float(fit.sure), "pose_pressed": pressed}
+    return _tracked(pose, covariance, key, kept, fit.open, figures)
 
 
 def _fit(
@@ -194,8 +194,8 @@ def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
     counts = np.array([begins, begins, stated, 0, 0, 0], np.float32)
     memory = _memory(zero, zero[0], zero[0], counts)
     unknown = zero if begins else OPEN_MM**2 * np.eye(6)
-    told = {"pose_overlap": float(begins), "pose_sure": 1.0, "pose_pressed": pressed}
-    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), told)
+    figures = {"pose_overlap": float(begins), "pose_sure": 1.0, "pose_pressed": pressed}
+    return _tracked(np.eye(4), unknown, heights, memory, np.zeros((6, 0)), figures)
 
 
 def _tracked(

@@ -71,11 +71,11 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
         unit = "" if row.unit == "1" else " um"
         cells = (row.name, f"{row.uncertainty:.3g}{unit}", row.distribution, by, f"{share:.3g}")
         lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    said = ""
+    text = ""
     if top is not None:
         factor = figures["coverage_factor"]
         agrees = "agrees" if figures["monte_carlo_agrees"] else "does not agree"
-        said = (
+        text = (
             f"<p>U = {figures['expanded_uncertainty_um']:.3g} um (95.45 %, k = {factor:.3g}) at a "
             f"height of {top:.3g} um; at any other z, U = {factor:.3g} sqrt("
             f"({figures['uncertainty_constant_um']:.3g} um)^2 + "
@@ -83,12 +83,12 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
             f"{figures['monte_carlo_um']:.3g} um, which {agrees} to two digits of u.</p>"
         )
     if (held := figures.get("held_out_percent")) is not None:
-        said += (
+        text += (
             f"<p>Of points of shapes that were held out {held:.1f} % (standard uncertainty "
             f"{figures['held_out_error_percent']:.1f} %, as shapes differ) lie within the "
             "intervals of the budget that the others give.</p>"
         )
-    return f"<table>{head}{''.join(lines)}</table>{said}"
+    return f"<table>{head}{''.join(lines)}</table>{text}"
 
 
 def _response(curve: F8 | None, figures: Metrics) -> tuple[str, str] | None:

@@ -51,8 +51,8 @@ def measurement_noise(height: Heights | None = None) -> Metrics:
     levels, order = np.nanmean(maps, axis=(1, 2)), np.arange(len(maps)) - (len(maps) - 1) / 2
     if len(maps) > MIN_REPEATS:
         drift = float(order @ levels / (order @ order))
-        left = levels - levels.mean() - drift * order
-        doubt = np.sqrt(left @ left / (len(maps) - 2) / (order @ order))
+        residual = levels - levels.mean() - drift * order
+        doubt = np.sqrt(residual @ residual / (len(maps) - 2) / (order @ order))
         figures["drift_um"] = drift * (len(maps) - 1)
         figures["drift_error_um"] = float(doubt) * (len(maps) - 1)
     return figures

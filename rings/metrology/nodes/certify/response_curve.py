@@ -89,9 +89,9 @@ def response_parts(true: F8, found: F8, shape: NDArray[np.int32]) -> Parts:
     spread = np.sqrt(np.bincount(level, np.square(apart - mean[level]), LEVEL_COUNT) / count)
     line = np.polynomial.Polynomial.fit(middle, mean, 1)
     linearity = float(np.abs(mean - line(middle)).max())
-    left = found - by_shape[of] * true
+    residual = found - by_shape[of] * true
     curve = np.stack([middle, mean, spread])
-    return Parts(amplification, by_shape, of, curve, linearity, left)
+    return Parts(amplification, by_shape, of, curve, linearity, residual)
 
 
 def _between(values: F8, group: NDArray[np.int32]) -> float:

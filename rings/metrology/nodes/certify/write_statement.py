@@ -76,7 +76,7 @@ def write_statement(
         for each in STATED_FIGURES
     ]
     curves = {"response": response.curve, "transfer": transfer.curve}
-    said = {
+    statement = {
         "format": 1,
         "coverage": COVERED_SHARE,
         "characteristics": entries,
@@ -91,7 +91,9 @@ def write_statement(
         title, about = "What this sensor measures", _about(known, provenance)
         text = page(title, about, entries, budget.rows, budget.metrics, curves)
         (target / PAGE_FILE).write_text(text, encoding="utf-8")
-        (target / JSON_FILE).write_text(json.dumps(said, indent=1, default=str), encoding="utf-8")
+        (target / JSON_FILE).write_text(
+            json.dumps(statement, indent=1, default=str), encoding="utf-8"
+        )
 
 
 def _about(known: Metrics, made: Provenance) -> list[str]:

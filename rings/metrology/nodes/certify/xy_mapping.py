@@ -64,10 +64,10 @@ def xy_mapping(
     mirrored = np.vdot(true.conj(), found) / np.vdot(true, true).real
     if abs(mirrored) > abs(turn):
         turn, true = mirrored, true.conj()
-    left = UM_PER_MM * np.abs(found - turn * true)
+    residual = UM_PER_MM * np.abs(found - turn * true)
     return {
         "xy_amplification_coefficient": float(abs(turn)),
-        "xy_mapping_deviation_um": float(left.max()),
-        "xy_mapping_rms_um": float(np.sqrt(np.mean(np.square(left)))),
+        "xy_mapping_deviation_um": float(residual.max()),
+        "xy_mapping_rms_um": float(np.sqrt(np.mean(np.square(residual)))),
         "grid_marks": float(len(true)),
     }

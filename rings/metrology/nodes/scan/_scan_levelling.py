@@ -31,7 +31,7 @@ MIN_EXTENT_SHARE = 0.5
 MIN_SLOPE_DEVIATION = 0.02
 """Smallest standard deviation of a slope by a light model."""
 MIN_DEVIATION = 1e-3
-"""Smallest deviation of a slope from the others' drift, from which on it counts less."""
+"""Smallest deviation of a slope from the others' drift, above which it counts less."""
 
 
 class ScanLevelling:

@@ -14,7 +14,7 @@ REFUSED_RESIDUAL = 0.02
 BRIGHTNESS_RANGE = 0.75, 1.33
 """Range of the film's brightness, relative to when the model was made."""
 TRIED_RESIDUAL = 0.006
-"""Share from which on other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
+"""Share above which other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
 MAX_ORDER_RATIO = 0.75
 """What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
 one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
@@ -54,24 +54,24 @@ def judge_light_model(
         its range, or if the LEDs in another order explain the light, unless `force`.
     """
     bright = float(np.median(found.brightness))
-    left = _left(found)
-    if light is not None and model is not None and left > TRIED_RESIDUAL:
+    residual = _left(found)
+    if light is not None and model is not None and residual > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
     usual = BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]
-    if left > MAX_RESIDUAL:
-        told = (
-            f"the light model leaves {left:.1%} of the light unexplained at half of the surface: "
-            "is it this sensor's, and are the images in the order of its LEDs?"
+    if residual > MAX_RESIDUAL:
+        doubt = (
+            f"the light model leaves {residual:.1%} of the light unexplained at half of the "
+            "surface: is it this sensor's, and are the images in the order of its LEDs?"
         )
-        if not force and (left > REFUSED_RESIDUAL or not usual):
-            raise InputError(f"{told} `force`=true goes on all the same")
-        warn(told)
+        if not force and (residual > REFUSED_RESIDUAL or not usual):
+            raise InputError(f"{doubt} `force`=true goes on all the same")
+        warn(doubt)
     elif not usual:
         warn(
             f"the film is {bright:.2g} times as bright as when the light model was made: is it "
             "this sensor's, with the same exposure?"
         )
-    return {"model_residual": left, "model_brightness": bright}
+    return {"model_residual": residual, "model_brightness": bright}
 
 
 def _left(found: ModelSlope) -> float:
@@ -91,10 +91,10 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     best = int(np.argmin(product))
     if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:
         order = ", ".join(str(led + 1) for led in orders[best])
-        told = f"the images fit the light model in the order {order} of those listed: sort them"
+        doubt = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
-            raise InputError(f"{told}, or `force`=true goes on all the same")
-        warn(told)
+            raise InputError(f"{doubt}, or `force`=true goes on all the same")
+        warn(doubt)
 
 
 def _curl(slope: Slope) -> float:

@@ -94,14 +94,14 @@ def known_step(
     scale = found["step_scale"], found["step_scale_error"]
     ratio = max(scale[0], 1 / scale[0])
     if ratio > USUAL_STEP_SCALE:
-        told = (
+        message = (
             f"{folder}: its step is {abs(found['step_depth_um']):.3g} um deep, not "
             f"{known_um[0]:g}: check `known_um`, and that `crop` shows this step alone"
         )
         if ratio > MAX_STEP_SCALE:
-            raise InputError(told)
-        warn(told)
+            raise InputError(message)
+        warn(message)
     shares = np.array(others, np.float32) / np.float32(depth) - 1
-    said = dict(zip(("known_scale", "known_scale_error"), scale, strict=True))
-    said["known_residual"] = light["model_residual"]
-    return KnownStep(np.array(scale, np.float32), shares, said)
+    scale_params = dict(zip(("known_scale", "known_scale_error"), scale, strict=True))
+    scale_params["known_residual"] = light["model_residual"]
+    return KnownStep(np.array(scale, np.float32), shares, scale_params)

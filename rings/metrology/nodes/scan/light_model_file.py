@@ -90,23 +90,29 @@ def read_light_model_file(file: Path) -> LightModelFile:
     InputError
         If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
     """
-    said = read_entries(file, LightModelFile)
-    if said.width * said.height > MAX_PIXELS:
-        raise InputError(f"{file}: {said.width} x {said.height} px are no frame of a camera")
-    for name, values in (("black", said.black), ("scale", said.flat.scale if said.flat else [])):
-        if len(values) not in (0, said.leds):
-            raise InputError(f"{file}: {name}: {len(values)} values for {said.leds} LEDs")
+    entries = read_entries(file, LightModelFile)
+    if entries.width * entries.height > MAX_PIXELS:
+        raise InputError(f"{file}: {entries.width} x {entries.height} px are no frame of a camera")
+    for name, values in (
+        ("black", entries.black),
+        ("scale", entries.flat.scale if entries.flat else []),
+    ):
+        if len(values) not in (0, entries.leds):
+            raise InputError(f"{file}: {name}: {len(values)} values for {entries.leds} LEDs")
     for name, matrix, terms in (
-        ("linfit", said.linear, 3),
-        ("quadfit", said.quadratic, LIGHT_TERMS),
+        ("linfit", entries.linear, 3),
+        ("quadfit", entries.quadratic, LIGHT_TERMS),
     ):
         rows, columns, count = matrix.rows, matrix.cols, len(matrix.values)
         if rows not in DEGREE_BY_ROWS:
             known = ", ".join(map(str, DEGREE_BY_ROWS))
             raise InputError(f"{file}: {name}: has {rows} rows; known are {known}")
-        if columns not in (said.leds * terms, said.leds * (terms + 1)) or count != rows * columns:
+        if (
+            columns not in (entries.leds * terms, entries.leds * (terms + 1))
+            or count != rows * columns
+        ):
             raise InputError(
                 f"{file}: {name}: {count} values in {rows} rows of {columns} are not {terms} or "
-                f"{terms + 1} for each of {said.leds} LEDs"
+                f"{terms + 1} for each of {entries.leds} LEDs"
             )
-    return said
+    return entries

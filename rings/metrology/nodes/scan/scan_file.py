@@ -87,26 +87,26 @@ def read_scan(folder: Path) -> Scan:
         If it cannot be read, lists no images or files outside the folder, or is cropped.
     """
     file = folder / SCAN_FILE
-    said = read_entries(file, _ScanFile)
-    for name in said.images:
+    entries = read_entries(file, _ScanFile)
+    for name in entries.images:
         if PureWindowsPath(name).name != name:
             raise InputError(
                 f"{file}: images: '{name}' must be the name of a file beside {SCAN_FILE}"
             )
-    if len(set(said.images)) < len(said.images):
+    if len(set(entries.images)) < len(entries.images):
         raise InputError(f"{file}: images: names a file twice")
-    if any(said.crop):
+    if any(entries.crop):
         raise InputError(
             f"{file}: crop: what it counts from is not known; set it to [0, 0, 0, 0] and give "
             "`crop`=x0,y0,x1,y1"
         )
-    of_target = said.target.radius if said.target else 0.0
+    of_target = entries.target.radius if entries.target else 0.0
     return Scan(
-        [folder / name for name in said.images],
-        said.mmperpixel or 0.0,
-        PureWindowsPath(str(said.calib or "")).name,
-        tuple(MarkedBall(int(m.gx), int(m.gy), m.x, m.y, m.r) for m in said.annotations if m),
-        of_target if said.calibradius is None else said.calibradius,
+        [folder / name for name in entries.images],
+        entries.mmperpixel or 0.0,
+        PureWindowsPath(str(entries.calib or "")).name,
+        tuple(MarkedBall(int(m.gx), int(m.gy), m.x, m.y, m.r) for m in entries.annotations if m),
+        of_target if entries.calibradius is None else entries.calibradius,
     )
 
 

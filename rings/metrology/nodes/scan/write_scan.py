@@ -81,8 +81,8 @@ def _marks(capture: Path, pixel: float, crop: Crop | None) -> list[str]:
     """Lines that mark the balls of a capture, balls as large as the balls."""
     x0, y0 = crop[:2] if crop else (0, 0)
     if is_scan(capture):
-        said = read_scan(capture)
-        balls, radius = said.balls, said.ball_radius
+        scan = read_scan(capture)
+        balls, radius = scan.balls, scan.ball_radius
     else:
         about = read_capture_file(capture)
         radius = about.ball_radius_mm or 0.0

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import AfterValidator
 
+from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
 from tactograph.sdk.unstable import (
@@ -23,7 +24,8 @@ from tactograph.sdk.unstable import (
 class PressCalibration(NamedTuple):
     """All that a reconstruction needs to know of a one-shot sensor.
 
-    The camera's black level is taken to be 0, and the misfit follows from the quality.
+    The camera's black level is taken to be 0, and the misfit and the gain of walls
+    follow from the quality.
     """
 
     flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
@@ -51,6 +53,7 @@ class PressCalibration(NamedTuple):
         Stored(-1, 1e6, plain=-1.0),
         "figures of right presses, by quantiles: what a press is compared with; -1: not known",
     ] = NO_RANKS
+    walls: WallGain = 0.0
 
 
 PRESS_CALIBRATION = FileKind(

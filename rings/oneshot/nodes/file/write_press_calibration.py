@@ -51,8 +51,8 @@ def write_press_calibration(
     """
     sensor = sensor or identity_from(provenance).name or None
     arrays = {"flat": flat, "pixel_size": pixel, "reflectance": reflectance}
-    said = {"quality": quality, "advice": advice, "doubts": doubts or []}
+    header = {"quality": quality, "advice": advice, "doubts": doubts or []}
     made = {"sensor": sensor, "serial": serial, "made": provenance}
-    write_arrays(file, PRESS_CALIBRATION, arrays | {"area": area, "lens": lens}, said | made)
+    write_arrays(file, PRESS_CALIBRATION, arrays | {"area": area, "lens": lens}, header | made)
     if advice.startswith("press"):
         warn(advice)

@@ -39,12 +39,12 @@ def map_departure(
     misfit : length 5, the calibration's misfit
     """
     shown = mapped_light(slope, height, reflectance)
-    left = light - shown
+    residual = light - shown
     freedom = np.float32(len(light) - 2)
     error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
     seen, due = (light * shown).sum(axis=0), (shown * shown).sum(axis=0)
-    departs = np.asarray((left * left).sum(axis=0) * scale, np.float32)
+    departs = np.asarray((residual * residual).sum(axis=0) * scale, np.float32)
     return LightDeparture(departs, seen / np.maximum(due, MIN_SQUARES) - 1)
 
 

@@ -6,6 +6,8 @@ from tactograph.sdk import F4, Close, Launch, Light, node
 
 BINOMIAL_WEIGHTS = (0.0625, 0.25, 0.375, 0.25, 0.0625)
 """Binomial: close to a Gaussian of one pixel's standard deviation."""
+SMOOTHED_PX = 1.0
+"""Their standard deviation."""
 ITEM_ROWS = 4
 """Rows per work-item of the kernel."""
 

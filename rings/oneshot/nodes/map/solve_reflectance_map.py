@@ -83,10 +83,10 @@ def _step(
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = shading(normal, coefficients)
         j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
-        left = rest - value
+        residual = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
-        s, t = s + w_p * left, t + w_q * left
+        s, t = s + w_p * residual, t + w_q * residual
     return square, *limited_step((a, b, c), (s, t), limit * square)
 
 

@@ -15,7 +15,7 @@ WIDTH_SHARES = (0.01, 0.3)
 """Distance over which errors of the light are alike, over the image's width, evenly drawn by its
 logarithm: the calibration of a one-shot sensor states none."""
 USUAL_CONTACT_MM = 0.05
-"""Height from which on film counts as touched."""
+"""Height above which film counts as touched."""
 
 
 class DrawnPress(NamedTuple):

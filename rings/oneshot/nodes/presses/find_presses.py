@@ -84,11 +84,11 @@ def find_presses(
         circle, ball_goodness, _, of, _ = find_balls(
             sheet, flat, radii, known, names, pixel, pitch_mm=pitch_mm
         )
-        told = [
+        lines = [
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
             for press, (x, y, _) in zip(of, circle, strict=True)
         ]
-        return FoundPresses(circle, ball_goodness, of, told)
+        return FoundPresses(circle, ball_goodness, of, lines)
     balls, missed = list[tuple[float, ...]](), []
     for press, name, (x, y, contact) in zip(image, names, known, strict=True):
         if np.isfinite([x, y, contact]).all():

@@ -58,6 +58,13 @@ MAX_MEDIANS = 2.5
 """... and above this multiple of their median."""
 MAX_CENTRE_STEP_PX = 2.0
 """Longest step of a centre in px."""
+DARK_LIGHT = 0.3
+"""Light, over that of film at rest, up to which film may be turning away from an LED."""
+STEEP_SLOPES, STEEP_AZIMUTH_COUNT = (1.5, 3.0, 6.0), 8
+"""Slopes beyond those of balls, and their azimuths, at which Lambert's law stands for light."""
+LAMBERT_DEVIATION = 0.3
+"""Standard deviation of light there from Lambert's law.  Harmonics of second order miss a cosine
+that ends at zero by 0.15 to 0.2, and a coat lights and darkens film by as much again."""
 
 
 class MapFit(NamedTuple):
@@ -253,21 +260,58 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
         weight.append(pixels.weight)
     basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
     weights = np.concatenate(weight, axis=1)
+    steep = _steep_film(bench, circles[kept], used)
     reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
     for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        reflectance[k, :, :used] = _robust_fit(basis, plane, even).reshape(SHADE_COUNT, used)
+        known = _lamberts_law(basis, plane, even, steep)
+        fitted = _robust_fit(basis, plane, even / even.mean(), steep, known)
+        reflectance[k, :, :used] = fitted.reshape(SHADE_COUNT, used)
     return reflectance
 
 
-def _robust_fit(basis: F8, light: F8, even: F8) -> F8:
-    """Iteratively reweighted least squares: columns x N, N, N."""
-    weight = even
+def _steep_film(bench: Bench, circles: F8, used: int) -> F8:
+    """The columns of the fit for film at the presses' places that is steeper than balls are."""
+    turn = 2 * np.pi * np.arange(STEEP_AZIMUTH_COUNT) / STEEP_AZIMUTH_COUNT
+    tilt = np.multiply.outer(np.stack([np.cos(turn), np.sin(turn)]), STEEP_SLOPES).reshape(2, -1)
+    shade = shades(tilt, np.zeros(tilt.shape[1]))
+    place = terms(circles[:, 0], circles[:, 1], bench.shape)[:used]
+    return (shade[:, None, :, None] * place[:, None, :]).reshape(SHADE_COUNT * used, -1)
+
+
+def _lamberts_law(basis: F8, light: F8, even: F8, steep: F8) -> F8:
+    """Return light less 1 of steep film by Lambert's law, with directions as balls show them.
+
+    A light from direction (a, b, 1) times any length makes n_x a + n_y b + n_z of film, relative
+    to film at rest, and nothing of film that faces away.
+    """
+    used = len(basis) // SHADE_COUNT
+    across, upright = basis[: 2 * used], basis[2 * used]
+    lit = even * (light > DARK_LIGHT - 1)
+    weight, direction = lit, np.zeros(2 * used)
     for _ in range(FIT_ROUNDS):
-        weighted = basis * weight
-        normal = weighted @ basis.T
+        weighted = across * weight
+        normal = weighted @ across.T
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
-        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, weighted @ light), np.float64)
-        weight = robust_weights(light - coefficients @ basis, even)
+        direction = np.linalg.solve(normal + ridge, weighted @ (light - upright))
+        weight = robust_weights(light - upright - direction @ across, lit)
+    return np.maximum(steep[2 * used] + direction @ steep[: 2 * used], -1)
+
+
+def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
+    """Iteratively reweighted least squares: columns x N, N, N; and of steep film, which is held.
+
+    A pixel's light errs by the residual's spread, that of steep film by `LAMBERT_DEVIATION`.
+    """
+    weight, held = even, np.zeros(1)
+    for _ in range(FIT_ROUNDS + 1):
+        weighted, told = basis * weight, steep * held
+        normal = weighted @ basis.T + told @ steep.T
+        ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
+        seen = weighted @ light + told @ known
+        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, seen), np.float64)
+        left = light - coefficients @ basis
+        weight = robust_weights(left, even)
+        held = np.square(1.4826 * np.median(np.abs(left)) / LAMBERT_DEVIATION)[None]
     return coefficients
 
 

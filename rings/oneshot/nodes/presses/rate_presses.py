@@ -41,6 +41,8 @@ class PressRating(NamedTuple):
     advice: str
     doubts: list[str]
     verdict: str
+    heldout_deg: Annotated[F4, Port("B", "deg")]
+    """Mean angle between normals in each contact; 0 where it is left out."""
 
 
 @node
@@ -55,6 +57,7 @@ def rate_presses(
     pixel: PixelSize,
     of_radius: Judged | None = None,
     of_pixels: list[str] | None = None,
+    of_punches: Judged | None = None,
     of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
@@ -72,6 +75,7 @@ def rate_presses(
     kept, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
+    of_punches : what `judge_punches` returns
     of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
@@ -81,10 +85,12 @@ def rate_presses(
     mean square error of the height there without its mean, because the height of the ball's rim is
     unknown; ``heldout_height_percent`` of the cap; ``presses`` kept; ``residual_percent``;
     ``film_covered_percent``; ``steepest_slope``, the median slope at the contacts' rims;
-    ``rim_um``; one sentence of advice; the doubts, each of them also a warning; and the verdict.
+    ``rim_um``; one sentence of advice; the doubts, each of them also a warning;
+    the verdict; and the error of each contact.
     """
     chosen = np.flatnonzero(kept)
-    degree, errors = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT), []
+    degree = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT)
+    errors = np.zeros((len(kept), 3))
     bench = make_bench(image, flat, radius_mm, pixel, degree, of)
     for part in range(PART_COUNT):
         held_out, training = chosen[part::PART_COUNT], kept > 0
@@ -94,8 +100,8 @@ def rate_presses(
             at = found[press].astype(np.float64)
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
             surface = reconstruct(bench, reflectance, press)
-            errors.append(judge_contact(*surface, at, bench.radius, bench.pixel))
-    degrees, microns, percent = np.mean(errors, axis=0)
+            errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)
+    degrees, microns, percent = errors[chosen].mean(axis=0)
     pressed = presses_per_cell(circle[chosen], bench.shape)
     steepest = rim_slope(circle[chosen], bench.radius)
     quality = {
@@ -108,14 +114,16 @@ def rate_presses(
         "steepest_slope": steepest,
         "rim_um": 1e3 * rim,
     }
-    of_radius = of_radius or Judged({}, [])
+    of_radius, of_punches = of_radius or Judged({}, []), of_punches or Judged({}, [])
     doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + of_radius.doubts
+    doubts += of_punches.doubts
     for doubt in doubts:
         warn(doubt)
     counting = "heldout_normal_deg", float(degrees)
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
-    return PressRating(quality | of_radius.quality, advice, doubts, verdict)
+    quality |= of_radius.quality | of_punches.quality
+    return PressRating(quality, advice, doubts, verdict, errors[:, 0].astype(np.float32))
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:

@@ -67,6 +67,39 @@ def test_where_a_ball_covers_everything_the_whole_frame_counts() -> None:
     assert departure == pytest.approx(2, abs=1e-2)
 
 
+def corner_lit() -> F4:
+    """The film at rest under four LEDs, each of which is brightest at its own corner."""
+    y, x = np.mgrid[-1:1:80j, -1:1:120j]
+    sides = (-1, -1), (1, -1), (1, 1), (-1, 1)
+    return np.asarray([0.5 + 0.1 * (u * x + v * y) + 0.05 * x * x for u, v in sides], np.float32)
+
+
+TURNS = {
+    "mirrored left to right, or in another order": lambda a: a[:, :, ::-1],
+    "turned by half, or in another order": lambda a: a[:, ::-1, ::-1],
+    "in another order (taken as 2, 1, 3, 4 they fit)": lambda a: a[[1, 0, 2, 3]],
+}
+
+
+@pytest.mark.parametrize("words", TURNS)
+def test_images_that_lie_otherwise_than_the_flat_frame_are_told(words: str) -> None:
+    flat = corner_lit()
+    circle = np.array([[60, 40, 12]], np.float32)
+    press = TURNS[words](flat) / flat
+    said = rate_exposure(press, flat, flat, circle, OF, [""]).doubts
+    assert words in said[0]
+    assert not rate_exposure(np.ones_like(flat), flat, flat, circle, OF, [""]).doubts
+
+
+def test_a_camera_that_moved_before_the_press_is_told() -> None:
+    flat = corner_lit() ** 2
+    press = np.roll(flat, 5, axis=2)
+    press[:, :, :5] = press[:, :, 5:6]
+    circle = np.array([[60, 40, 12]], np.float32)
+    (said,) = rate_exposure(press / flat, flat, flat, circle, OF, [""]).doubts
+    assert "width further right" in said
+
+
 FALLING = np.linspace(0.25, 0.7, 60, dtype=np.float32)
 UNEVEN = np.stack([np.broadcast_to(f, (40, 60)) for f in (FALLING, FALLING[::-1]) * 2])
 

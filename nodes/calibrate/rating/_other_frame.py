@@ -1,0 +1,59 @@
+"""Presses whose images lie, or follow one another, otherwise than those of the flat frame.
+
+Beside a ball the film is at rest, and its light falls off as in the flat frame: under each LED in
+a direction of its own.  Images that are exchanged, mirrored or turned show another LED's fall-off,
+or fall off to another side.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from tactograph.nodes import F4, F8
+from tactograph.nodes.trust.image_orders import TURNED_IMAGES
+
+MIN_LIGHT = np.float32(0.01)
+"""Light of which the logarithm is taken at least."""
+MIN_APART = 0.01
+"""Root mean square difference of two fall-offs from which on they are looked into."""
+MIN_GAIN, MAX_RATIO_ALIKE = 2.5, 1.25
+"""What images leave as they are over what they leave without the mistake; and how much more another
+mistake may leave that explains them as well."""
+MIN_FREE_CELLS = 50
+
+
+def other_frame(press: F4, flat: F4, free: NDArray[np.bool_]) -> str:
+    """Return what was done to the images of a press, in words; "" if nothing explains more.
+
+    Where LEDs stand on both sides of an axis, mirrored images are those of LEDs that are exchanged:
+    both are named.
+
+    Parameters
+    ----------
+    press, flat : K x h x w, the light of the press and of the film at rest, on cells
+    free : h x w, film at rest in the press
+    """
+    seen, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (press, flat))
+    apart = _apart(seen, due, free)
+    as_it_is = float(np.trace(apart)) / len(apart)
+    if np.count_nonzero(free) < MIN_FREE_CELLS or as_it_is < MIN_APART**2:
+        return ""
+    left = {}
+    for side, turn in TURNED_IMAGES.items():
+        turned = turn(free[None].astype(np.float32))[0] > 0
+        left[side] = float(np.trace(_apart(turn(seen), due, turned))) / len(apart)
+    image, led = linear_sum_assignment(apart)
+    if (image != led).any():
+        order = ", ".join(str(k + 1) for k in np.argsort(led))
+        left[f"in another order (taken as {order} they fit)"] = float(apart[image, led].mean())
+    least = min(left.values())
+    if least * MIN_GAIN**2 > as_it_is:
+        return ""
+    return ", or ".join(words for words, each in left.items() if each <= MAX_RATIO_ALIKE**2 * least)
+
+
+def _apart(seen: F4, due: F4, free: NDArray[np.bool_]) -> F8:
+    """Mean squared difference of each image's fall-off (rows) from each LED's (columns)."""
+    images, leds = (a[:, free].astype(np.float64) for a in (seen, due))
+    between = images[:, None] - leds[None]
+    return np.asarray(between.var(axis=2))

@@ -1,0 +1,55 @@
+"""How the light of the film at rest would change at the border if the camera had moved."""
+
+from typing import Annotated
+
+import cv2
+import numpy as np
+
+from tactograph.graph import Port, node
+from tactograph.nodes import F4, CoarseLight
+
+RING_CELLS = 4
+"""Width of the border at which film should be at rest."""
+RING_STEP = 3
+"""Every so many cells of it are looked at, along diagonals; that is enough for four unknowns."""
+SMOOTH_CELLS = 2.0
+"""Standard deviation of the window in which the light's fall-off is taken."""
+DARK_LIGHT = np.float32(1e-3)
+"""Light below which no logarithm is taken."""
+FallOff = Annotated[F4, Port("4 K h w", "1")]
+"""Change of the logarithm of the light at the border with a shift along x and y, a zoom and a turn;
+0 elsewhere."""
+
+
+@node
+def fall_off(flat: CoarseLight) -> FallOff:
+    """Return how the light along the border changes with a motion of the camera (T7).
+
+    Where film is seen at r that was at r + v, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
+    g_k being the gain of LED k (optical flow: Horn and Schunck, "Determining optical flow", 1981).
+    The motion v is a shift, a zoom and a turn about the middle, the same under all LEDs, each of
+    which falls off in a direction of its own.
+
+    Parameters
+    ----------
+    flat : K x h x w, the film at rest on cells
+
+    Returns
+    -------
+    4 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
+    """
+    count, rows, columns = flat.shape
+    ring = np.ones((rows, columns), bool)
+    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
+    ring &= np.indices(ring.shape).sum(axis=0) % RING_STEP == 0
+    middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
+    y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns
+    smooth = [
+        cv2.GaussianBlur(np.log(np.maximum(plane, DARK_LIGHT)), (0, 0), SMOOTH_CELLS)
+        for plane in flat
+    ]
+    down, along = (columns * slope[:, ring] for slope in np.gradient(np.stack(smooth), axis=(1, 2)))
+    changes = np.stack([along, down, x * along + y * down, x * down - y * along])
+    out = np.zeros((len(changes), count, rows, columns), np.float32)
+    out[:, :, ring] = changes - changes.mean(axis=2, keepdims=True)
+    return out

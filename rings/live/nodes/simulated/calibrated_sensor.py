@@ -1,0 +1,115 @@
+"""A calibrated sensor that a ball presses: its images are rendered through its own calibration."""
+
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.rings.live.nodes.simulated.simulated_sensor import (
+    MAX_BYTE,
+    RECENT_FRAMES,
+    Scene,
+    SimulatedSensor,
+    read_scene,
+)
+from tactograph.sdk import F4, load
+from tactograph.sdk.unstable import Order, calibrated_film, read_either
+
+PRESS_FIELDS = {
+    *("radius_mm", "depth_mm", "path_mm", "period_s", "press_s", "by_hand", "rest_s"),
+    *("exposure_s", "readout_s", "seed"),
+}
+"""What a scene may state of a sensor that is calibrated; all else is a rig of its own."""
+
+
+class _Seen(NamedTuple):
+    """The images of all lights, K x H x W, and the height that the camera sees, H x W in mm."""
+
+    image: F4
+    height: F4
+
+
+class CalibratedSensor(SimulatedSensor):
+    """A sensor as its calibration has it, flashed or one-shot, by the graph ``see_touch``.
+
+    A camera does not wait for the graph: the film moves on whenever a thread has rendered it.
+    """
+
+    def __init__(self, scene: Scene, calibration: Path, order: Order = "bgr") -> None:
+        super().__init__(scene)
+        flat, self._black, one_shot = calibrated_film(calibration)
+        self.strength = np.ones(len(flat), np.float32)
+        self._to_driver = 1 if order == "bgr" else -1
+        self._worker = ThreadPoolExecutor(1, "simulated sensor")
+        self._graph = "see_touch_oneshot" if one_shot else "see_touch"
+        self._calibration, self._pipeline = calibration, None
+        self._latest = self._worker.submit(self._see, self.start).result()
+        self._coming: Future[_Seen] = self._worker.submit(self._see, self.start)
+        self._shown: dict[float, _Seen] = {}
+        self.start = time.monotonic()
+
+    def true_height(self, moment: float) -> F4:
+        """The height that the frame nearest to a time shows, H x W in mm."""
+        nearest = min(self._shown, key=lambda each: abs(each - moment), default=None)
+        return self._latest.height if nearest is None else self._shown[nearest].height
+
+    def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
+        """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
+        if self.covered or self.flooded:
+            return super().image(shares, moment, number)
+        light = sum(
+            share[:, None] * strength * (one - self._black)
+            for share, strength, one in zip(
+                shares, self.strength, self._at(moment).image, strict=True
+            )
+        )
+        return _in_bytes(self._black + light)
+
+    def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
+        """The colour camera's picture, H x W x 3."""
+        # A picture that comes twice to the bit would be taken for one frame.
+        self._coming.result()
+        image = _in_bytes(self._at(moment).image[:: self._to_driver])
+        return np.ascontiguousarray(np.moveaxis(image, 0, -1))
+
+    def _at(self, moment: float) -> _Seen:
+        """The newest film that is rendered; the next begins."""
+        if self._coming.done():
+            self._latest = self._coming.result()
+            self._coming = self._worker.submit(self._see, moment)
+        self._shown = dict([*self._shown.items()][-RECENT_FRAMES:]) | {moment: self._latest}
+        return self._latest
+
+    def _see(self, moment: float) -> _Seen:
+        """Render the film; a pipeline belongs to one thread."""
+        if self._pipeline is None:
+            wanted = "image", "height"
+            self._pipeline = load(self._graph, calibration=self._calibration, outputs=wanted)
+        made = self._pipeline(height=super().true_height(moment))
+        return _Seen(made["image"].copy(), made["height"].copy())
+
+
+def calibrated_sensor(
+    camera: str, calibration: Path, order: Order = "bgr"
+) -> CalibratedSensor | None:
+    """The sensor of a calibration; None if the camera's scene states a rig of its own.
+
+    The ball and its way are to the film as in the default scene, where they are not stated.
+    """
+    if {name for name, _ in parse_qsl(camera.partition("?")[2])} - PRESS_FIELDS:
+        return None
+    known, usual = read_either(calibration), Scene()
+    pixel, (height, width) = float(known.pixel_size), known.flat.shape[1:]
+    scale = min(height, width) * pixel / (usual.height_px * usual.pixel_size_mm)
+    film = {"width_px": width, "height_px": height, "pixel_size_mm": pixel}
+    for name in ("radius_mm", "depth_mm", "path_mm"):
+        film[name] = scale * getattr(usual, name)
+    return CalibratedSensor(read_scene(camera, Scene, film), calibration, order)
+
+
+def _in_bytes(image: F4) -> NDArray[np.uint8]:
+    return np.clip(np.rint(image * MAX_BYTE), 0, MAX_BYTE).astype(np.uint8)

@@ -1,0 +1,243 @@
+"""The modulus of a gel, and how thick it is, from presses of known force."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Gt
+from scipy.optimize import minimize_scalar
+
+from tactograph.rings.mechanics.nodes.force.elastic_layer import (
+    MODULUS_RANGE_KPA,
+    Poisson,
+    Thickness,
+)
+from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
+from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
+from tactograph.sdk.nodes import find_contact
+from tactograph.sdk.unstable import MAX_CONTACTS, refuse_view
+
+THICKNESS_RANGE_MM = 0.3, 30.0
+"""Range in mm that a thickness is looked for in."""
+MIN_PRESSES = 3
+"""Fewest presses that tell modulus and thickness apart."""
+LEAST_SPREAD = 0.05
+"""Relative spread of the modulus, at the worst thickness, from which presses tell a thickness."""
+THICKNESS_STEP = 1.01
+"""Thickness, over that which is found, at which the modulus's dependence on it is taken."""
+MAX_SPREAD = 0.1
+"""Relative spread of the modulus over the presses that is told."""
+CELL_PX = 2
+"""Side in px of the cells of pressure, as in `press_to_pressure`."""
+Newtons = Annotated[float, Gt(0)]
+
+
+@node
+def calibrate_force(
+    *,
+    results: Path,
+    forces: Path | None = None,
+    force_n: tuple[Newtons, ...] | None = None,
+    thickness_mm: Thickness | None = None,
+    thickness_error_mm: Annotated[float, Ge(0)] = 0.0,
+    poisson: Poisson = 0.48,
+) -> Metrics:
+    """Fit Young's modulus to presses whose force is known, and hold each out in turn.
+
+    The layer is linear: a force comes out proportional to the modulus that it is computed with,
+    so each press gives one.  The thickness, if it is not given, is the one that makes those of
+    presses of different depths agree.
+
+    Parameters
+    ----------
+    results
+        A folder of results of a reconstruction, one per press, or per frame of a stream.
+    forces
+        A CSV with the columns ``name``, of a result's folder, and ``force_n``, in newtons.
+        Results that it does not name are left out.
+    force_n
+        In its place, the force on each press in newtons, in order of the folders' names: a mass
+        of 100 g is 0.981 N.
+    thickness_mm : of the gel; None: fitted, from three presses on
+    thickness_error_mm : standard deviation of the thickness that is given
+    poisson : Poisson's ratio of the gel
+
+    Returns
+    -------
+    dict
+        ``modulus_kpa``, ``thickness_mm``; ``edge_percent``, what force a contact's edge a cell
+        farther out would add (root mean square); ``thickness_percent``, what the thickness's error
+        does to the modulus.  From two presses on ``held_out_n`` and ``held_out_percent``, root mean
+        square distance of a press's force from that by the modulus of the others (and the thickness
+        of all), and ``modulus_error``, its relative standard deviation: by what moduli differ by,
+        by what the presses' forces err by (`press_to_pressure`), and by the thickness.
+
+    Raises
+    ------
+    InputError
+        If results and forces do not match, a press shows no contact, or presses are too few or too
+        alike, or the modulus is not that of a gel.
+    """
+    told = _forces(results, forces, force_n)
+    presses, known = _presses(results, told), np.array([*told.values()])
+    if thickness_mm is None and len(presses) < MIN_PRESSES:
+        raise InputError(
+            f"{results}: {len(presses)} presses do not tell modulus and thickness apart: measure "
+            f"`thickness_mm`, or press {MIN_PRESSES} times or more, to different depths"
+        )
+
+    def moduli(thickness: float) -> F8:
+        return known / np.array([_force(press, thickness, poisson).newtons for press in presses])
+
+    def spread_at(log: float) -> float:
+        return float(np.std(np.log(moduli(float(np.exp(log))))))
+
+    found_mm = thickness_mm
+    if found_mm is None:
+        low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
+        if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
+            raise InputError(
+                f"{results}: the presses are too alike to tell the thickness: press balls of "
+                "different radii, or measure `thickness_mm`"
+            )
+        minimum = minimize_scalar(
+            spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
+        )
+        found_mm = float(np.exp(minimum.x))
+    each = moduli(found_mm)
+    spread = float(np.std(each) / np.mean(each))
+    if spread > MAX_SPREAD:
+        warn(
+            f"the presses' moduli spread by {spread:.0%}: is every weight in the order of the "
+            "folders, and did nothing else carry it?"
+        )
+    modulus = float(np.mean(each))
+    if not MODULUS_RANGE_KPA[0] <= modulus <= MODULUS_RANGE_KPA[1]:
+        raise InputError(
+            f"{results}: the modulus would be {modulus:.3g} kPa, which no gel has: are forces in "
+            "newtons, and the thickness in mm?"
+        )
+    at = [_force(press, found_mm, poisson) for press in presses]
+    thicker = moduli(found_mm * THICKNESS_STEP)
+    by_thickness = float(np.mean(np.log(thicker / each)) / np.log(THICKNESS_STEP))
+    unsure = abs(by_thickness) * thickness_error_mm / found_mm if thickness_mm is not None else 0.0
+    edges = np.array([force.edge / force.newtons for force in at])
+    figures = {
+        "modulus_kpa": modulus,
+        "thickness_mm": found_mm,
+        "edge_percent": 100 * float(np.sqrt(np.mean(edges**2))),
+        "thickness_percent": 100 * unsure,
+    }
+    if len(each) > 1:
+        others = (each.sum() - each) / (len(each) - 1)
+        off = others / each - 1
+        figures["held_out_n"] = float(np.sqrt(np.mean((off * known) ** 2)))
+        figures["held_out_percent"] = 100 * float(np.sqrt(np.mean(off**2)))
+        errs = np.array([force.deviation / force.newtons for force in at])
+        fitted = thickness_mm is None
+        chance = _relative_error(each, thicker if fitted else each, errs, fitted=fitted)
+        figures["modulus_error"] = float(np.hypot(chance, unsure))
+    return figures
+
+
+def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
+    """The relative standard deviation of the modulus, by least squares over presses.
+
+    Each press errs by what its force does and by what moduli differ by.  Forces err alike, so
+    that their mean error stays in the modulus.  `thicker` are the moduli of a thicker gel: where
+    the thickness is fitted, it is a second unknown.
+    """
+    unknowns = 1 + fitted
+    spread = np.std(moduli) / np.mean(moduli) * np.sqrt(len(moduli) / (len(moduli) - unknowns))
+    by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
+    weighted = by / np.hypot(errs, spread)[:, None]
+    chance = np.linalg.inv(weighted.T @ weighted)[0, 0]
+    return float(np.sqrt(chance + np.square(errs).mean()))
+
+
+def _forces(
+    results: Path, forces: Path | None, force_n: tuple[float, ...] | None
+) -> dict[str, float]:
+    """The force on each result that has one, by the name of its folder."""
+    if not results.is_dir():
+        raise InputError(f"{results}: there is no such folder of results")
+    if (results / "height.tiff").is_file():
+        raise InputError(f"{results}: is one result; give the folder that holds one per press")
+    names = sorted(d.name for d in results.iterdir() if (d / "height.tiff").is_file())
+    if (forces is None) == (force_n is None):
+        raise InputError("give `forces`=CSV or `force_n`=NUMBERS, one of both")
+    if forces is not None:
+        told = _read_forces(forces)
+        missing = [name for name in told if name not in names]
+        if missing or not told:
+            what = f"no result is called {missing[0]}" if missing else "names no force"
+            raise InputError(f"{forces}: {what}; {results} holds {len(names)} results")
+        return told
+    assert force_n is not None
+    if len(names) != len(force_n):
+        raise InputError(
+            f"{results}: holds {len(names)} results, but `force_n` names {len(force_n)} forces; "
+            "give one per press, in order of the folders' names"
+        )
+    return dict(zip(names, force_n, strict=True))
+
+
+def _read_forces(file: Path) -> dict[str, float]:
+    """Names and newtons of a CSV."""
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as lines:
+            rows = [(row["name"].strip(), float(row["force_n"])) for row in csv.DictReader(lines)]
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise InputError(f"{file}: cannot be read: {error}") from None
+    except (KeyError, AttributeError, TypeError, ValueError):
+        raise InputError(
+            f"{file}: needs the columns name and force_n, and a number of newtons in each row"
+        ) from None
+    told = dict(rows)
+    if len(told) < len(rows) or not all(0 < newtons < np.inf for newtons in told.values()):
+        raise InputError(f"{file}: each name needs one row, with a force above 0 N")
+    return told
+
+
+def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts, float]]:
+    """Height, contacts and pixel size of the results of these names."""
+    presses = []
+    for folder in (results / name for name in names):
+        refuse_view(folder / "height.tiff")
+        one = read_height_file(folder / "height.tiff")
+        if one.pixel is None:
+            raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
+        contact = find_contact(one.height)
+        if not contact.any():
+            raise InputError(f"{folder}: shows no contact")
+        presses.append((one.height, contact, float(one.pixel)))
+    return presses
+
+
+class _Force(NamedTuple):
+    """Of all contacts at a modulus of 1 kPa, its standard deviation, and what the edge adds."""
+
+    newtons: float
+    deviation: float
+    edge: float
+
+
+def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> _Force:
+    height, contact, pixel = press
+    gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
+    wider = cv2.dilate(contact, np.ones((2 * CELL_PX + 1,) * 2, np.uint8))
+    exact = np.zeros_like(height)
+    known = {"cell_px": CELL_PX, "most": MAX_CONTACTS}
+    figures = press_to_pressure(height, contact, pixel, exact, **gel, **known).figures
+    farther = press_to_pressure(height, wider, pixel, **gel, **known).figures
+    total, deviation = (_total(figures, each) for each in ("n", "sd_n"))
+    return _Force(total, deviation, _total(farther, "n") - total)
+
+
+def _total(figures: Metrics, what: str) -> float:
+    return sum(
+        value for name, value in figures.items() if name.startswith(f"contact_force_{what}/")
+    )

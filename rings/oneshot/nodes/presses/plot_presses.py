@@ -1,0 +1,57 @@
+"""Plot a one-shot sensor's calibration: where its presses lie, and how far off each comes out."""
+
+import textwrap
+from typing import Annotated
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, Port, node, write_picture
+from tactograph.sdk.unstable import BallCircles, BesidePicture
+
+TITLE_LETTERS = 130
+"""Letters in a line of the title."""
+
+
+@node
+def plot_presses(
+    flat: Light,
+    circle: BallCircles,
+    kept: Annotated[U1, Port("B", "flag", high=1)],
+    heldout_deg: Annotated[F4, Port("B", "deg")],
+    verdict: str,
+    advice: str,
+    *,
+    file: BesidePicture,
+) -> None:
+    """Draw the contacts on the film at rest, and each one's error by a calibration without it.
+
+    Parameters
+    ----------
+    flat : K x H x W, the film at rest
+    circle, kept : B x 3 in px, and 1 for each that is used, as `fit_reflectance_map` returns them
+    heldout_deg, verdict, advice : as `rate_presses` returns them
+    file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
+    """
+    figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
+    film, errors = figure.subplots(1, 2)
+    film.imshow(flat.mean(axis=0), cmap="gray")
+    used = kept > 0
+    for number, ((x, y, radius), is_used) in enumerate(zip(circle, used, strict=True), start=1):
+        if radius > 0:
+            colour = BLUE if is_used else ORANGE
+            film.add_patch(Circle((x, y), radius, fill=False, edgecolor=colour))
+            film.annotate(str(number), (x, y), color=colour, ha="center", va="center", fontsize=7)
+    film.set(
+        title=f"{used.sum()} contacts used (blue), {np.sum(~used & (circle[:, 2] > 0))} left out",
+        xlabel="x / px",
+        ylabel="y / px",
+        xlim=(-0.5, flat.shape[2] - 0.5),
+        ylim=(flat.shape[1] - 0.5, -0.5),
+    )
+    errors.bar(np.flatnonzero(used) + 1, heldout_deg[used], color=BLUE)
+    errors.set(title="normal, held out / degrees", xlabel="contact, by number")
+    said = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, advice)]
+    figure.suptitle("\n".join(said), fontsize=9)
+    write_picture(figure, file.with_suffix(".png"))
