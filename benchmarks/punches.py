@@ -27,7 +27,7 @@ from tactograph.nodes.simulate.shape_ball import shape_ball
 
 PIXEL_MM, ROWS, COLUMNS = 0.1, 120, 160
 CANVAS = {"width_px": COLUMNS, "height_px": ROWS, "pixel_size_mm": PIXEL_MM}
-BALLS_MM, PRESSES = {"balls of 3 mm": (3.0, 0.5, 1.0), "of 1.2 mm": (1.2, 0.5, 1.0)}, 24
+BALLS_MM, PRESSES = {"balls of 3 mm": (3.0, 0.5, 1.0), "balls of 1.2 mm": (1.2, 0.5, 1.0)}, 24
 """Radius, and least and largest depth of a press."""
 TURN, INNER_MM = 0.3, 0.6
 """A punch's turn, and distance from its edge at which its plateau's middle begins."""

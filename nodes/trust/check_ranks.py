@@ -160,7 +160,10 @@ CHECK_FIGURES = {
 }
 """All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
 doubted touch from those that do not (`likely_cause`)."""
-SYMPTOM_FIGURES = "moved", "shape", "light_at_rest", "lit_shadows", "depth", "touched_share"
+SYMPTOM_FIGURES = (
+    "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
+    "light_quartile", "depth", "touched_share",
+)  # fmt: skip
 """Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
 CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]

@@ -9,6 +9,7 @@ not.
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import cv2
@@ -34,9 +35,11 @@ MIN_LIGHT = 0.3
 """Light that is no shadow."""
 RING_CELLS = 3
 """Width of the border at which film should be at rest."""
-USUAL_GAMMA = 2.2
+USUAL_GAMMA, MAX_GAMMA = 2.2, 2.5
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
+CONTRAST_ROUNDS = 5
+"""Rounds of robust least squares."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
 MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
@@ -77,13 +80,14 @@ def likely_cause(
         return alike
     if is_banded(light):
         return BANDS_TOLD
-    if share_of(left_as_matt(light, flat, lights)) >= false_alarms:
-        return ""
     small, rest = _resized(raw), _divisor(flat)
-    # Fewer LEDs fit anything better, as do those of a camera that has moved.
+    if share_of(_left(small / rest, lights)) >= false_alarms:
+        return _contrast(small, rest)
+    # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
+    in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
     is_square = light.shape[1] == light.shape[2]
-    for stage in _mistakes(small, is_square), _without_one(small) if may_be_foreign else ():
+    for stage in _mistakes(small, is_square), in_part:
         tried = [(_left(taken / rest[leds], lights[leds]), words) for words, taken, leds in stage]
         least = min((left for left, _ in tried), default=math.inf)
         if share_of(least) >= false_alarms:
@@ -106,12 +110,19 @@ def _contrast(raw: F4, rest: F4) -> str:
     That is the slope of the logarithm of its light over that of the flat frame's.
     """
     ring = _border(raw.shape[1:])
-    seen, due = (np.log(np.maximum(a[:, ring], MIN_LOGGED)) for a in (raw, rest))
-    seen, due = (a - a.mean(axis=1, keepdims=True) for a in (seen, due))
-    slopes = (seen * due).sum(axis=1) / np.maximum((due * due).sum(axis=1), MIN_LOGGED)
-    unexplained = np.square(seen - slopes[:, None] * due).sum() / max(np.square(seen).sum(), 1e-9)
+    logged = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LOGGED))
+    weight = np.ones(logged.shape[2])
+    for _ in range(CONTRAST_ROUNDS):
+        seen, due = logged - (logged @ (weight / weight.sum()))[..., None]
+        slopes = (seen * due) @ weight / np.maximum(np.square(due) @ weight, MIN_LOGGED)
+        left = np.square(seen - slopes[:, None] * due).mean(axis=0)
+        # Touched film drops out.
+        weight = 1 / (1 + left / (np.median(left) + MIN_LOGGED**2)) ** 2
+    unexplained = left @ weight / max(float(np.square(seen).mean(axis=0) @ weight), MIN_LOGGED**2)
     times = float(np.median(slopes))
-    if unexplained > MAX_UNEXPLAINED or times <= 0 or abs(math.log(times)) < MIN_LOG_CONTRAST:
+    if unexplained > MAX_UNEXPLAINED or times < 1 / MAX_GAMMA:
+        return ""  # another film, or another sensor
+    if abs(math.log(times)) < MIN_LOG_CONTRAST:
         return ""
     return (
         f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
@@ -161,7 +172,6 @@ def _mistakes(raw: F4, is_square: bool) -> Iterator[_Mistake]:
     for order in others:
         if out_of_place(order) > IMAGES_SWAPPED:
             yield _Mistake(words_of_order(order), raw[list(order)])
-    yield from _torn(raw)
 
 
 def _torn(raw: F4) -> Iterator[_Mistake]:

@@ -234,6 +234,7 @@ def params_of(graph: str) -> frozenset[str]:
     return frozenset(read_graph(graph).params)
 
 
+@needs_rings
 @each("where, line", [(w, line) for w, line in COMMAND_LINES if line.startswith("python ")])
 def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
     words = shlex.split(line.partition("  #")[0])[1:]

@@ -24,7 +24,7 @@ main()
         (("paper",), "'tactograph run paper'"),
         (("mine.yaml",), "'tactograph run mine.yaml'"),
         (("run", "paper", "--quite"), "--quiet"),
-        (("run", "calibrat", "--help"), "did you mean 'calibrate' or"),
+        (("run", "calibrat", "--help"), "did you mean 'calibrate'"),
     ],
 )
 def test_a_near_miss_is_answered_with_what_was_meant(

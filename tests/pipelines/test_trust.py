@@ -177,10 +177,10 @@ def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -
         ("mirrored", "mirrored"),
         ("turned", "turned"),
         ("gamma 2.2", "gamma"),
-        ("an LED of another touch", "all are of one touch"),
+        ("an LED of another touch", "LED 2 is not of the touch"),
         ("exposed too short", "exposure"),
         ("half black", "parts of the image are without light"),
-        ("other light", "keep other light out"),
+        ("other light", "other light is kept out"),
     ],
 )
 def test_the_cause_is_named(raytraced: Raytraced, opened: Opened, what: str, cause: str) -> None:

@@ -62,7 +62,7 @@ def test_while_the_command_line_is_imported_it_ends_in_one_line() -> None:
         "import signal, sys\n"
         "class Interrupting:\n"
         "    def find_spec(name, *_):\n"
-        "        if name == 'numpy': signal.raise_signal(signal.SIGINT)\n"
+        "        if name == 'click': signal.raise_signal(signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupting)\n"
         "from tactograph.__main__ import main\n"
         "main()"

@@ -57,8 +57,8 @@ OPEN_SPREADS = {
     "gain": 0.01,
     "diffuse": 0.15,
     "albedo": 0.05,
-    "base": 0.3,
-    "roughness": 0.15,
+    "base": SHARED_UNKNOWNS["base"].spread,
+    "roughness": SHARED_UNKNOWNS["roughness"].spread,
     "refraction": 0.15,
 }
 """Standard deviations of what may have changed, by name.  `thicker` is in mm of gel; `diffuse` is
@@ -71,7 +71,11 @@ OPEN_BOUNDS: dict[str, Unknown | _Bounds] = SHARED_UNKNOWNS | {
 """Their bounds: those of a first fit, but for a film that had no coat."""
 FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_SPREADS))
 """The changes tried, the simplest first: another thickness, another gel, another coat."""
-FIRST_COAT = {"base": 0.5, "roughness": 0.25, "refraction": 1.4}
+FIRST_COAT = {
+    "base": SHARED_UNKNOWNS["base"].start,
+    "roughness": SHARED_UNKNOWNS["roughness"].start,
+    "refraction": 1.4,
+}
 """Start values of the fit with a coat: a usual coat, since the old film may have had none."""
 
 

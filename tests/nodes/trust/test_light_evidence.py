@@ -80,7 +80,7 @@ def test_a_quarter_that_is_wrong_is_seen_by_the_quartile() -> None:
 
 
 def test_light_in_shadow_is_seen_where_enough_cells_are_in_it() -> None:
-    assert told(touch(lit=0.5, dark=40)).dim == 0
+    assert told(touch(lit=0.5, dark=19)).dim == 0
     assert told(touch(lit=0.03, dark=200)).dim == pytest.approx(0.03)
 
 
