@@ -203,6 +203,7 @@ class _Report:
     ) -> None:
         self._line, self._pipeline, self._figures, self._quiet = line, pipeline, figures, quiet
         self.told: dict[str, float] = {}
+        self._said = ""
 
     def plan(self, *, strict: bool) -> None:
         """Print where nodes run, if that is not where the graph prefers."""
@@ -214,13 +215,21 @@ class _Report:
             self._line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
 
     def item(self, number: int, result: Result) -> None:
-        """Print the warnings and the figures of an item; of an endless stream, of the first."""
+        """Print the warnings and the figures of an item.
+
+        Of an endless stream print the first item, and each whose sentence says more than other
+        numbers than the last: a touch that begins or ends.
+        """
+        from tactograph.graph.run.raise_warnings import warning_kind
+
         endless = self._pipeline.endless
         if endless:
             self._news(result.warnings)
         else:
             self.warnings(result.warnings)
-        if not self._quiet and (not endless or number == 1):
+        said = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
+        news, self._said = number == 1 or said != self._said, said
+        if not self._quiet and (not endless or news):
             self._line.say(_summary(number, result, figures=self._figures))
         if number > 1:
             self._line.forget_times()

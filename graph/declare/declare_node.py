@@ -62,8 +62,8 @@ def node(
         Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
         rule, a `SizeRule`.
     endless
-        A source that yields until it is stopped, such as a camera: Ctrl-C is then the way
-        to end a run, not an accident.
+        A source that yields until it is stopped, such as a camera, or as long as one ran: Ctrl-C
+        is then a way to end a run, not an accident, and not every item is told.
 
     Raises
     ------

@@ -716,3 +716,14 @@ def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
     text = text.replace("  save:   {op: noted, in: {image: light}}", WAVERS)
     done = about("run", text.replace("light: light,", "seen: seen,"), "--quiet")
     assert done.err.count("parts are dark") == lines
+
+
+def test_of_an_endless_stream_an_item_is_told_whose_sentence_says_more_than_other_numbers(
+    about: Command,
+) -> None:
+    text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
+    words = "  words:  {op: pressed_words, in: {image: frames.image}}"
+    text = text.replace("  save:   {op: noted, in: {image: light}}", words)
+    done = about("run", text.replace("light: light,", "words: words,"), "--backend", "numpy")
+    told = [line.partition(" (")[0] for line in done.out.splitlines() if "touch" in line]
+    assert told == ["1 touch1: nothing of 1.0", "3 touch3: a touch of 3.0"]

@@ -100,6 +100,13 @@ def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
         CALLS.append("camera closed")
 
 
+@node
+def pressed_words(image: Light) -> str:
+    """A sentence: the third image and those behind it show a touch."""
+    level = float(image[0, 0, 0])
+    return f"{'a touch' if level > 2 else 'nothing'} of {level:.1f}"
+
+
 @endless_touches.rehearsal
 def _rehearsal(**_: int) -> Touch:
     CALLS.append("rehearsal")

@@ -48,7 +48,7 @@ MAX_PAUSE_S = 1.0
 """Longer pauses, as between two recordings in one folder, are skipped."""
 
 
-@node
+@node(endless=True)
 def replay(
     *,
     recording: Path,
