@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Set as AbstractSet
-from graphlib import CycleError, TopologicalSorter
-from heapq import heappop, heappush
 from typing import Any
+
+import networkx as nx
 
 Before = Mapping[str, AbstractSet[str]]
 
@@ -15,35 +15,27 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
 
     Ranks of different names differ.
     """
-    sorter = TopologicalSorter(before)
-    sorter.prepare()
-    free: list[tuple[Any, str]] = []
-    ordered: list[str] = []
-    while sorter.is_active():
-        for name in sorter.get_ready():
-            heappush(free, (rank(name), name))
-        ordered.append(heappop(free)[1])
-        sorter.done(ordered[-1])
-    return ordered
+    return list(nx.lexicographical_topological_sort(_dag(before), key=rank))
 
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
     """Find the names, what comes before them, and what before that."""
-    found: set[str] = set()
-    ahead = list(names)
-    while ahead:
-        name = ahead.pop()
-        if name not in found:
-            found.add(name)
-            ahead.extend(before[name])
-    return found
+    dag, found = _dag(before), set(names)
+    return found.union(*(nx.ancestors(dag, name) for name in found))
 
 
 def find_cycle(before: Before) -> list[str]:
     """Find a cycle from a name back to itself; [] if there is none."""
     try:
-        TopologicalSorter(before).prepare()
-    except CycleError as error:
-        cycle: list[str] = error.args[1]
-        return cycle
-    return []
+        cycle = nx.find_cycle(_dag(before))
+    except nx.NetworkXNoCycle:
+        return []
+    return [cycle[0][0], *(edge[1] for edge in cycle)]
+
+
+def _dag(before: Before) -> nx.DiGraph[str]:
+    """The graph whose edges lead from what comes before to what reads it."""
+    dag: nx.DiGraph[str] = nx.DiGraph()
+    dag.add_nodes_from(before)
+    dag.add_edges_from((first, name) for name, firsts in before.items() for first in firsts)
+    return dag

@@ -26,6 +26,7 @@ from tactograph.nodes.trust.film_motion import FilmMotion, motion_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.likely_cause import likely_cause
 from tactograph.nodes.trust.line_changes import LineChanges
+from tactograph.nodes.trust.other_frame import other_colours
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 MAX_RIM_SHARE = 0.25
@@ -69,7 +70,8 @@ def judge_touch(
     motion : what `film_motion` found
     light, flat, lights
         The light relative to the film at rest, that film, and the LEDs: by them a touch that is
-        doubted is tried as if its images were in another order, mirrored, and so on.
+        doubted is tried as if its images were in another order, mirrored, and so on.  Without
+        LEDs, as on one-shot sensors, by the film at rest alone.
     false_alarms : share of right touches that may be doubted
     force : go on where all checks fail
     filled : whether an object fills the frame: then no film at rest is looked for
@@ -101,7 +103,9 @@ def judge_touch(
         trust, alone, why = _verdict(p, known, made, false_alarms)
         if trust < false_alarms:
             likely = ""
-            if light is not None and flat is not None and lights is not None:
+            if light is not None and flat is not None and lights is None:
+                likely = other_colours(light * flat, flat)
+            elif light is not None and flat is not None and lights is not None:
                 has_moved = motion is not None and bool(motion.any())
                 law = partial(share_left, known), false_alarms
                 likely = likely_cause(light, flat, lights, *law, has_moved=has_moved)

@@ -73,7 +73,7 @@ def export_height(
     if rest is not None and rest.shape != height.shape:
         raise InputError(
             f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
-            f"{rest.shape[1]} x {rest.shape[0]}: give the `calibration` that it was made with"
+            f"{rest.shape[1]} x {rest.shape[0]}: `rest` is of another sensor than the height"
         )
     film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]

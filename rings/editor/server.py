@@ -17,6 +17,7 @@ from tactograph.rings.editor.language.mistakes import Checked, Mistake, check
 PAUSE_S = 0.3
 """Time without a key before a text is checked."""
 server = LanguageServer("tactograph", version("tactograph"))
+Asked = types.CompletionParams | types.HoverParams | types.DefinitionParams
 _checked: dict[str, Checked] = {}
 """What was found by the last check of each open file."""
 
@@ -119,7 +120,7 @@ def _file(uri: str) -> Path:
     return Path(to_fs_path(uri) or "unnamed.yaml")
 
 
-def _cursor(params: types.TextDocumentPositionParams) -> Cursor | None:
+def _cursor(params: Asked) -> Cursor | None:
     document = server.workspace.get_text_document(params.text_document.uri)
     return find_cursor(document.source, params.position.line, params.position.character)
 

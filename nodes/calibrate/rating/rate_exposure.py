@@ -9,7 +9,6 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-from tactograph.nodes.calibrate.rating._other_frame import other_frame
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -17,6 +16,7 @@ from tactograph.nodes.trust.added_light import added_share
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 from tactograph.nodes.trust.fall_off import fall_off
 from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, motion_size
+from tactograph.nodes.trust.other_frame import other_frame
 
 SKIRT_RADII = 1.5
 """Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""

@@ -1,6 +1,7 @@
 """A calibrated sensor that a ball presses: its images are rendered through its own calibration."""
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,7 +47,8 @@ class CalibratedSensor(SimulatedSensor):
         self._to_driver = 1 if order == "bgr" else -1
         self._worker = ThreadPoolExecutor(1, "simulated sensor")
         self._graph = "see_touch_oneshot" if one_shot else "see_touch"
-        self._calibration, self._pipeline = calibration, None
+        self._calibration = calibration
+        self._pipeline: Callable[..., Any] | None = None
         self._latest = self._worker.submit(self._see, self.start).result()
         self._coming: Future[_Seen] = self._worker.submit(self._see, self.start)
         self._shown: dict[float, _Seen] = {}

@@ -32,6 +32,7 @@ MAX_SPREAD = 0.1
 """Relative spread of the modulus over the presses that is told."""
 CELL_PX = 2
 """Side in px of the cells of pressure, as in `press_to_pressure`."""
+FORCE_COLUMN = "force_n"
 Newtons = Annotated[float, Gt(0)]
 
 
@@ -189,12 +190,15 @@ def _read_forces(file: Path) -> dict[str, float]:
     """Names and newtons of a CSV."""
     try:
         with file.open(newline="", encoding="utf-8-sig") as lines:
-            rows = [(row["name"].strip(), float(row["force_n"])) for row in csv.DictReader(lines)]
+            rows = [
+                (row["name"].strip(), float(row[FORCE_COLUMN])) for row in csv.DictReader(lines)
+            ]
     except (OSError, UnicodeError, csv.Error) as error:
         raise InputError(f"{file}: cannot be read: {error}") from None
     except (KeyError, AttributeError, TypeError, ValueError):
         raise InputError(
-            f"{file}: needs the columns name and force_n, and a number of newtons in each row"
+            f"{file}: needs the columns name and {FORCE_COLUMN}, and a number of newtons in each "
+            "row"
         ) from None
     told = dict(rows)
     if len(told) < len(rows) or not all(0 < newtons < np.inf for newtons in told.values()):

@@ -8,6 +8,8 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.rate_exposure import rate_exposure
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.trust.other_frame import other_colours
 
 FLAT = np.full((4, 40, 60), 0.5, np.float32)
 TAKEN = FLAT + np.linspace(0, 0.1, 60, dtype=np.float32)
@@ -89,6 +91,12 @@ def test_images_that_lie_otherwise_than_the_flat_frame_are_told(words: str) -> N
     said = rate_exposure(press, flat, flat, circle, OF, [""]).doubts
     assert words in said[0]
     assert not rate_exposure(np.ones_like(flat), flat, flat, circle, OF, [""]).doubts
+
+
+def test_colours_that_are_exchanged_are_named() -> None:
+    flat = coarsen(corner_lit()[:3], factor=4)
+    assert "(taken as 3, 2, 1 they fit) (are the colours RGB" in other_colours(flat[::-1], flat)
+    assert not other_colours(flat, flat)
 
 
 def test_a_camera_that_moved_before_the_press_is_told() -> None:

@@ -1,6 +1,6 @@
-"""Presses whose images lie, or follow one another, otherwise than those of the flat frame.
+"""Images that lie, or follow one another, otherwise than those of the flat frame.
 
-Beside a ball the film is at rest, and its light falls off as in the flat frame: under each LED in
+Beside a touch the film is at rest, and its light falls off as in the flat frame: under each LED in
 a direction of its own.  Images that are exchanged, mirrored or turned show another LED's fall-off,
 or fall off to another side.
 """
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.nodes import F4, F8
+from tactograph.nodes.trust.fall_off import RING_CELLS
 from tactograph.nodes.trust.image_orders import TURNED_IMAGES
 
 MIN_LIGHT = np.float32(0.01)
@@ -20,20 +21,21 @@ MIN_GAIN, MAX_RATIO_ALIKE = 2.5, 1.25
 """What images leave as they are over what they leave without the mistake; and how much more another
 mistake may leave that explains them as well."""
 MIN_FREE_CELLS = 50
+"""Fewer cells of film at rest show no fall-off."""
 
 
-def other_frame(press: F4, flat: F4, free: NDArray[np.bool_]) -> str:
-    """Return what was done to the images of a press, in words; "" if nothing explains more.
+def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
+    """Return what was done to the images of a touch, in words; "" if nothing explains more.
 
     Where LEDs stand on both sides of an axis, mirrored images are those of LEDs that are exchanged:
     both are named.
 
     Parameters
     ----------
-    press, flat : K x h x w, the light of the press and of the film at rest, on cells
-    free : h x w, film at rest in the press
+    touch, flat : K x h x w, the light of the touch and of the film at rest, on cells
+    free : h x w, film at rest in the touch
     """
-    seen, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (press, flat))
+    seen, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (touch, flat))
     apart = _apart(seen, due, free)
     as_it_is = float(np.trace(apart)) / len(apart)
     if np.count_nonzero(free) < MIN_FREE_CELLS or as_it_is < MIN_APART**2:
@@ -50,6 +52,22 @@ def other_frame(press: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     if least * MIN_GAIN**2 > as_it_is:
         return ""
     return ", or ".join(words for words, each in left.items() if each <= MAX_RATIO_ALIKE**2 * least)
+
+
+def other_colours(touch: F4, flat: F4) -> str:
+    """Return what was done to a one-shot sensor's colours or image, by the border; "" if nothing.
+
+    Parameters
+    ----------
+    touch, flat : K x h x w, the light of the touch and of the film at rest, on cells
+    """
+    border = np.ones(flat.shape[1:], bool)
+    border[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
+    other = other_frame(touch, flat, border)
+    if not other:
+        return ""
+    colours = " (are the colours RGB where BGR is meant?)" if "order" in other else ""
+    return f"along the border the image shows the film of the flat frame {other}{colours}"
 
 
 def _apart(seen: F4, due: F4, free: NDArray[np.bool_]) -> F8:
