@@ -7,7 +7,6 @@ or fall off to another side.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from tactograph.nodes import F4, F8
 from tactograph.nodes.trust.fall_off import RING_CELLS
@@ -44,6 +43,8 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     for side, turn in TURNED_IMAGES.items():
         turned = turn(free[None].astype(np.float32))[0] > 0
         left[side] = float(np.trace(_apart(turn(seen), due, turned))) / len(apart)
+    from scipy.optimize import linear_sum_assignment  # takes 0.2 s; most touches end above
+
     image, led = linear_sum_assignment(apart)
     if (image != led).any():
         order = ", ".join(str(k + 1) for k in np.argsort(led))

@@ -5,7 +5,7 @@ from pathlib import Path
 from tactograph.graph import node, warn
 from tactograph.nodes import Height
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.files.calibration_file import read_arrays
+from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.result_file import RELIEF_FIGURE, read_result
 from tactograph.nodes.height.as_seen import as_seen
 
@@ -13,6 +13,8 @@ from tactograph.nodes.height.as_seen import as_seen
 @node
 def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height | None:
     """Return the height of the film at rest that each pixel of the camera sees, as calibrated.
+
+    A warning repeats what made the calibration doubtful.
 
     Parameters
     ----------
@@ -36,5 +38,6 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
             )
         return None
     arrays = read_arrays(calibration, CALIBRATION_KIND)
+    check_use(calibration, read_about(calibration), None)
     rest = arrays.get("rest")
     return None if rest is None or not rest.any() else as_seen(rest, arrays["lens"])

@@ -54,7 +54,12 @@ def test_a_right_calibration_is_used_without_a_word(reconstruct: Reconstruct) ->
     assert not any("doubtful" in warning for warning in used.warnings)
 
 
-READERS = {"read_calibration", "read_press_calibration"}
+READERS = {
+    "read_calibration": "file",
+    "read_press_calibration": "file",
+    "read_rest_height": "calibration",
+}
+"""Nodes that read a calibration, and their param that names it."""
 REPLAYING = {"stitch", "rank_checks", "certify"}
 """Graphs that read it by another graph and repeat what that says, or that make no touch of it."""
 CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(name).params]
@@ -64,4 +69,4 @@ CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(na
 def test_every_graph_that_uses_a_calibration_repeats_its_doubts(name: str) -> None:
     entries = read_graph(name).nodes.values()
     readers = [entry for entry in entries if entry.op in READERS]
-    assert [entry.settings["file"] for entry in readers] == ["$calibration"]
+    assert [entry.settings[READERS[entry.op]] for entry in readers] == ["$calibration"]

@@ -72,7 +72,6 @@ def rate_calibration(
     pixel: PixelSize | None = None,
     radius: Judged | None = None,
     others: list[str] | None = None,
-    bend: list[str] | None = None,
     *,
     force: bool = False,
 ) -> Rating:
@@ -94,7 +93,6 @@ def rate_calibration(
         Residuals that noise explains raise no warning of a poor fit.
     pixel : mm per px
     radius : `judge_radius`: its figures, those of the fit among them, its doubts, and what is open
-    bend : as `judge_bend` returns it; named in place of what it causes
     others : the doubts of other nodes
     force
         Whether a ball's radius and a pixel size that contradict each other are accepted, with a
@@ -162,9 +160,8 @@ def rate_calibration(
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not force:
-            raise InputError((bend or others or contradiction)[0] + FORCE_ADVICE)
+            raise InputError((others or contradiction)[0] + FORCE_ADVICE)
         doubts += contradiction
-    doubts = [*(bend or []), *doubts]
     for doubt in doubts:
         warn(doubt)
     known = mask > 0

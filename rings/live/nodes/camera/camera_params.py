@@ -29,6 +29,11 @@ class CameraParams(NamedTuple):
         In the driver's units; None keeps the driver's values.  Automatic control is turned off.
     bits : bit depth, if the camera uses fewer bits than its 16-bit frames hold
     timeout_s : time without a frame after which the camera is reopened
+    sensor
+        The sensor's kind, a preset such as "gelsight_mini" or "digit", or a file of your own.  It
+        gives the camera's settings, how its pictures are rotated, cropped and scaled down, and the
+        order of its colours or the number of LEDs that flash.  Start from a copy of
+        ``rings/live/sensors/gelsight_mini.yaml``.
     """
 
     camera: int | str = 0
@@ -39,6 +44,7 @@ class CameraParams(NamedTuple):
     white_balance: float | None = None
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5
+    sensor: str | None = None
 
     def wanted(
         self, width: int | None, height: int | None, *, colour: bool = False

@@ -49,7 +49,6 @@ def guide_colour_presses(
     *,
     driver: CameraParams,
     guide: GuideParams,
-    sensor: str | None = None,
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
     lights: Order = "bgr",
     warm_up_s: Annotated[float, Ge(0)] | None = None,
@@ -66,7 +65,6 @@ def guide_colour_presses(
 
     Parameters
     ----------
-    sensor : the sensor's kind, as for `read_colour_camera`
     pixel_size_mm : mm per px on the film; None: the sensor's
     lights : the colours in the calibration's order
     warm_up_s
@@ -87,8 +85,8 @@ def guide_colour_presses(
         presses.
     """
     folder = new_folder(guide.file)
-    preset = preset_of(sensor, flashing=False)
-    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
+    preset = preset_of(driver.sensor, flashing=False)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
     source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
     with closing(source):
         if warm_up_s is None:

@@ -69,7 +69,6 @@ def guide_presses(
     driver: CameraParams,
     guide: GuideParams,
     port: str | None = None,
-    sensor: str | None = None,
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
     leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None,
 ) -> Iterator[GuidedPresses]:
@@ -86,7 +85,6 @@ def guide_presses(
     Parameters
     ----------
     port : serial port of the LED controller, as for `read_camera`; here the LEDs need one
-    sensor : as for `read_camera`
     pixel_size_mm : mm per px on the film; None: the sensor's
     leds : number of LEDs; None: the sensor's, else 4
 
@@ -99,8 +97,8 @@ def guide_presses(
     """
     folder = new_folder(guide.file)
     pressed = folder / "pressed"
-    preset = preset_of(sensor, flashing=True)
-    pixel = pixel_size(mm=pixel_size_mm, sensor=sensor)
+    preset = preset_of(driver.sensor, flashing=True)
+    pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
     leds = leds or (preset.leds if preset else None) or USUAL_LEDS
     size = guide.width_px, guide.height_px
     rig = open_rig(driver, port, size, leds=leds, preset=preset)

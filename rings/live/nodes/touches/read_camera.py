@@ -28,7 +28,6 @@ def read_camera(
     *,
     driver: CameraParams,
     port: str | None = None,
-    sensor: str | None = None,
     used: UsedCalibration,
     refresh: Refresh = "rolling",
     ambient: bool = False,
@@ -52,9 +51,6 @@ def read_camera(
         The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
         software controller.  ``none``: the LEDs flash by themselves, and the image alone
         decides.
-    sensor
-        The sensor's kind, a preset or a file of your own, which says how many LEDs flash.  It
-        gives the camera's settings, and how its pictures are rotated, cropped and scaled down.
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
@@ -89,7 +85,7 @@ def read_camera(
         )
     driver.check_calibration(used)
     height, width = dark.shape
-    preset = preset_of(sensor, flashing=True)
+    preset = preset_of(driver.sensor, flashing=True)
     rig = open_rig(
         driver,
         port,

@@ -18,7 +18,6 @@ from tactograph.sdk.unstable import Order, UsedCalibration, calibrated_film, mak
 def read_colour_camera(
     *,
     driver: CameraParams,
-    sensor: str | None = None,
     used: UsedCalibration,
     lights: Order | None = None,
     queue: Annotated[int, Interval(ge=1, le=64)] = 8,
@@ -32,10 +31,6 @@ def read_colour_camera(
 
     Parameters
     ----------
-    sensor
-        The sensor's kind, "gelsight_mini" or "digit", or a file of your own.  It gives the
-        camera's settings, how its pictures are rotated, cropped and scaled down, and the order
-        of its colours.  Start from a copy of ``rings/live/sensors/gelsight_mini.yaml``.
     lights
         "bgr" or "rgb": the colours that are the lights, in the calibration's order.  None: that
         of `sensor`, else "bgr".
@@ -58,11 +53,11 @@ def read_colour_camera(
     flat, dark, _ = calibrated_film(used.calibration)
     driver.check_calibration(used)
     height, width = dark.shape
-    preset = preset_of(sensor, flashing=False)
+    preset = preset_of(driver.sensor, flashing=False)
     order = lights or (preset.lights if preset else "bgr")
     if preset is not None and order != preset.lights:
         raise InputError(
-            f"`sensor`={sensor}: counts the colours as {preset.lights}, but `lights`={order}"
+            f"`sensor`={driver.sensor}: counts the colours as {preset.lights}, but `lights`={order}"
         )
     if len(flat) != len(order):
         raise InputError(
@@ -78,7 +73,7 @@ def read_colour_camera(
         order=order,
     )
     with closing(camera):
-        state = LiveState(settings=driver.noted | {"sensor": sensor, "lights": order})
+        state = LiveState(settings=driver.noted | {"lights": order})
         stream = ColourStream(camera, make_film(flat, dark), order, driver.full_scale, state)
         yield from stream.touches(driver.timeout_s / 2, seconds, items)
 

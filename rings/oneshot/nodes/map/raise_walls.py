@@ -29,13 +29,10 @@ def raise_walls(
     gain : 0 where no punch was pressed
     smoothed_px : standard deviation of that average; 0 leaves the slope as it is
     """
+    if gain == 0:
+        return slope
     lack = np.float32(gain) * edge_lack(slope, smoothed_px)
     return np.asarray(slope + lack * uphill(slope), np.float32)
-
-
-@raise_walls.idle
-def _is_unknown(gain: float) -> bool:
-    return gain == 0
 
 
 def edge_lack(slope: Slope, smoothed_px: float = SMOOTHED_PX) -> F4:
