@@ -255,8 +255,9 @@ static ONCE void look_at_rest(
         ints rests = filled(count), unlit = rests;
         for (int k = 0; k < K; ++k) {
             const floats here = load_floats(light + k * size + i, count);
-            rests &= fabs(here / drift_gain(drift, k, u, v) - 1.0f) < CALM_DEPARTURE;
-            unlit &= here < DARK_LIGHT;
+            const floats even = here / drift_gain(drift, k, u, v);
+            rests &= fabs(even - 1.0f) < CALM_DEPARTURE;
+            unlit &= even < DARK_LIGHT;
         }
         calm += rests ? one : none;
         dark += unlit ? one : none;

@@ -12,7 +12,7 @@ from tactograph.nodes.trust._check import thinned
 CALM_DEPARTURE = np.float32(0.03)
 """Departure of the light that still counts as film at rest."""
 DARK_LIGHT = np.float32(0.05)
-"""Light that counts as none."""
+"""Light that counts as none, relative to that of the film at rest in the touch."""
 RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
 """Each LED's light on the film at rest, relative to the flat frame."""
 
@@ -25,7 +25,7 @@ class FilmFigures(NamedTuple):
     calm: float
     """Share of the image at rest."""
     dark: float
-    """Share of the image without any light."""
+    """Share of the image without any light, however dim the touch is as a whole."""
     lowest: float
     """Height in mm."""
     highest: float
@@ -41,12 +41,12 @@ def rest_evidence(
     Without a drift, or if none was found, the median of the frame's border is each LED's light.
     """
     cells, shape = thinned(light), 0.0
-    dark = (cells < DARK_LIGHT).all(axis=0).mean()
     if drift is not None and (drift[:, 0] != 1).any():
         level, shape = drift[:, 0], np.abs(drift[:, 1:]).max()
         even = cells / drift_gain(drift, cells.shape[1:])
     else:
         level = border_level(cells)
         even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
+    dark = (even < DARK_LIGHT).all(axis=0).mean()
     calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
     return level, FilmFigures(shape, calm, dark, height.min(), height.max(), drift is not None)

@@ -72,6 +72,7 @@ def test_black_images_are_seen_but_not_a_black_shadow_of_one_led() -> None:
     nothing = figures(0 * half, height=np.zeros(SHAPE, np.float32))
     assert nothing["dark_share"] == 1
     assert np.isfinite([*nothing.values()]).all()
+    assert figures(0.03 * pressed())["dark_share"] == 0, "exposed too short, not cut off"
     for drift in (None, drifted(1, 1, 1, 1)):
         assert figures(shadow, drift)["dark_share"] == 0
 
