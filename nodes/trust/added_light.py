@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, CoarseLight
 from tactograph.nodes.trust._check import thinned
 from tactograph.nodes.trust._rest_evidence import DARK_LIGHT
 
@@ -38,9 +38,18 @@ def added_share(light: F4, flat: F4) -> float:
         square = np.average((shape * shape).mean(axis=0), weights=weight)
         added = np.average((shape * change).mean(axis=0), weights=weight) / max(square, 1e-12)
         left = np.square(change - added * shape).mean(axis=0)
-        noise = DEVIATIONS_PER_MAD**2 * np.median(left) + ADDED_NOISE**2
-        weight = 1 / (1 + left / noise) ** 2
+        weight = calm_weight(left)
     explained = added**2 * square
     if explained <= MIN_EXPLAINED * (explained + np.average(left, weights=weight)):
         return 0.0
     return float(added * np.average(by_added.mean(axis=0), weights=weight))
+
+
+def calm_weight(left: F8) -> F8:
+    """Return the weight of cells whose squared residual is `left`: touched film drops out.
+
+    It is that of Geman and McClure, "Statistical methods for tomographic image reconstruction",
+    1987, beside the cells' own median and the noise.
+    """
+    noise = DEVIATIONS_PER_MAD**2 * np.median(left) + ADDED_NOISE**2
+    return np.asarray(1 / (1 + left / noise) ** 2)

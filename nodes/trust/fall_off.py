@@ -4,6 +4,7 @@ from typing import Annotated
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
@@ -39,8 +40,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
     4 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
     """
     count, rows, columns = flat.shape
-    ring = np.ones((rows, columns), bool)
-    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
+    ring = border_cells((rows, columns), RING_CELLS)
     ring &= np.indices(ring.shape).sum(axis=0) % RING_STEP == 0
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns
@@ -53,3 +53,10 @@ def fall_off(flat: CoarseLight) -> FallOff:
     out = np.zeros((len(changes), count, rows, columns), np.float32)
     out[:, :, ring] = changes - changes.mean(axis=2, keepdims=True)
     return out
+
+
+def border_cells(shape: tuple[int, ...], width: int) -> NDArray[np.bool_]:
+    """Return the cells of h x w within `width` of the border, at which film should be at rest."""
+    border = np.ones(shape, bool)
+    border[width:-width, width:-width] = False
+    return border

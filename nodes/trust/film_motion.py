@@ -6,8 +6,8 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight
-from tactograph.nodes.trust.added_light import ADDED_NOISE, MIN_EXPLAINED
+from tactograph.nodes import F4, CoarseLight
+from tactograph.nodes.trust.added_light import MIN_EXPLAINED, calm_weight
 from tactograph.nodes.trust.fall_off import DARK_LIGHT, FallOff
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
@@ -66,7 +66,7 @@ def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
         square = (even * weight).reshape(count + 1, -1) @ rows.T
         motion = np.linalg.solve(square[:count, :count] + ridge, square[:count, count])
         left = np.square(rows[count] - motion @ rows[:count]).reshape(change.shape).mean(axis=0)
-        weight = 1 / (1 + left / (DEVIATIONS_PER_MAD**2 * np.median(left) + ADDED_NOISE**2)) ** 2
+        weight = calm_weight(left)
     shown = np.square(even[count]).mean(axis=0)
     if left @ weight >= (1 - MIN_EXPLAINED) * (shown @ weight):
         return np.zeros(count, np.float32)

@@ -103,12 +103,14 @@ def judge_touch(
         trust, alone, why = _verdict(p, known, made, false_alarms)
         if trust < false_alarms:
             likely = ""
-            if light is not None and flat is not None and lights is None:
-                likely = other_colours(light * flat, flat)
-            elif light is not None and flat is not None and lights is not None:
+            if light is not None and flat is not None:
                 has_moved = motion is not None and bool(motion.any())
                 law = partial(share_left, known), false_alarms
-                likely = likely_cause(light, flat, lights, *law, has_moved=has_moved)
+                likely = (
+                    other_colours(light * flat, flat)
+                    if lights is None
+                    else likely_cause(light, flat, lights, *law, has_moved=has_moved)
+                )
             causes = likely or _said(why, evidence, added or 0.0, motion)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")

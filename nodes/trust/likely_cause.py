@@ -14,12 +14,13 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.fall_off import border_cells
+from tactograph.nodes.trust.film_motion import FIT_ROUNDS
 from tactograph.nodes.trust.image_orders import (
     IMAGES_SWAPPED,
     TURNED_IMAGES,
@@ -38,8 +39,6 @@ RING_CELLS = 3
 USUAL_GAMMA, MAX_GAMMA = 2.2, 2.5
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
-CONTRAST_ROUNDS = 5
-"""Rounds of robust least squares."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
 MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
@@ -109,10 +108,10 @@ def _contrast(raw: F4, rest: F4) -> str:
 
     That is the slope of the logarithm of its light over that of the flat frame's.
     """
-    ring = _border(raw.shape[1:])
+    ring = border_cells(raw.shape[1:], RING_CELLS)
     logged = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LOGGED))
     weight = np.ones(logged.shape[2])
-    for _ in range(CONTRAST_ROUNDS):
+    for _ in range(FIT_ROUNDS):
         seen, due = logged - (logged @ (weight / weight.sum()))[..., None]
         slopes = (seen * due) @ weight / np.maximum(np.square(due) @ weight, MIN_LOGGED)
         left = np.square(seen - slopes[:, None] * due).mean(axis=0)
@@ -128,12 +127,6 @@ def _contrast(raw: F4, rest: F4) -> str:
         f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
         "automatic contrast and histogram equalisation)"
     )
-
-
-def _border(shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    ring = np.ones(shape, bool)
-    ring[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
-    return ring
 
 
 def _alike(raw: F4) -> str:
@@ -213,7 +206,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     (p_down, p_right), (q_down, q_right) = np.gradient(p), np.gradient(q)
     bends = sum(np.abs(part) for part in (p_down, p_right, q_down, q_right))
     curl = np.median(np.abs(p_down - q_right)[lit]) / max(float(np.median(bends[lit])), 1e-6)
-    rest = np.median(np.abs(light - 1).max(axis=0)[_border(touched.shape)])
+    rest = np.median(np.abs(light - 1).max(axis=0)[border_cells(touched.shape, RING_CELLS)])
     # The mean height over the touch is that of the slopes along the way to its middle.
     y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust.fall_off import RING_CELLS
+from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
 from tactograph.nodes.trust.image_orders import TURNED_IMAGES
 
 MIN_LIGHT = np.float32(0.01)
@@ -62,9 +62,7 @@ def other_colours(touch: F4, flat: F4) -> str:
     ----------
     touch, flat : K x h x w, the light of the touch and of the film at rest, on cells
     """
-    border = np.ones(flat.shape[1:], bool)
-    border[RING_CELLS:-RING_CELLS, RING_CELLS:-RING_CELLS] = False
-    other = other_frame(touch, flat, border)
+    other = other_frame(touch, flat, border_cells(flat.shape[1:], RING_CELLS))
     if not other:
         return ""
     colours = " (are the colours RGB where BGR is meant?)" if "order" in other else ""

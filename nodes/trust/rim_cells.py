@@ -13,7 +13,7 @@ which shows the mean of both sides."""
 MIN_RIM_SLOPE = np.float32(1.0)
 """Slope of the steeper side above which such an edge is a rim."""
 MIN_DARK_LEDS = 2
-"""LEDs in shadow above which those that remain leave the slope open."""
+"""Fewest LEDs in shadow at which those that remain leave the slope open."""
 
 
 @node

@@ -81,7 +81,7 @@ class _Trial(NamedTuple):
     placed: Placed
 
 
-class _Presses(NamedTuple):
+class BallPresses(NamedTuple):
     """What the search looks at: presses of one ball each, K x H x W, and the film at rest."""
 
     light: list[F4]
@@ -160,8 +160,8 @@ def find_rest(
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     seen = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
-    bend, _ = find_bend(*seen)
-    bend = _under_coat(_presses(*seen), bend, noise, bounce)
+    presses = ball_presses(*seen)
+    bend = _under_coat(presses, find_bend(presses)[0], noise, bounce)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
@@ -195,16 +195,7 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
     return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
-def find_bend(
-    light: SheetLight,
-    flat: Light,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
-    pixel: float,
-    camera: float = 0.0,
-    only_ball: bool = False,
-) -> tuple[Bend, Bend]:
+def find_bend(given: BallPresses, *, only_ball: bool = False) -> tuple[Bend, Bend]:
     """Return the film's bend that explains balls and flat frame best, and none at all.
 
     Near LEDs light the ball and the film at rest under it from known directions.  So the light of a
@@ -214,12 +205,9 @@ def find_bend(
 
     Parameters
     ----------
-    light, flat : K x S x W presses relative to the film at rest, and K x H x W
-    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
-    pixel, camera : mm per px at height 0, one over the height of the pupil
+    given : as `ball_presses` returns them
     only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """
-    given = _presses(light, flat, circle, radius, of, pixel, camera)
     trials = []
     for bend in TRIED_BENDS:
         k = bend / given.half
@@ -230,7 +218,7 @@ def find_bend(
     return _fitted(given, np.array([k, 0, k, 0, 0]), trial, only_ball), plane
 
 
-def _presses(
+def ball_presses(
     light: SheetLight,
     flat: Light,
     circle: BallCircles,
@@ -238,15 +226,23 @@ def _presses(
     of: BallPress,
     pixel: float,
     camera: float,
-) -> _Presses:
+) -> BallPresses:
+    """Return the presses that show a ball.
+
+    Parameters
+    ----------
+    light, flat : K x S x W presses relative to the film at rest, and K x H x W
+    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
+    pixel, camera : mm per px at height 0, one over the height of the pupil
+    """
     sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
     circles = [Circle(*map(float, circle[b])) for b in found]
-    return _Presses(
+    return BallPresses(
         [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
     )
 
 
-def _under_coat(given: _Presses, bend: Bend, noise: Noise, bounce: NodeCall) -> Bend:
+def _under_coat(given: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall) -> Bend:
     """The bend by a film's model with a coat, where the film has one."""
 
     def lay(unknowns: F8) -> Laid:
@@ -263,7 +259,7 @@ def _under_coat(given: _Presses, bend: Bend, noise: Noise, bounce: NodeCall) -> 
     return bend if found is None else bend._replace(unknowns=found[0], covariance=found[1])
 
 
-def _fitted(given: _Presses, unknowns: F8, trial: _Trial, only_ball: bool) -> Bend:
+def _fitted(given: BallPresses, unknowns: F8, trial: _Trial, only_ball: bool) -> Bend:
     """Least squares of bend, LEDs and balls together."""
     unit = given.unit
     ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
@@ -315,7 +311,7 @@ def _cost(trial: _Trial) -> float:
     return huber(left) / left.size
 
 
-def _placed(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
+def _placed(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
     """Balls found anew on a film, and LEDs placed."""
     trial = _on(given, unknowns, before)
     start = None if before is None else before.placed
@@ -323,7 +319,7 @@ def _placed(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
     return trial._replace(placed=place_leds(trial.objects, trial.rest, width, start))
 
 
-def _on(given: _Presses, unknowns: F8, before: _Trial | None) -> _Trial:
+def _on(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
     """Balls found anew on a film; their samples are the same pixels."""
     shape = given.shape(unknowns)
     circles, objects = [], []

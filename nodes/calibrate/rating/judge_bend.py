@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Film, Metrics
-from tactograph.nodes.calibrate.ball.find_rest import MIN_PRESSES, find_bend
+from tactograph.nodes.calibrate.ball.find_rest import MIN_PRESSES, ball_presses, find_bend
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG, SURE_ODDS
 
@@ -33,7 +33,8 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
     if evidence.shape is not None or not wrong or not MIN_PRESSES <= presses == len(evidence.kept):
         return []
     seen = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
-    bend, plane = find_bend(*seen, evidence.pixel, film.camera, only_ball=True)
+    balls = ball_presses(*seen, evidence.pixel, film.camera)
+    bend, plane = find_bend(balls, only_ball=True)
     gained = bend.samples / 2 * math.log(plane.cost / bend.cost) - math.log(bend.samples) / 2
     digits = gained / math.log(10)
     if digits < math.log10(SURE_ODDS):

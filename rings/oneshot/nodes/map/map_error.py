@@ -11,7 +11,14 @@ from tactograph.rings.oneshot.nodes.map.smooth_light import SMOOTHED_PX
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import F4, Height, HeightError, PixelSize, Slope, node
 from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import FILM_ROUGHNESS, Misfit, ResizedLight, dot, normal_by_slope
+from tactograph.sdk.unstable import (
+    DEVIATIONS_PER_MAD,
+    FILM_ROUGHNESS,
+    Misfit,
+    ResizedLight,
+    dot,
+    normal_by_slope,
+)
 
 WINDOW_CELLS = 5
 """Side in cells over which light at rest is averaged."""
@@ -54,7 +61,7 @@ def map_error(
     walls = rest_at_border(integrate_dct(doubt, pixel))
     rest = _film_at_rest(light, height.shape)
     known = height[rest] if rest.any() else height
-    usual = np.float32(1.4826 * np.median(np.abs(known)))
+    usual = np.float32(DEVIATIONS_PER_MAD * np.median(np.abs(known)))
     at_rest = np.where(rest, np.maximum(np.abs(height), usual), usual)
     return np.asarray(np.hypot(at_rest, walls), np.float32)
 
