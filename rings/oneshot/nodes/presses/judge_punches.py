@@ -72,7 +72,7 @@ def judge_punches(
     misfit = np.array([0, 0, float(residual.max()), 0, 0], np.float32)
     tops = []
     for press, name in enumerate(names):
-        slope, height = reconstruct(bench, reflectance.astype(np.float64), press)
+        slope, height = reconstruct(bench, reflectance.astype(np.float64), press, misfit)
         cells = coarsen(bench.light[press])
         error = map_error(height, slope, cells, reflectance, misfit, pixel)
         lack = rest_at_border(integrate_dct(uphill(slope) * edge_lack(slope), pixel))
