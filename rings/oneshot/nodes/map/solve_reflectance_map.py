@@ -13,16 +13,11 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shading,
 )
 from tactograph.sdk import F4, Flips, Height, Launch, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import Misfit, dot, limited_step, normal_by_slope
+from tactograph.sdk.unstable import dot, limited_step, normal_by_slope
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
 
-MIN_LIGHTS = 3
-"""Two lights just suffice for a slope, so that none of them can be left out."""
-SHADOW_DEVIATIONS = 3.0
-LEVEL = 1.0
-DARK = np.float32(-1)
 STILL_RAD = 1e-3
 """Longest step after which a pixel stops, or half of `limit` if that is less."""
 
@@ -41,7 +36,6 @@ def solve_reflectance_map(
     flat: Light,
     height: Height,
     reflectance: ReflectanceMap,
-    misfit: Misfit | None = None,
     *,
     steps: Annotated[int, Interval(ge=1, le=30)] = 8,
     prior: Annotated[float, Gt(0)] = 4e-4,
@@ -49,8 +43,8 @@ def solve_reflectance_map(
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
-    Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
-    pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
+    Minimises sum_k flat_k (I_k - 1 - max(sum_b c_kb B_b(n), -1) - c_k8 z)^2 + prior (p^2 + q^2)
+    per pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
     variance of light relative to it is inversely proportional to it: dim light carries little
     information.
 
@@ -65,36 +59,27 @@ def solve_reflectance_map(
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
-    every = np.ones_like(light)
-    zero = np.zeros(light.shape[1:], np.float32)
-    p, q = _solve(rests, flat * every, maps, steps, prior, limit, zero, zero)
-    if misfit is None or len(light) < MIN_LIGHTS:
-        return np.asarray(np.stack([p, q]), np.float32)
-    darkest = light == light.min(axis=0)
-    sd = np.float32(SHADOW_DEVIATIONS) * misfit[2]
-    torn = np.square(_departures(rests, maps, p, q)).sum(axis=0) > sd * sd
-    two = flat * ~darkest
-    bp, bq = _solve(rests, two, maps, steps, prior, limit, zero, zero)
-    cp, cq = _solve(rests, two, maps, steps, prior, limit, p, q)
-    lack = -np.where(darkest, _departures(rests, maps, bp, bq), 0).sum(axis=0)
-    due = light.min(axis=0) + lack
-    shaded = torn & (lack > sd) & (due < LEVEL + sd)
-    import cv2
-    x, y = np.where(shaded, bp, p), np.where(shaded, bq, q)
-    for _ in range(ROUNDS):
-        mx, my = cv2.blur(x, (3, 3)), cv2.blur(y, (3, 3))
-        far = np.hypot(cp - mx, cq - my) < np.hypot(bp - mx, bq - my)
-        x = np.where(shaded, np.where(far, cp, bp), p)
-        y = np.where(shaded, np.where(far, cq, bq), q)
-    DEBUG.update(p=p, q=q, bp=bp, cp=cp, shaded=shaded, x=x)
-    return np.asarray(np.stack([x, y]), np.float32)
+    start = np.zeros((2, *light.shape[1:]), np.float32)
+    return solved(rests, flat, maps, start, steps, prior, limit)
 
 
-DEBUG = {}
-ROUNDS = 4
+def solved(
+    rests: list[F4],
+    weight: F4,
+    maps: F4,
+    start: F4,
+    steps: int = 8,
+    prior: float = 4e-4,
+    limit: float = 0.3,
+) -> F4:
+    """Return the slopes of pixels, in rows or in a list, by Gauss-Newton from a start.
 
-
-def _solve(rests, weight, maps, steps, prior, limit, p, q):
+    Parameters
+    ----------
+    rests : K of the light less 1 and less what height adds
+    weight, maps, start : K x ..., K x 9 x ..., 2 x ...
+    """
+    p, q = start
     moving = np.ones(p.shape, bool)
     least = np.float32(min(STILL_RAD, limit / 2))
     for _ in range(steps):
@@ -103,13 +88,7 @@ def _solve(rests, weight, maps, steps, prior, limit, p, q):
         moving &= np.hypot(dp, dq) > least * square
         if not moving.any():
             break
-    return p, q
-
-
-def _departures(rests, maps, p, q):
-    """Light less that of a slope, K x H x W."""
-    _, normal, _, _ = normal_by_slope(p, q)
-    return np.stack([rest - np.maximum(shading(normal, c)[0], DARK) for rest, c in zip(rests, maps, strict=True)])
+    return np.asarray(np.stack([p, q]), np.float32)
 
 
 def _step(
@@ -123,9 +102,7 @@ def _step(
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = shading(normal, coefficients)
         j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
-        lit = value > DARK
-        j_p, j_q = j_p * lit, j_q * lit
-        residual = rest - np.maximum(value, DARK)
+        residual = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * residual, t + w_q * residual

@@ -20,6 +20,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shades,
     terms,
 )
+from tactograph.rings.oneshot.nodes.map.slope_in_shadow import slope_in_shadow
 from tactograph.rings.oneshot.nodes.map.smooth_slope import smooth_slope
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
     ReflectanceMap,
@@ -210,20 +211,22 @@ def refine_center(
     return circle
 
 
-def reconstruct(
-    bench: Bench, reflectance: F8, press: int, misfit: F4 | None = None
-) -> tuple[F4, F4]:
+def reconstruct(bench: Bench, reflectance: F8, press: int, deviation: float = 0.0) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
     light, known = bench.light[press], reflectance.astype(np.float32)
     light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):
-        slope = solve_reflectance_map(light_c, flat_c, height, known, misfit)
+        slope = _slope(light_c, flat_c, height, known, deviation)
         height = rest_at_border(integrate_dct(slope, pixel_c))
-    slope = smooth_slope(
-        solve_reflectance_map(light, bench.flat, enlarge_height(height, light), known, misfit)
-    )
+    slope = _slope(light, bench.flat, enlarge_height(height, light), known, deviation)
+    slope = smooth_slope(slope)
     return slope, rest_at_border(integrate_dct(slope, bench.pixel))
+
+
+def _slope(light: F4, flat: F4, height: F4, reflectance: F4, deviation: float) -> F4:
+    slope = solve_reflectance_map(light, flat, height, reflectance)
+    return slope_in_shadow(slope, light, flat, height, reflectance, deviation)
 
 
 def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:
@@ -313,10 +316,11 @@ def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
         seen = weighted @ light + told @ known
         coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, seen), np.float64)
-        left = light - np.maximum(coefficients @ basis, -1)
-        dark = coefficients @ basis < -1
-        weight = robust_weights(left, even * ~dark)
-        held = np.square(1.4826 * np.median(np.abs(left)) / LAMBERT_DEVIATION) * ((coefficients @ steep > -1) | (known > -1))
+        shown = coefficients @ basis
+        left = light - np.maximum(shown, -1)
+        weight = robust_weights(left, even * (shown > -1))
+        spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(left)) / LAMBERT_DEVIATION)
+        held = spread * ((coefficients @ steep > -1) | (known > -1))
     return coefficients
 
 
