@@ -47,6 +47,8 @@ BEAT_S = 0.2
 """Seconds between two checks that the controller is present and in the requested state."""
 RETRY_S = 0.1
 """Seconds between two attempts to find it again."""
+TRIGGER_US = 100
+"""Length of the trigger output's pulse, long enough for an opto-coupled camera input."""
 MAX_CONTROLLER_LEDS = 255
 """Most LEDs that a controller may say it has."""
 
@@ -212,12 +214,8 @@ class LedController:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def set(self, led: int) -> None:
-        """Light one LED, from 1, and no other; 0 is none."""
+        """Light one LED, from 1, and no other; 0 is none.  This ends a cycle."""
         self._do(f"set {led}", (led,))
-
-    def off(self) -> None:
-        """Switch all LEDs off; this ends a cycle."""
-        self._do("off", (0,))
 
     def start_cycle(
         self,
@@ -225,9 +223,10 @@ class LedController:
         *,
         step_s: float,
         on_s: float | None = None,
-        trigger_s: float = 0.0,
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
+
+        The trigger output pulses at the start of each step.
 
         A controller that is lost meanwhile resumes the cycle once it is back.
 
@@ -237,12 +236,11 @@ class LedController:
         step_s : duration of a step: the camera's frame time
         on_s
             How long an LED is lit from the start of its step.  None: until its end.
-        trigger_s : length of the pulse on the trigger output at the start of each step; 0: none
         """
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)
         leds = ",".join(str(led) for led in order)
-        wish = f"cycle {leds} {step} {on} {round(1e6 * trigger_s)}"
+        wish = f"cycle {leds} {step} {on} {TRIGGER_US}"
         try:
             self._do(wish, tuple(order), 1e-6 * step)
         except ControllerLostError:

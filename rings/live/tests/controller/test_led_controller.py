@@ -55,7 +55,7 @@ def test_one_led_is_lit_at_a_time(board: SimulatedController, controller: LedCon
         controller.set(led)
         time.sleep(0.001)
         assert lit(board) == [led]
-    controller.off()
+    controller.set(0)
     time.sleep(0.001)
     assert lit(board) == []
 
