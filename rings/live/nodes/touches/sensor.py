@@ -4,7 +4,7 @@ import math
 import shutil
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -306,10 +306,11 @@ def _open_camera(
     lit_between: LitBetween | None = None,
 ) -> Camera:
     """A camera, real or simulated, that delivers frames."""
+    connect: Callable[[], Capture]
+    once = table is None and check_camera(driver.camera, driver.library)
     if table is not None:
-        once, connect = False, partial[Capture](SimulatedCamera, table, lit_between)
+        connect = partial(SimulatedCamera, table, lit_between)
     else:
-        once = check_camera(driver.camera, driver.library)
         connect = partial(open_capture, driver.camera, driver.library, colour=wanted.colour)
         wanted = wanted if preset is None else with_preset(wanted, preset)
     camera = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
