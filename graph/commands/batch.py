@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands.progress_line import ProgressLine
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from tactograph.graph.batch.worker import Tally
     from tactograph.graph.files.flat_graph import Graph
 
-REPORT_S = 10.0
-"""Time between two lines where no bar can be drawn."""
 MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
 
@@ -198,41 +197,21 @@ def _here(
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:
-    """Show a bar with rate and time left, without a terminal a line now and then, and fallbacks."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn as TimeLeft,
-    )
-
-    console = Console(stderr=True)
-    columns = (
-        BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]:.1f} captures/s"),
-        TimeLeft(), TextColumn("{task.fields[failed]} failed"),
-    )  # fmt: skip
-    start = said = time.monotonic()
-    finished = failed = 0
+    """Show what is done, how fast, and the time left; and fallbacks."""
+    start = time.monotonic()
+    done = failed = 0
     told: set[str] = set()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("", total=total, rate=0.0, failed=0)
+    with ProgressLine() as line:
+        line.at(f"0 of {total} captures", 0.0)
         for tally in tallies:
-            for line in {*tally.fallbacks} - told:
-                say(f"fallback: {line}", err=True)
+            for text in {*tally.fallbacks} - told:
+                line.say(f"fallback: {text}", err=True)
             told.update(tally.fallbacks)
-            finished, failed = finished + tally.done, failed + tally.failed
-            now = time.monotonic()
-            rate = (finished + failed) / max(now - start, 1e-9)
-            progress.update(bar, completed=finished + failed, rate=rate, failed=failed)
-            if not console.is_terminal and now - said > REPORT_S:
-                left = (total - finished - failed) / rate
-                console.print(
-                    f"{finished + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
-                    f"{left:.0f} s left"
-                )
-                said = now
+            done, failed = done + tally.done + tally.failed, failed + tally.failed
+            rate = done / max(time.monotonic() - start, 1e-9)
+            line.at(
+                f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total
+            )
 
 
 def _conclude(store: Store, out: str) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph.graph.commands import GraphName, say, with_option
-from tactograph.graph.commands.progress_line import PRINT_INTERVAL_S
+from tactograph.graph.commands.progress_line import ProgressLine
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -179,29 +178,21 @@ def _compare(
 
 
 def _run_all(study: Study, out: Path) -> list[Row]:
-    from rich.console import Console
-    from rich.progress import Progress
-
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.compare.compare import make_jobs, run_job
 
     cache = Cache()
     jobs = make_jobs(study)
     rows: list[Row] = []
-    kept, printed = 0, time.monotonic()
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("comparing", total=len(jobs))
-        for job in jobs:
-            progress.update(bar, description=job.label)
+    kept = 0
+    with ProgressLine() as line:
+        for number, job in enumerate(jobs):
+            line.at(f"{job.label}, {number + 1} of {len(jobs)} runs", number / len(jobs))
             row, was_there = run_job(job, study, out, cache)
             if row.error:
-                progress.console.print(f"failed: {job.label}", markup=False, highlight=False)
+                line.say(f"failed: {job.label}", err=True)
             rows.append(row)
             kept += was_there
-            progress.advance(bar)
-            if not progress.console.is_terminal and time.monotonic() - printed > PRINT_INTERVAL_S:
-                printed = time.monotonic()
-                say(f"{len(rows)} of {len(jobs)} runs, the last one {job.label}", err=True)
     if kept:
         say(f"{kept} of {len(jobs)} runs were there already", err=True)
     return rows

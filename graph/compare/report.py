@@ -45,6 +45,8 @@ from tactograph.graph.show.warning_lines import warning_lines
 
 REPORT_FILE = "report.html"
 TRUTH_LABEL = "truth"
+MAX_APART = 3
+"""Differences within a box that are shown at once; of more, their number."""
 MAX_PANELS = 7
 """Runs of a capture that are drawn; of more runs, evenly spaced ones."""
 
@@ -94,13 +96,14 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
 
 def _variant(graph: Any, study: Study) -> dict[str, Any]:
     base = study.graphs[0]
+    boxes = differences(base, graph)
     return {
         "name": graph.name,
         "title": graph.title,
         "hash": graph.hash,
         "is_base": graph is base,
-        "differences": differences(base, graph),
-        "every_difference": differences(base, graph, every=True),
+        "differences": boxes,
+        "few_differences": [name for name in boxes if len(boxes[name]) <= MAX_APART],
         "text": dump_graph(graph),
     }
 
