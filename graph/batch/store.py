@@ -37,7 +37,7 @@ from tactograph.graph.batch.map_types import (
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
 
-STORE_FORMAT = 3
+STORE_FORMAT = 4
 MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
 MAX_PIXELS = 2**25

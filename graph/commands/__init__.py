@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -120,6 +121,8 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
         return complete_graph(incomplete, studies=self.studies)
 
 
+FOLDER = click.Path(file_okay=False, path_type=Path)
+FILE = click.Path(dir_okay=False, path_type=Path)
 graph_argument = click.argument("graph", type=GraphName())
 
 
@@ -144,6 +147,11 @@ set_option = click.option(
     "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
     help="Change a parameter of a node.",
 )  # fmt: skip
+backend_option = click.option(
+    "--backend", type=click.Choice(BACKENDS),
+    help="Run on this back end instead of the graph's preference.",
+)  # fmt: skip
+device_option = click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 
 
 def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
@@ -192,11 +200,8 @@ class RunOptions:
 _RUN_OPTIONS = (
     with_option,
     set_option,
-    click.option(
-        "--backend", type=click.Choice(BACKENDS),
-        help="Run on this back end instead of the graph's preference.",
-    ),
-    click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
+    backend_option,
+    device_option,
     click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
 )  # fmt: skip
 

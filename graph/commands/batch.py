@@ -36,7 +36,6 @@ MAX_FAILURES = 10
     "--out", required=True, metavar="PLACE",
     help="NAME.zarr, a path or URL, for one store; else a folder of result folders.",
 )  # fmt: skip
-@click.option("--param", default="capture", show_default=True, help="Takes the capture.")
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
     "--chunk", type=click.IntRange(1, 4096),
@@ -46,8 +45,10 @@ MAX_FAILURES = 10
     "--workers", type=click.IntRange(1),
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://host:port.")
-@click.option("--scheduler-file", metavar="FILE", help="The file a Dask scheduler wrote.")
+@click.option(
+    "--scheduler", metavar="ADDRESS|FILE",
+    help="A Dask scheduler, tcp://host:port, or the file that it wrote.",
+)  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
 @run_options
 def command(
@@ -55,12 +56,10 @@ def command(
     values: tuple[str, ...],
     over: tuple[str, ...],
     out: str,
-    param: str,
     maps: str | None,
     chunk: int | None,
     workers: int | None,
     scheduler: str | None,
-    scheduler_file: str | None,
     retry_failed: bool,
     options: RunOptions,
 ) -> None:
@@ -78,7 +77,7 @@ def command(
     # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out = at_home(out)
     captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
-    cluster = _cluster(workers, scheduler, scheduler_file)
+    cluster = _cluster(workers, scheduler)
     with ExitStack() as closing:
         # Slow imports follow here, while the processes import and open.
         if cluster is None:
@@ -91,7 +90,6 @@ def command(
             read,
             read_words(read, values),
             out=out,
-            param=param,
             maps=maps.split(",") if maps else None,
             backend=options.backend,
             device=options.device,
@@ -147,18 +145,16 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
-def _cluster(
-    number: int | None, scheduler: str | None, scheduler_file: str | None
-) -> Workers | None:
+def _cluster(number: int | None, scheduler: str | None) -> Workers | None:
     from tactograph.graph.errors import InputError
 
-    if not scheduler and not scheduler_file:
+    if scheduler is None:
         return None
-    if number is not None or (scheduler and scheduler_file):
-        raise InputError("give one of --workers, --scheduler and --scheduler-file")
+    if number is not None:
+        raise InputError("give one of --workers and --scheduler")
     from tactograph.graph.batch.cluster import Cluster
 
-    return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
+    return Cluster(scheduler, tell=partial(say, err=True))
 
 
 def _start_importing(number: int | None, captures: int) -> None:

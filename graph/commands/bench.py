@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE, RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write a JSON file as well."
-)
+@click.option("--out", type=FILE, help="Write a JSON file as well.")
 def command(
     graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import GraphName, say, with_option
+from tactograph.graph.commands import FOLDER, GraphName, device_option, say, with_option
 from tactograph.graph.commands.progress_line import ProgressLine
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
 @with_option
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
-@click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
+@device_option
 @click.option(
     "--sweep", "sweeps", multiple=True, metavar="NODE.PARAM=VALUES",
     help="Try values, FROM..TO:COUNT: 0.01..0.2:10, log:0.01..1:5; or a,b,c.  "
@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     help="Runs with different seeds, for 95 % confidence intervals.",
 )  # fmt: skip
 @click.option(
-    "--again", "former_report", metavar="REPORT",
-    type=click.Path(file_okay=False, path_type=Path),
+    "--again", "former_report", metavar="REPORT", type=FOLDER,
     help="Repeat the comparison in this folder, into REPORT_again.",
 )  # fmt: skip
 @click.option(
@@ -46,9 +45,8 @@ if TYPE_CHECKING:
     help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
 )  # fmt: skip
 @click.option(
-    "--out", type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for results, tables and report.  [default: report]",
-)  # fmt: skip
+    "--out", type=FOLDER, help="Folder for results, tables and report.  [default: report]"
+)
 def command(
     words: tuple[str, ...],
     former_report: Path | None,

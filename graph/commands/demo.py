@@ -5,6 +5,8 @@ from pathlib import Path
 
 import click
 
+from tactograph.graph.commands import FOLDER
+
 DEMO_STEPS = """
 # What computes here.
 tactograph devices
@@ -27,11 +29,7 @@ calibration=OUT/cal.npz --out OUT/report
 
 @click.command("demo", short_help="Simulate a sensor, calibrate it, reconstruct a touch.")
 @click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="demo",
-    show_default=True,
-    help="The folder to write to.",
+    "--out", type=FOLDER, default="demo", show_default=True, help="The folder to write to."
 )
 def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""

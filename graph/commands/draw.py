@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import FILE, RunOptions, graph_argument, run_options, say
 
 if TYPE_CHECKING:
     from tactograph.graph.show.sketch import Sketch
@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("draw", short_help="Draw a graph as Mermaid or SVG.")
 @graph_argument
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path),
-    help="File .mmd or .svg; without it Mermaid is printed.",
-)  # fmt: skip
+@click.option("--out", type=FILE, help="File .mmd or .svg; without it Mermaid is printed.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @run_options
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 
 @graph_command("explain", short_help="Say what would run, where, why and how long.")
-@click.option("--all", "every", is_flag=True, help="Every node of the groups.")
-@click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
+@click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @click.option(
     "--times", "place", type=click.Path(exists=True, path_type=Path),
     help="An earlier result, or what 'bench --out' wrote.  [default: the results in out=]",
@@ -29,7 +28,6 @@ def command(
     graph: str,
     values: tuple[str, ...],
     every: bool,
-    transfers: bool,
     place: Path | None,
     options: RunOptions,
 ) -> None:
@@ -49,16 +47,16 @@ def command(
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
     last = _last_times(plan, place)
     known = last.ms if last else {}
-    shown = [step for step in plan.steps if transfers or not step.is_transfer]
+    shown = [step for step in plan.steps if every or not step.is_transfer]
     kept = kept_on_disk(plan)
     rows = [_row(plan, step, known, kept) for step in shown]
-    _print(title, rows if every or transfers else _by_box(rows, plan))
+    _print(title, rows if every else _by_box(rows, plan))
     say(_duration(plan, last, kept))
-    if moves and not transfers:
+    if moves and not every:
         each = sum(step.stream for step in moves)
         click.echo(
             f"{len(moves)} transfers between host and device, {each} of them for every item; "
-            "--transfers lists them"
+            "--all lists them"
         )
     for node_id, value in plan.passed.items():
         say(f"{node_id}: taken out; its readers read {value}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE, RunOptions, graph_command, run_options, say
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -44,7 +44,7 @@ WARNING_INTERVAL_S = 10.0
     "--trace",
     "trace_file",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Write what ran when, for ui.perfetto.dev.",
 )
 @click.option(

@@ -17,6 +17,7 @@ from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_li
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
@@ -122,7 +123,7 @@ class Row:
 
 
 def takes_capture(graph: Graph) -> bool:
-    return "capture" in graph.params
+    return CAPTURE_PARAM in graph.params
 
 
 def make_jobs(study: Study) -> list[Job]:
@@ -249,7 +250,7 @@ def _places(job: Job, folder: Path) -> dict[str, str]:
     """The places of the capture and of the results, for params that the graph has."""
     places = {"out": str(folder)}
     if job.capture is not None:
-        places["capture"] = str(job.capture)
+        places[CAPTURE_PARAM] = str(job.capture)
     return {name: place for name, place in places.items() if name in job.graph.params}
 
 

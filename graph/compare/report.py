@@ -82,7 +82,6 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         graphs=[_variant(graph, study) for graph in study.graphs],
         table=_table(lines),
         details=_table(lines, details=True) if columns(lines) != columns(lines, True) else None,
-        steps=_steps(lines),
         curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
         sections=_sections(study, rows, out),
         fallbacks=fallback_lines(rows),
@@ -127,26 +126,6 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
         for name in names
     ]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
-
-
-def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
-    """Milliseconds of every step, for the runs of the first capture."""
-    first = lines[0].capture
-    timed = [x for x in lines if x.capture == first and x.rows[0].milliseconds]
-    if not timed:
-        return None
-    timed = _thinned(timed)
-    names = dict.fromkeys(name for line in timed for name in line.rows[0].milliseconds)
-    cells = [{"name": name, "cells": [_step_cell(line, name) for line in timed]} for name in names]
-    labels = [_label(line.variant, line.backend, line.sweep, lines) for line in timed]
-    return {"capture": first, "lines": labels, "rows": cells}
-
-
-def _step_cell(line: Line, name: str) -> str:
-    row = line.rows[0]
-    if name not in row.milliseconds:
-        return ""
-    return f"{row.milliseconds[name]:.2f} {row.backends[name]}"
 
 
 def _label(variant: str, backend: str, sweep: Mapping[str, Any], lines: Iterable[Line]) -> str:
