@@ -17,7 +17,7 @@ from tactograph.graph.commands.completion import (
     complete_overlay,
     complete_value,
 )
-from tactograph.graph.errors import printable
+from tactograph.graph.errors import TactographError, printable
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -90,7 +90,6 @@ class GraphCommand(click.Command):
 
 def _how_to_give(name: str, words: Sequence[str]) -> str:
     """Say how the value of a parameter is given to the graph that is among the words."""
-    from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 

@@ -14,6 +14,7 @@ import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 from tactograph.graph.commands.progress_line import ProgressLine
+from tactograph.graph.errors import InputError, a_few, printable
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -112,7 +113,6 @@ def command(
         )
         from tactograph.graph.batch.store_lock import alone_in
         from tactograph.graph.cache.result_origin import find_origin
-        from tactograph.graph.errors import a_few
 
         origin = find_origin(read, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, place, job.folders)]
@@ -146,8 +146,6 @@ def _before(store: Store, *, retry_failed: bool) -> str:
 
 
 def _cluster(number: int | None, scheduler: str | None) -> Workers | None:
-    from tactograph.graph.errors import InputError
-
     if scheduler is None:
         return None
     if number is not None:
@@ -240,7 +238,6 @@ def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) 
     """Write a line for each capture."""
     from tactograph.graph.batch.entry import STATUS_NAMES
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import printable
 
     figures = sorted({name for entry in entries for name in entry.figures})
     headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph.graph.commands import FILE, RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
@@ -34,7 +35,6 @@ def command(
     end of the first item, with reading, indexing and compiling.  Only --out is written.
     """
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)

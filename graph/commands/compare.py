@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tactograph.graph.backends import BACKENDS
 from tactograph.graph.commands import FOLDER, GraphName, device_option, say, with_option
 from tactograph.graph.commands.progress_line import ProgressLine
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -67,7 +69,6 @@ def command(
         study_again,
         what_changed,
     )
-    from tactograph.graph.errors import InputError
 
     if former_report is None:
         values = [word for word in words if "=" in word]
@@ -99,7 +100,6 @@ def _read_study(
 ) -> Study:
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.files.typed_values import read_words
@@ -130,8 +130,6 @@ def _read_study(
 
 def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
     """The folders of captures, those of ``--over`` first."""
-    from tactograph.graph.errors import InputError
-
     for word in over:
         if not Path(word).is_dir():
             raise InputError(f"--over {word}: there is no such folder")
@@ -139,9 +137,6 @@ def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
 
 
 def _read_backends(text: str | None) -> list[str | None]:
-    from tactograph.graph.backends import BACKENDS
-    from tactograph.graph.errors import InputError
-
     if not text:
         return [None]
     names = text.split(",")
@@ -159,7 +154,6 @@ def _compare(
     from tactograph.graph.compare.comparison_record import make_record, write_record
     from tactograph.graph.compare.report import write_report
     from tactograph.graph.compare.tables import print_table, write_tables
-    from tactograph.graph.errors import InputError
 
     study.check()
     rows = _run_all(study, out)

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from tactograph.graph.commands import FOLDER
+from tactograph.graph.errors import TactographError
 
 DEMO_STEPS = """
 # What computes here.
@@ -35,7 +36,6 @@ def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""
     from tactograph.graph.command import run_command
     from tactograph.graph.compare.comparison_record import read_rows
-    from tactograph.graph.errors import TactographError
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")

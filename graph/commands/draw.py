@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import FILE, RunOptions, graph_argument, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.show.sketch import Sketch
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import InputError
     from tactograph.graph.plan.sketch import sketch_of
     from tactograph.graph.show.draw_mermaid import to_mermaid
     from tactograph.graph.show.draw_svg import to_svg

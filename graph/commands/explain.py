@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError, a_few
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
@@ -68,7 +69,6 @@ def command(
 
 def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
     """The times at a place, or those of the last result in the graph's own folder."""
-    from tactograph.graph.errors import InputError
     from tactograph.graph.run.last_times import find_last_times
 
     if place is not None:
@@ -83,8 +83,6 @@ def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
 
 def _duration(plan: Plan, last: LastTimes | None, kept: Mapping[str, bool]) -> str:
     """Time of an item, in one line; what is read from disk takes no time worth a count."""
-    from tactograph.graph.errors import a_few
-
     if last is None or not last.ms:
         return "how long: not known; run it, or give an earlier result or bench with --times"
     each, once = (
