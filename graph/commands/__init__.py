@@ -120,8 +120,8 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
         return complete_graph(incomplete, studies=self.studies)
 
 
-FOLDER = click.Path(file_okay=False, path_type=Path)
-FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
+FILE_PATH = click.Path(dir_okay=False, path_type=Path)
 graph_argument = click.argument("graph", type=GraphName())
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import FILE, RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )
-@click.option("--out", type=FILE, help="Write a JSON file as well.")
+@click.option("--out", type=FILE_PATH, help="Write a JSON file as well.")
 def command(
     graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:

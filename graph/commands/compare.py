@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph.graph.backends import BACKENDS
-from tactograph.graph.commands import FOLDER, GraphName, device_option, say, with_option
+from tactograph.graph.commands import FOLDER_PATH, GraphName, device_option, say, with_option
 from tactograph.graph.commands.progress_line import ProgressLine
 from tactograph.graph.errors import InputError
 
@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 @click.argument(
     "words", nargs=-1, metavar="GRAPH|STUDY... [NAME=VALUE]...", type=GraphName(studies=True)
 )
-@click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
+@click.option(
+    "--over", multiple=True, metavar="DIR",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A capture folder, or a folder of them.",
+)  # fmt: skip
 @with_option
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
 @device_option
@@ -39,7 +43,7 @@ if TYPE_CHECKING:
     help="Runs with different seeds, for 95 % confidence intervals.",
 )  # fmt: skip
 @click.option(
-    "--again", "former_report", metavar="REPORT", type=FOLDER,
+    "--again", "former_report", metavar="REPORT", type=FOLDER_PATH,
     help="Repeat the comparison in this folder, into REPORT_again.",
 )  # fmt: skip
 @click.option(
@@ -47,7 +51,7 @@ if TYPE_CHECKING:
     help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
 )  # fmt: skip
 @click.option(
-    "--out", type=FOLDER, help="Folder for results, tables and report.  [default: report]"
+    "--out", type=FOLDER_PATH, help="Folder for results, tables and report.  [default: report]"
 )
 def command(
     words: tuple[str, ...],
@@ -90,7 +94,7 @@ def _read_study(
     words: Sequence[str],
     out: Path,
     *,
-    over: Sequence[str],
+    over: Sequence[Path],
     overlays: Sequence[str],
     backends: str | None,
     device: str | None,
@@ -107,7 +111,7 @@ def _read_study(
 
     values = [word for word in words if "=" in word]
     others = [word for word in words if "=" not in word]
-    folders = _folders(others, over)
+    folders = [*over, *(Path(word) for word in others if Path(word).is_dir())]
     names = [word for word in others if not Path(word).is_dir()]
     if not names:
         raise InputError(
@@ -126,14 +130,6 @@ def _read_study(
         seed=seed,
         repeats=repeats,
     )
-
-
-def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
-    """The folders of captures, those of ``--over`` first."""
-    for word in over:
-        if not Path(word).is_dir():
-            raise InputError(f"--over {word}: there is no such folder")
-    return [Path(word) for word in (*over, *words) if Path(word).is_dir()]
 
 
 def _read_backends(text: str | None) -> list[str | None]:
@@ -179,10 +175,10 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     kept = 0
     with ProgressLine() as line:
         for number, job in enumerate(jobs):
-            line.at(f"{job.label}, {number + 1} of {len(jobs)} runs", number / len(jobs))
+            line.at(f"{job.row.label}, {number + 1} of {len(jobs)} runs", number / len(jobs))
             row, was_there = run_job(job, study, out, cache)
             if row.error:
-                line.say(f"failed: {job.label}", err=True)
+                line.say(f"failed: {job.row.label}", err=True)
             rows.append(row)
             kept += was_there
     if kept:

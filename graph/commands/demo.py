@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import FOLDER
+from tactograph.graph.commands import FOLDER_PATH
 from tactograph.graph.errors import TactographError
 
 DEMO_STEPS = """
@@ -30,7 +30,7 @@ calibration=OUT/cal.npz --out OUT/report
 
 @click.command("demo", short_help="Simulate a sensor, calibrate it, reconstruct a touch.")
 @click.option(
-    "--out", type=FOLDER, default="demo", show_default=True, help="The folder to write to."
+    "--out", type=FOLDER_PATH, default="demo", show_default=True, help="The folder to write to."
 )
 def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""

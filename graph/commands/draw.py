@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import FILE, RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_argument, run_options, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("draw", short_help="Draw a graph as Mermaid or SVG.")
 @graph_argument
-@click.option("--out", type=FILE, help="File .mmd or .svg; without it Mermaid is printed.")
+@click.option("--out", type=FILE_PATH, help="File .mmd or .svg; without it Mermaid is printed.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @run_options
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:

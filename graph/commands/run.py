@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import FILE, RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
 from tactograph.graph.errors import InputError, TactographError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ WARNING_INTERVAL_S = 10.0
     "--trace",
     "trace_file",
     metavar="FILE",
-    type=FILE,
+    type=FILE_PATH,
     help="Write what ran when, for ui.perfetto.dev.",
 )
 @click.option(

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
-from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
+from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
 from tactograph.graph.compare.stored_views import find_truth, load_views
@@ -83,7 +83,7 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         table=_table(lines),
         details=_table(lines, details=True) if columns(lines) != columns(lines, True) else None,
         curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
-        sections=_sections(study, rows, out),
+        sections=_sections(rows, out),
         fallbacks=fallback_lines(rows),
         warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
@@ -169,19 +169,18 @@ def _varies(curves: Mapping[str, Curve]) -> bool:
     return len({f"{e.mean:.6g}" for _, estimates in curves.values() for e in estimates}) > 1
 
 
-def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
+def _sections(rows: Sequence[Row], out: Path) -> list[Section]:
     """The pictures of each capture, of the first seed of each run."""
-    jobs = [job for job, row in zip(make_jobs(study), rows, strict=True) if not row.error]
     lines = make_lines(rows)
+    whole = [row for row in rows if not row.error]
     sections = []
-    for capture in dict.fromkeys(job.capture_name for job in jobs):
-        first: dict[str, Job] = {}
-        for job in jobs:
-            if job.capture_name == capture:
-                backend = job.backend or "preferred"
-                first.setdefault(_label(job.graph.name, backend, job.point, lines), job)
+    for capture in dict.fromkeys(row.capture for row in whole):
+        first: dict[str, Row] = {}
+        for row in whole:
+            if row.capture == capture:
+                first.setdefault(_label(row.variant, row.backend, row.sweep, lines), row)
         drawn = dict(_thinned(list(first.items())))
-        views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
+        views = {label: load_views(row.folder(out)) for label, row in drawn.items()}
         pictures = _pictures({label: view for label, view in views.items() if view})
         sections.append(Section(capture, len(first) - len(drawn), pictures))
     return sections

@@ -175,7 +175,7 @@ class OnlyChanged(Executor):
         """Run a step or pass over it, and bring what it makes of the targets."""
         self._sizes[step.name] = known
         if self._must_run(step):
-            known = self._run(step)
+            known = self._execute(step)
         else:
             shapes = self._runs[step.name].shapes if step.name in self._plan.tasks else {}
             known = self._runner.pass_over(step, known, shapes)
@@ -214,7 +214,7 @@ class OnlyChanged(Executor):
             self._here[spot] = key
             self._runner.side(spot.side).put(spot.value, self._cache.take(kept))
         else:
-            self._run(self._maker[spot])
+            self._execute(self._maker[spot])
 
     def _note(self, name: str) -> None:
         """Let the cache know how long a node's run took."""
@@ -222,7 +222,7 @@ class OnlyChanged(Executor):
         run = self._runs[name] = replace(self._runs[name], milliseconds=took)
         self._cache.note(self._keys[name], run)
 
-    def _run(self, step: Step) -> Known:
+    def _execute(self, step: Step) -> Known:
         """Run one step into the cache."""
         for spot in read_by(self._plan, step):
             self._bring(spot)

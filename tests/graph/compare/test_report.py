@@ -241,7 +241,7 @@ def test_again_says_what_changed(
         (("--again", "nowhere"), "--again wants a report's folder"),
         (("simulate", "--again", "nowhere"), "it goes with --out and --columns only"),
         (("paper",), "give --over DIR"),
-        (("paper", "--over", "nowhere"), "there is no such folder"),
+        (("paper", "--over", "nowhere"), "'nowhere' does not exist"),
         (("table1", "--repeats", 3), "--repeats needs --seed node.param"),
         (("table1", "--sweep", "lights.slant=1,2"), "has no parameter 'slant'"),
         (("table1", "--sweep", "lights.slant_deg=1"), "at least two values"),
