@@ -13,6 +13,8 @@ from tactograph.sdk.unstable import normal_by_slope
 
 MattDeviation = Annotated[float, Port(unit="1")]
 """Standard deviation of a matt film's light from the map; 0 of any other film."""
+MAX_SHADOW_LIGHT = 0.25
+"""Light of film half a pixel inside a shadow, under a blur of 0.7 px.  Lighter film may be steep."""
 MIN_LIGHTS = 3
 """Of two lights none can be left out: a slope has two unknowns."""
 TOLD_DEVIATIONS = 3.0
@@ -49,7 +51,7 @@ def slope_in_shadow(
     if deviation == 0 or len(light) < MIN_LIGHTS:
         return slope
     least = np.float32(TOLD_DEVIATIONS * deviation)
-    rows, columns = np.nonzero(light.min(axis=0) < 1 - least)
+    rows, columns = np.nonzero(light.min(axis=0) < MAX_SHADOW_LIGHT)
     place = terms(columns.astype(np.float64), rows.astype(np.float64), light.shape[1:])
     maps = np.einsum("kbq,qn->kbn", reflectance, place, optimize=True).astype(np.float32)
     seen, weight = light[:, rows, columns], flat[:, rows, columns]
