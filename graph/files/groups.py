@@ -33,7 +33,6 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     it needs, a group uses itself, a reference in a group names nothing there, or there are too many
     nodes, or groups in one another.
     """
-    _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, "", ())
     uses = {path: use for path, (use, _) in added.items()}
     stated = {name: entry for name, entry in nodes.items() if isinstance(entry, Entry)}
@@ -185,33 +184,6 @@ def refuse_idle(name: str, group: Group) -> None:
             raise GraphError(f"{where}: output '{output}' has the name of another node")
 
 
-def _count(
-    graph: Graph, nodes: Mapping[str, Entry | Use], total: int, known: dict[str, int], depth: int
-) -> int:
-    """Count nodes and uses in advance, added to `total`; `known` holds counts of groups.
-
-    A few groups that use one another come to more than any memory holds.  Groups that are not
-    there, use themselves or lie too deep are refused later, where they are met in this order.
-    """
-    total += len(nodes)
-    for use in nodes.values():
-        is_known = isinstance(use, Use) and (use.turns or use.group in graph.groups)
-        if isinstance(use, Entry) or not is_known or depth > MAX_GROUP_DEPTH:
-            continue
-        if use.turns or use.group not in known:
-            known[use.group] = 0
-            body = graph.definition(use).body
-            inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
-            known[use.group] = _count(graph, inside, 0, known, depth + 1)
-        total += known[use.group]
-        if total > MAX_NODES:
-            raise GraphError(
-                f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
-                "and uses of groups; use them less often"
-            )
-    return total
-
-
 def _uses(
     graph: Graph, nodes: Mapping[str, Entry | Use], scope: str, chain: tuple[str, ...]
 ) -> dict[str, tuple[Use, str]]:
@@ -239,6 +211,12 @@ def _uses(
         _check_given(use, "with", "param", use.settings, group.body.params)
         uses[path] = use, scope
         uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
+        if sum(1 + len(graph.definition(each).body.nodes) for each, _ in uses.values()) > MAX_NODES:
+            # A few groups that use one another come to more than any memory holds.
+            raise GraphError(
+                f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
+                "and uses of groups; use them less often"
+            )
     return uses
 
 
@@ -376,7 +354,7 @@ def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
     given = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
     given |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
     return {
-        key: replace(place, use=use.place(given.get(key, "")))
+        key: place._replace(use=use.place(given.get(key, "")))
         for key, place in entry.places.items()
     }
 

@@ -86,7 +86,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
             check_new(graph, flat, place)
         elif flat not in graph.nodes:
             continue
-        here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
+        here = {key: at._replace(use=graph.uses[use].place("")) for key, at in places.items()}
         change_flat = put_use if "group" in change else VERB_FUNCTIONS[verb]
         graph = change_flat(graph, flat, flat_change(graph, change, places, use, node), here)
     return graph
