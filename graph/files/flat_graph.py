@@ -270,6 +270,11 @@ class Group:
     """A default is a reference of the graph around, or None: the input may be left out."""
     body: Graph
 
+    @property
+    def nodes(self) -> dict[str, Entry | Use]:
+        """Its nodes, then its uses of other groups."""
+        return {**self.body.nodes, **self.body.uses}
+
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
     """Split a reference into node and port: ``pass_2.label.slope``; ``cal`` has no port."""

@@ -167,8 +167,8 @@ def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) 
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     words = {f"${name}": value for name, value in given.items()}
     for name in given:
-        entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
-        if not any(f"${name}" in entry.settings.values() for entry in entries):
+        nodes = graph.definition(use).nodes.values()
+        if not any(f"${name}" in each.settings.values() for each in nodes):
             raise GraphError(
                 f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
                 "any more; an earlier change gave a value to what did"
