@@ -267,27 +267,27 @@ class PatchModel(_Strict):
     them is the same change to each, but for `replace` and `insert`.
     """
 
-    set: References | None = Field(
+    set: References = Field(
         None,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
-    replace: Reference | None = Field(None, description="Put another node in this one's place.")
-    insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
-    remove: References | None = Field(None, description="Remove this node.")
-    backend: References | None = Field(None, description="Run this node on the back end `to`.")
-    neutral: References | None = Field(None, description="Let this node's neutral value stand in.")
-    op: Name | None = None
-    group: Name | None = Field(None, description="In place of `op`: use this group.")
-    inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
-    settings: dict[Name, Any] | None = Field(None, alias="with")
-    repeat: Turns | None = None
-    carry: dict[Name, Reference] | None = None
-    while_: Reference | None = Field(None, alias="while")
-    after: Reference | None = Field(
+    replace: Reference = Field(None, description="Put another node in this one's place.")
+    insert: Reference = Field(None, description="Add a node, `after` a reference if given.")
+    remove: References = Field(None, description="Remove this node.")
+    backend: References = Field(None, description="Run this node on the back end `to`.")
+    neutral: References = Field(None, description="Let this node's neutral value stand in.")
+    op: Name = Field(None)
+    group: Name = Field(None, description="In place of `op`: use this group.")
+    inputs: dict[Name, Reference | None] = Field(None, alias="in")
+    settings: dict[Name, Any] = Field(None, alias="with")
+    repeat: Turns = Field(None)
+    carry: dict[Name, Reference] = Field(None)
+    while_: Reference = Field(None, alias="while")
+    after: Reference = Field(
         None, description="Every reader of this value reads the inserted node instead."
     )
-    to: Backend | None = None
+    to: Backend = Field(None)
 
 
 class ChangeModel(_Strict):

@@ -104,8 +104,7 @@ def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
 
 def _stated(change: PatchModel) -> list[Change]:
     """What a change says, of one node at a time."""
-    named = {name: getattr(change, name) for name in change.model_fields_set}
-    stated = {name: value for name, value in named.items() if value is not None}
+    stated = {name: getattr(change, name) for name in change.model_fields_set}
     listed = [verb for verb in VERB_FUNCTIONS if isinstance(stated.get(verb), list)]
     if not listed:
         return [stated]
