@@ -260,6 +260,10 @@ AnyGroup = Annotated[
 ]
 
 
+ABSENT: Any = None
+"""A key that is not there; null is no value of it."""
+
+
 class PatchModel(_Strict):
     """One change to the graph that is extended; exactly one verb.
 
@@ -268,26 +272,26 @@ class PatchModel(_Strict):
     """
 
     set: References = Field(
-        None,
+        ABSENT,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
-    replace: Reference = Field(None, description="Put another node in this one's place.")
-    insert: Reference = Field(None, description="Add a node, `after` a reference if given.")
-    remove: References = Field(None, description="Remove this node.")
-    backend: References = Field(None, description="Run this node on the back end `to`.")
-    neutral: References = Field(None, description="Let this node's neutral value stand in.")
-    op: Name = Field(None)
-    group: Name = Field(None, description="In place of `op`: use this group.")
-    inputs: dict[Name, Reference | None] = Field(None, alias="in")
-    settings: dict[Name, Any] = Field(None, alias="with")
-    repeat: Turns = Field(None)
-    carry: dict[Name, Reference] = Field(None)
-    while_: Reference = Field(None, alias="while")
+    replace: Reference = Field(ABSENT, description="Put another node in this one's place.")
+    insert: Reference = Field(ABSENT, description="Add a node, `after` a reference if given.")
+    remove: References = Field(ABSENT, description="Remove this node.")
+    backend: References = Field(ABSENT, description="Run this node on the back end `to`.")
+    neutral: References = Field(ABSENT, description="Let this node's neutral value stand in.")
+    op: Name = Field(ABSENT)
+    group: Name = Field(ABSENT, description="In place of `op`: use this group.")
+    inputs: dict[Name, Reference | None] = Field(ABSENT, alias="in")
+    settings: dict[Name, Any] = Field(ABSENT, alias="with")
+    repeat: Turns = Field(ABSENT)
+    carry: dict[Name, Reference] = Field(ABSENT)
+    while_: Reference = Field(ABSENT, alias="while")
     after: Reference = Field(
-        None, description="Every reader of this value reads the inserted node instead."
+        ABSENT, description="Every reader of this value reads the inserted node instead."
     )
-    to: Backend = Field(None)
+    to: Backend = Field(ABSENT)
 
 
 class ChangeModel(_Strict):

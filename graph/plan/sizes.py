@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from networkx.utils import UnionFind
 
@@ -149,7 +149,7 @@ def unify(draft: Draft) -> SizeClasses:
     node does not accept.
     """
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
-    classes = UnionFind(symbols)
+    classes: UnionFind[Any] = UnionFind(symbols)
     joints = _united(classes, _joints(draft, "reads"))
     free = {classes[symbol] for symbol in _free_sizes(draft)}
     # A size that depends on the data may differ from that of the item before.
@@ -189,7 +189,7 @@ def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint
                     yield _Joint((task.id, one), (value.node, other), name, value)
 
 
-def _united(classes: UnionFind[tuple[str, Dim]], joints: Iterable[_Joint]) -> list[_Joint]:
+def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
     """Make one class of the symbols at the ends of each joint."""
     listed = list(joints)
     for each in listed:
