@@ -65,15 +65,3 @@ LANED __kernel void add_blocks(
     total[row * columns + column] = sum_of_lanes(product) / (float)K;
     known[row * columns + column] = sum_of_lanes(pairs);
 }
-
-__kernel void give(
-    __global float *restrict misfit, const float level, const float width, const float light,
-    const float bounce, const float tilt)
-{
-    GRID_1(i, 1)
-    misfit[0] = level;
-    misfit[1] = width;
-    misfit[2] = light;
-    misfit[3] = bounce;
-    misfit[4] = tilt;
-}

@@ -218,13 +218,13 @@ __kernel void measure(
     for (int k = 0; k < K; ++k) counts[k * H * across + n] = found[k];
 }
 
-// The measurements of all spans without gaps; those of a span end at `ends`.
+// The measurements of all spans without gaps, from the film at rest; those of a span end at `ends`.
 __kernel void gather_spans(
     __global const int *restrict top_of, __global const int *restrict foot_of,
     __global const float *restrict rise_of, __global const int *restrict counts,
-    __global const int *restrict ends, __global int *restrict top, __global int *restrict foot,
-    __global float *restrict rise, __global uchar *restrict led, const int K, const int H,
-    const int W, const int span)
+    __global const int *restrict ends, __global const float *restrict rest,
+    __global int *restrict top, __global int *restrict foot, __global float *restrict rise,
+    __global uchar *restrict led, const int K, const int H, const int W, const int span)
 {
     const int across = (W + span - 1) / span;
     GRID_1(n, K * H * across)
@@ -234,6 +234,7 @@ __kernel void gather_spans(
         top[at + c] = top_of[from + c];
         foot[at + c] = foot_of[from + c];
         rise[at + c] = rise_of[from + c];
+        if (rest) rise[at + c] -= rest[top[at + c]] - rest[foot[at + c]];
         led[at + c] = line / H + 1;
     }
 }

@@ -197,7 +197,7 @@ def _launch(run: Launch) -> None:
             left, counts, total, known, count, height, width, lag, rows, columns,
         )  # fmt: skip
     widened = _widened(misfit, run.download(total), run.download(known))
-    run.kernel("give", (1,), run.outputs["touch_misfit"], *(float(v) for v in widened))
+    run.send(widened, run.outputs["touch_misfit"])
 
 
 @touch_misfit.example
