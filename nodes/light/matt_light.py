@@ -1,13 +1,12 @@
 """Convert the light of a real film into that of a matt one."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
@@ -22,9 +21,6 @@ from tactograph.nodes.optics.film import (
     turned,
 )
 from tactograph.nodes.optics.near_light import places, unwrapped, vectors_at, wrapped
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 STRETCH_PX = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""

@@ -3,14 +3,13 @@
 Long because noise, brightness and what normals have in common are told apart.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node, warn
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     F4,
     FULL_MISFIT_SLOPE,
@@ -32,9 +31,6 @@ from tactograph.nodes.optics.near_light import (
     places,
     vectors_at,
 )
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MIN_LAG_PX = 2
 """The noise of pixels this far apart is independent."""

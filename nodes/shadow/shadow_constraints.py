@@ -5,7 +5,7 @@ Long because a ray has two ends to find and to measure between, on the device in
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     F4,
     Height,
@@ -25,9 +26,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.optics.bilinear import bilinear
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 STEP_PX = np.float32(0.5)
 """Step along a ray."""

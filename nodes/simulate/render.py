@@ -3,24 +3,20 @@
 Long because one node is one algorithm: rays, lobe, coat and occlusion, as in its kernel.
 """
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.bilinear import bilinear
 from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import to_pupil
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 B1 = NDArray[np.bool_]
 I4 = NDArray[np.int32]
