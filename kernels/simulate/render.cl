@@ -89,6 +89,7 @@ float outside(const float foot, const int size, const float pixel)
 
 typedef struct {
     float alpha, index, albedo, camera_mm;
+    __global const float *let_in;
 } Coat;
 
 // Irradiance of the flat film under an LED, at the image point nearest to the LED's foot.
@@ -180,8 +181,8 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
     const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
         * masking(lit, coat.alpha) * masking(seen, coat.alpha);
-    const float matt =
-        n_l * let_in(lit, coat.alpha, coat.index) * let_in(seen, coat.alpha, coat.index);
+    const float matt = n_l * let_in_by(coat.let_in, fmax(lit, MIN_COSINE))
+        * let_in_by(coat.let_in, fmax(seen, MIN_COSINE));
     return matt + mirrored * PI_ / (4.0f * coat.albedo * seen);
 }
 
@@ -230,6 +231,7 @@ __kernel void render(
     const float pixel,
     __global const float *restrict lights,
     __global const float *restrict extent,
+    __global const float *let_in_curve,
     __global float *restrict light,
     __global uchar *restrict labels,
     const int H, const int W, const int K,
@@ -240,7 +242,7 @@ __kernel void render(
 {
     GRID_2(y, x, H, W)
     const Surface surface = {height, H, W, pixel, extent[0]};
-    const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm};
+    const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm, let_in_curve};
     const float gain = exposure(surface, lights, K, distant, level);
     const int points = led_size_mm > 0.0f ? rays : 1;
     const int count = samples * samples * points;

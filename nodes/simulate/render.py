@@ -14,7 +14,15 @@ from tactograph.graph import Flips, InputError, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.bilinear import bilinear
-from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import (
+    MIN_COSINE,
+    beckmann,
+    fresnel,
+    let_in_by,
+    let_in_curve,
+    masking,
+    upload_curve,
+)
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import to_pupil
 
@@ -210,8 +218,10 @@ def _launch(launch: Launch) -> None:
     launch.kernel("ends", (1,), rows, ends, size[0])
     images = launch.outputs["light"], launch.outputs["labels"]
     sizes = *size, launch.sizes["K"]
+    coat = launch.settings["coat_alpha"], launch.settings["refractive_index"]
+    curve = upload_curve(launch, *coat) if coat[0] > 0 else None
     settings = (launch.settings[name] for name in render.parameters)
-    launch.kernel("render", size, height, pixel, lights, ends, *images, *sizes, *settings)
+    launch.kernel("render", size, height, pixel, lights, ends, curve, *images, *sizes, *settings)
 
 
 @render.example
@@ -357,7 +367,8 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     alpha, index = film.coat.coat_alpha, film.coat.refractive_index
     mirrored = beckmann(upright, alpha) * fresnel(between, index)
     mirrored = mirrored * masking(lit, alpha) * masking(seen, alpha)
-    matt = cosine * let_in(lit, alpha, index) * let_in(seen, alpha, index)
+    through = let_in_by(let_in_curve(alpha, index), np.maximum([lit, seen], MIN_COSINE))
+    matt = cosine * through[0] * through[1]
     return np.asarray(
         matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / seen, np.float32
     )
