@@ -21,6 +21,8 @@ MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
 MIN_WRAP = 1e-9
 """Smallest 4 w that is divided by."""
+MIN_VIEW_SHARE = np.float32(0.1)
+"""Smallest denominator of a slope in a camera's view: beyond it film is seen from behind."""
 
 
 def places(count: int, pixel: np.float32) -> F4:
