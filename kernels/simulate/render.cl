@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "extent.clh"
+#include "bilinear.clh"
 #define reals float
 #include "coat.clh"
 
@@ -44,24 +45,6 @@ float slope_y(const Surface s, const int x, const int y)
                       s.pixel);
 }
 
-// Bilinear interpolation between four values at a fraction of the way.
-float mixed(const float a, const float b, const float c, const float d, const float fx,
-            const float fy)
-{
-    const float upper = a + fx * (b - a), lower = c + fx * (d - c);
-    return upper + fy * (lower - upper);
-}
-
-// The height at a point inside the image.
-float interpolated(const Surface s, const float x, const float y)
-{
-    const int left = (int)x, top = (int)y;
-    const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
-    return mixed(s.height[top * s.W + left], s.height[top * s.W + right],
-                 s.height[bottom * s.W + left], s.height[bottom * s.W + right],
-                 x - (float)left, y - (float)top);
-}
-
 Spot spot_at(const Surface s, const float column, const float row)
 {
     Spot spot;
@@ -69,14 +52,14 @@ Spot spot_at(const Surface s, const float column, const float row)
     spot.row = clamp(row, 0.0f, (float)(s.H - 1));
     const int left = (int)spot.column, top = (int)spot.row;
     const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
-    const float fx = spot.column - (float)left, fy = spot.row - (float)top;
+    const Around at = around(spot.column, spot.row, s.H, s.W);
     spot.x = (spot.column - 0.5f * (float)(s.W - 1)) * s.pixel;
     spot.y = (spot.row - 0.5f * (float)(s.H - 1)) * s.pixel;
-    spot.z = interpolated(s, spot.column, spot.row);
-    spot.p = mixed(slope_x(s, left, top), slope_x(s, right, top), slope_x(s, left, bottom),
-                   slope_x(s, right, bottom), fx, fy);
-    spot.q = mixed(slope_y(s, left, top), slope_y(s, right, top), slope_y(s, left, bottom),
-                   slope_y(s, right, bottom), fx, fy);
+    spot.z = bilinear(s.height, at);
+    spot.p = between(at, slope_x(s, left, top), slope_x(s, right, top),
+                     slope_x(s, left, bottom), slope_x(s, right, bottom));
+    spot.q = between(at, slope_y(s, left, top), slope_y(s, right, top),
+                     slope_y(s, left, bottom), slope_y(s, right, bottom));
     spot.norm = sqrt(1.0f + spot.p * spot.p + spot.q * spot.q);
     return spot;
 }
@@ -202,7 +185,7 @@ int unobstructed(const Surface s, const Spot spot, const Ray ray, const float st
         const float x = spot.column + i * dx, y = spot.row + i * dy, z = start + i * dz;
         if (z > s.top || x < 0.0f || x > right || y < 0.0f || y > bottom)
             return 1;
-        if (interpolated(s, x, y) > z)
+        if (bilinear(s.height, around(x, y, s.H, s.W)) > z)
             return 0;
     }
     return 1;
