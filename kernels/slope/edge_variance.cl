@@ -29,14 +29,7 @@ LANED __kernel void add_lacking(
     const float by)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    floats largest = 0.0f;
-    for (int dy = -1; dy <= 1; ++dy) {
-        __global const float *row = changes + clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -1; dx <= 1; ++dx) {
-            const floats there = load_within_border(row, x + dx, count, W, REPLICATE);
-            largest = MORE_OF(largest, there);
-        }
-    }
+    const floats largest = largest_around(changes, y, x, count, H, W);
     const int size = H * W, i = y * W + x;
     const floats p = load_floats(slope + i, count), q = load_floats(slope + size + i, count);
     const floats lacking = by * largest * (1.0f + p * p + q * q);
