@@ -31,6 +31,14 @@ def places(count: int, pixel: np.float32) -> F4:
     return (np.arange(count, dtype=np.float32) - middle) * pixel
 
 
+def lights_around(rng: np.random.Generator, count: int) -> F4:
+    """Return LEDs around a film, K x 3 in mm, for generated examples."""
+    azimuth = (np.arange(count) + rng.uniform(-0.2, 0.2, count)) * 2 * np.pi / count
+    reach, z = rng.uniform(20, 40, count), rng.uniform(30, 60, count)
+    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    return np.asarray(lights, np.float32)
+
+
 def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
     """Return v of equation N1, K x 3 x H x W: n.v is the light of a film with normal n, 1 at rest.
 
