@@ -28,7 +28,7 @@ LANED __kernel void pixel_mean_slope(
     const int size = H * W, at = y * W + x;
     const Changes n = changes_at(slope, y, x, count, H, W);
     const floats column = (float)x + LANE_NUMBERS, half_ = 0.5f, one = 1.0f;
-    const floats across = column > 0.0f & column < (float)(W - 1) ? half_ : one;
+    const floats across = (column > 0.0f & column < (float)(W - 1)) ? half_ : one;
     const float upright = y > 0 && y + 1 < H ? 0.5f : 1.0f;
     const floats right = n.along.z * across, lower = n.down.z * upright;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
