@@ -1,17 +1,12 @@
 """A Gaussian filter."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import correlate1d
 
+from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 CUTOFF_SIGMAS = 4.0
 """The Gaussian is cut off at this many standard deviations."""
@@ -40,7 +35,7 @@ def launch_smoothed(
 ) -> None:
     """Enqueue `smoothed` by the kernel of ``spread.clh``; `size` is K, H, W."""
     weights = gaussian(deviation_px)
-    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
+    taps = run.keep(weights.tobytes(), lambda: run.put(weights))
     half, radius = run.scratch(size), len(weights) // 2
     run.kernel("spread", size, planes, taps, half, *size, radius, 1)
     run.kernel("spread", size, half, taps, out, *size, radius, 0)
