@@ -260,7 +260,7 @@ AnyGroup = Annotated[
 ]
 
 
-ABSENT: Any = None
+NO_VALUE: Any = None
 """A key that is not there; null is no value of it."""
 
 
@@ -272,26 +272,26 @@ class PatchModel(_Strict):
     """
 
     set: References = Field(
-        ABSENT,
+        NO_VALUE,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
-    replace: Reference = Field(ABSENT, description="Put another node in this one's place.")
-    insert: Reference = Field(ABSENT, description="Add a node, `after` a reference if given.")
-    remove: References = Field(ABSENT, description="Remove this node.")
-    backend: References = Field(ABSENT, description="Run this node on the back end `to`.")
-    neutral: References = Field(ABSENT, description="Let this node's neutral value stand in.")
-    op: Name = Field(ABSENT)
-    group: Name = Field(ABSENT, description="In place of `op`: use this group.")
-    inputs: dict[Name, Reference | None] = Field(ABSENT, alias="in")
-    settings: dict[Name, Any] = Field(ABSENT, alias="with")
-    repeat: Turns = Field(ABSENT)
-    carry: dict[Name, Reference] = Field(ABSENT)
-    while_: Reference = Field(ABSENT, alias="while")
+    replace: Reference = Field(NO_VALUE, description="Put another node in this one's place.")
+    insert: Reference = Field(NO_VALUE, description="Add a node, `after` a reference if given.")
+    remove: References = Field(NO_VALUE, description="Remove this node.")
+    backend: References = Field(NO_VALUE, description="Run this node on the back end `to`.")
+    neutral: References = Field(NO_VALUE, description="Let this node's neutral value stand in.")
+    op: Name = Field(NO_VALUE)
+    group: Name = Field(NO_VALUE, description="In place of `op`: use this group.")
+    inputs: dict[Name, Reference | None] = Field(NO_VALUE, alias="in")
+    settings: dict[Name, Any] = Field(NO_VALUE, alias="with")
+    repeat: Turns = Field(NO_VALUE)
+    carry: dict[Name, Reference] = Field(NO_VALUE)
+    while_: Reference = Field(NO_VALUE, alias="while")
     after: Reference = Field(
-        ABSENT, description="Every reader of this value reads the inserted node instead."
+        NO_VALUE, description="Every reader of this value reads the inserted node instead."
     )
-    to: Backend = Field(ABSENT)
+    to: Backend = Field(NO_VALUE)
 
 
 class ChangeModel(_Strict):
