@@ -207,7 +207,7 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
 
 
 def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
-    job = Job("", "", "", {}, {}, "capture", ("height", "error"))
+    job = Job("", "", "", {}, {}, ("height", "error"))
     store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
     store.append(["touches/one", "touches/two"])
     kind = MapType(touches[0].shape[1:], "float32", "mm", ("H", "W"), PIXEL)
