@@ -17,6 +17,7 @@ from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_seen
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
+    DERIVATIVE_STEP,
     EMISSION_UNKNOWN,
     MODEL_UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
@@ -373,7 +374,7 @@ def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
 
     `rest` is the result of `rest_seen`.
     """
-    step = 1e-4 * float(balls.radius.min())
+    step = DERIVATIVE_STEP * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
     return np.stack([(predicted(balls, other, rest) - before) / step for other in moved])
 
