@@ -38,7 +38,7 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades
+from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades, term_count
 
 MAX_STEPS, MIN_COST_GAIN = 20, 2e-3
 """Most steps of the descent, and the relative gain of the cost below which it ends."""
@@ -266,7 +266,7 @@ def add_harmonics(
     Ridge regression finds harmonics and gain, in turn with Gauss-Newton steps for the balls'
     positions.  Samples with large residuals have less weight (Cauchy).
     """
-    used = (degree + 1) * (degree + 2) // 2
+    used = term_count(degree)
     count, size, now = len(fitted.leds), 8 * used, fitted
     n, *_ = balls.seen(now.shifts, now.film.camera)
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)

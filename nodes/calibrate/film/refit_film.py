@@ -137,7 +137,7 @@ def refit_film(
     with priors fits these few parameters to the check press and to the change of the flat
     frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
     flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
-    and then of the coat, are accepted if they lower the error on held-out slices of the press by
+    and then of the coat, are accepted if they lower the error on held-out quarters of the press by
     more than a standard error (`pays`).  The old film's harmonics are dropped if that lowers the
     error as much.
 
@@ -239,7 +239,7 @@ def _level(logarithm: F8) -> F8:
 
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
-    """The simplest change that the held-out slices support, its error and its folds."""
+    """The simplest change that the held-out quarters support, its error and its folds."""
     best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names)
