@@ -18,11 +18,10 @@ from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
 from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.lights.descend import huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
-    huber,
-    huber_weight,
     jacobian_of,
     place_leds,
 )

@@ -89,23 +89,31 @@ class Model(NamedTuple):
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
-def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None) -> Model:
+def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
-    errors, noises, folds, weights = [], [], [], []
-    for held in trial.folds(trial.balls):
-        train, test = trial.balls.only(~held), trial.balls.only(held)
-        refitted = trial.fit(parts, fitted, train)
-        if degree is not None:
-            refitted = add_harmonics(train, refitted, degree, trial.width_mm / 2, trial.shift_mm)
-        if len(trial.balls.centre) > 1:
-            refitted = place_balls(test, refitted, trial.shift_mm)
-        held_out = normal_error(test, refitted)
-        errors.append(held_out.degrees)
-        noises.append(held_out.noise)
-        folds.append(refitted)
+    held = trial.folds(trial.balls)
+    return judged(
+        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held]
+    )
+
+
+def judged(
+    trial: Trial,
+    parts: frozenset[str],
+    fitted: Fitted,
+    folds: list[Fitted],
+    degree: int | None = None,
+) -> Model:
+    """Measure the error of the normals on each fold by the fit without it."""
+    errors, weights = [], []
+    for held, fold in zip(trial.folds(trial.balls), folds, strict=True):
+        test = trial.balls.only(held)
+        placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
+        errors.append(normal_error(test, placed))
         weights.append(held.sum())
-    error = float(np.average(errors, weights=weights))
-    return Model(parts, degree, fitted, error, errors, noises, folds)
+    degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
+    error = float(np.average(degrees, weights=weights))
+    return Model(parts, degree, fitted, error, degrees, noises, folds)
 
 
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
@@ -207,17 +215,20 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
-        tried = judge(trial, physics.parts, physics.fitted, degree)
+        held = zip(trial.folds(trial.balls), physics.folds, strict=True)
+        folds = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held]
+        tried = judged(trial, physics.parts, physics.fitted, folds, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
         if pays(best.errors, tried.errors):
             best = tried
     if best.degree is not None:
-        bent = add_harmonics(
-            trial.balls, best.fitted, best.degree, trial.width_mm / 2, trial.shift_mm
-        )
-        best = best._replace(fitted=bent)
+        best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
     errors["film_heldout_deg"] = best.error
     return best
+
+
+def _bent(trial: Trial, balls: Balls, physics: Fitted, degree: int) -> Fitted:
+    return add_harmonics(balls, physics, degree, trial.width_mm / 2, trial.shift_mm)
 
 
 def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.bool_]]:
@@ -249,7 +260,7 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.boo
     )
     fitted = trial.fit(best.parts, start, good)
     if best.degree is not None:
-        fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
+        fitted = _bent(trial, good, fitted, best.degree)
     return best._replace(fitted=fitted), good, bad
 
 

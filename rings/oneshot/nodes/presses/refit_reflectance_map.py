@@ -70,7 +70,8 @@ def refit_reflectance_map(
     which stay the same.  A check press may change, per light: a gain of all harmonics and one
     of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
     fits them with priors of no change, in this order.  A further change is accepted if it lowers
-    the error of the normals on held-out quarters of the press by more than a standard error (`pays`).
+    the error of the normals on held-out quarters of the press by more than a standard error
+    (`pays`).
 
     Parameters
     ----------
