@@ -43,9 +43,9 @@ SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
-COAT = PART_UNKNOWNS["lobe"]
+COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
 FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"))
-FILM_CHANGES += ((*FILM_CHANGES[-1], *COAT),)
+FILM_CHANGES += ((*FILM_CHANGES[-1], *COAT_UNKNOWNS),)
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
 
@@ -255,7 +255,7 @@ def _usual(known: _Known, name: str) -> Unknown:
     first, old = SHARED_UNKNOWNS[name], known.film
     if name == "diffuse":
         return Unknown(0.0, first.spread)
-    if name in COAT and old.refraction == 1:
+    if name in COAT_UNKNOWNS and old.refraction == 1:
         return first
     # The LEDs stay, so a film at rest that is darker reflects less.
     return Unknown(getattr(old, name) * (known.light if name == "albedo" else 1), first.spread)
