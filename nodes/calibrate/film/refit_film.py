@@ -240,7 +240,7 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     values: dict[str, Any] = dict(names)
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
     values["diffuse"] = film.diffuse + diffuse
-    kept = {name: within(name, value) for name, value in values.items()}
+    kept: dict[str, Any] = {name: within(name, value) for name, value in values.items()}
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
         camera=film.camera / (1 + film.camera * thicker),
