@@ -17,12 +17,11 @@ from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
-from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.film.coated_bend import BEND_STEP, Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.lights.descend import huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
-    huber,
-    huber_weight,
     jacobian_of,
     place_leds,
 )
@@ -37,8 +36,6 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
-BEND_STEP = 0.01
-"""Step of bend, by half the diagonal, and of slope for derivatives."""
 FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-3
 """Most rounds of least squares, and the relative gain of the cost below which they end."""
 MAX_SAMPLES = 1500

@@ -16,6 +16,7 @@ from tactograph.nodes import F4, F8, Light, Noise
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
@@ -26,9 +27,8 @@ from tactograph.nodes.optics.sheet import SheetLight
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
-COAT_UNKNOWNS = 3
 BEND_STEP = 0.01
-"""Step of an unknown, in its unit, for derivatives."""
+"""Step of a bend, by half the diagonal, and of slope, for derivatives."""
 MAX_ROUNDS, MAX_CHANGE = 2, 2e-3
 """Most rounds of each model, and the change of all unknowns, in their units, that ends them."""
 
@@ -81,7 +81,7 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
     coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
     now = matt._replace(fitted=coat)
     gained = independent * math.log(matt.fitted.scale / coat.scale)
-    if gained - COAT_UNKNOWNS * math.log(independent) / 2 < math.log(SURE_ODDS):
+    if gained - len(PART_UNKNOWNS["lobe"]) * math.log(independent) / 2 < math.log(SURE_ODDS):
         return None
     for parts in COATED_PARTS:
         for _ in range(MAX_ROUNDS):
