@@ -3,26 +3,15 @@
 #include "near_light.clh"
 #include "group.clh"
 #include "drift.clh"
-#include "model_error.clh"
 
 #define MIN_CELLS 20
 #define MIN_LEDS 3
 #define MIN_SLOPE 0.1f
-#define MIN_TOUCHED_CHANGE 0.12f
-#define MAX_SQUARED_BEND (0.08f * 0.08f)
-#define MIN_SQUARED_BEND (0.2f * 0.2f)
-#define MIN_SQUARED_FOLD (0.4f * 0.4f)
-#define MIN_BENT_SHARE 0.85f
-#define MIN_FOLDED_SHARE 0.8f
-#define RIM_SHARE 0.1f
-#define INNER_CELLS 5
-#define MAX_INNER_SHARE 0.02f
-#define BEND_ERROR (1.0f / 12.0f)
+#define MAX_SQUARED_BEND 0.16f
 
 #define STEPS_PER_IMAGE 9
 #define STEPS_PER_PART 3
 #define MAX_PART_CURL 3.0f
-#define MIN_TESTED_SHARE 0.25f
 #define NOT_TESTED (-1.0f)
 #define DRIFT_TERMS 6
 #define CALM_DEPARTURE 0.03f
@@ -99,52 +88,11 @@ static ints is_steep(
     return p * p + q * q > MIN_SLOPE * MIN_SLOPE;
 }
 
-// How many steep cells lie within a square of them; beyond the frame all are steep.
-static float count_inner(
-    __global const float *slope, const int h, const int w, const int H, const int W,
-    const int step, SHARED float *parts)
-{
-    const floats one = 1.0f, none = 0.0f;
-    floats inner = none;
-    EACH_CELL(y, x, count)
-    {
-        ints all = filled(count);
-        for (int dy = -(INNER_CELLS / 2); dy <= INNER_CELLS / 2; ++dy)
-            for (int dx = -(INNER_CELLS / 2); dx <= INNER_CELLS / 2; ++dx) {
-                const int row = clamp(y + dy, 0, h - 1) * step, last = (w - 1) * step + 1;
-                const floats p = load_thin(slope + row * W, x, dx * step, count, last, step);
-                const floats q = load_thin(slope + (H + row) * W, x, dx * step, count, last, step);
-                all &= p * p + q * q > MIN_SLOPE * MIN_SLOPE;
-            }
-        inner += all ? one : none;
-    }
-    return group_sum(inner, parts);
-}
-
-// On narrow film the light is compared less sharply where a cell may hold an edge.
-static void ease(
-    __global const float *slope, __global float *values, const float error, const int h,
-    const int w, const int H, const int W, const int step)
-{
-    __global float *chi = values + TOUCHED * h * w, *excess = values + BRIGHTER * h * w;
-    const floats untold = UNTOLD;
-    EACH_CELL(y, x, count)
-    {
-        const floats bend = squared_bend(slope, y * step, x, count, H, W, step);
-        const floats wider = BEND_ERROR / error * bend;
-        const floats eased = load_floats(chi + y * w + x, count) / (1.0f + wider * wider);
-        const floats brighter = load_floats(excess + y * w + x, count);
-        store_floats(eased, chi + y * w + x, count);
-        store_floats(bend < MAX_SQUARED_BEND ? brighter : untold, excess + y * w + x, count);
-    }
-}
-
 // What each cell tells of the light, and how many cells tell what.
 static ONCE void look_at_light(
     __global const float *departure,
     __global const float *brighter,
     __global const float *slope,
-    __global const float *misfit,
     __global const uchar *used,
     __global const float *matt,
     __global const uchar *shadow,
@@ -152,11 +100,11 @@ static ONCE void look_at_light(
     __global float *out,
     const int K, const int H, const int W,
     const int h, const int w, const int step,
-    const float uneven, const float max_dimming, SHARED float *parts)
+    const float max_dimming, SHARED float *parts)
 {
     const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
     const ints all_leds = (1 << K) - 1, no_leds = 0;
-    floats steep = none, shaded = none, tested = none, bent = none, folded = none, dirty = none;
+    floats steep = none, shaded = none, tested = none, bent = none, dirty = none;
     EACH_CELL(y, x, count)
     {
         const int from = y * step, at = y * w + x;
@@ -170,7 +118,7 @@ static ONCE void look_at_light(
         ints changed = no_leds;
         for (int k = 0; k < K && matt; ++k) {
             const floats seen = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
-            changed |= fabs(seen - 1.0f) > MIN_TOUCHED_CHANGE;
+            changed |= fabs(seen - 1.0f) > MIN_SLOPE;
             light += ((dark >> k) & 1) != 0 ? seen : none;
             leds += ((dark >> k) & 1) != 0 ? one : none;
         }
@@ -184,26 +132,26 @@ static ONCE void look_at_light(
         }
         steep += is ? one : none;
         const ints shades = is & (bits != all_leds), rests = tests & ~is, shows = tests & is;
-        const ints bends = is & (bend > MIN_SQUARED_BEND), folds = is & (bend > MIN_SQUARED_FOLD);
+        const ints bends = is & (bend > MAX_SQUARED_BEND);
         shaded += shades ? (matt ? one : none) : none;
         tested += (is & (chi > NOT_TESTED)) ? one : none;
         bent += bends ? one : none;
-        folded += folds ? one : none;
         store_floats(rests ? chi : untold, values + AT_REST * h * w + at, count);
         store_floats(shows ? chi : untold, values + TOUCHED * h * w + at, count);
         const floats dim = ANY(leds > 0.0f) ? (leds > 0.0f ? light / leds : untold) : untold;
         store_floats(dim, values + IN_SHADOW * h * w + at, count);
         store_floats(excess, values + BRIGHTER * h * w + at, count);
     }
-    const float cells = group_sum(steep, parts), walls = group_sum(bent, parts);
-    const float dim = group_sum(shaded, parts), folds = group_sum(folded, parts);
+    const float cells = group_sum(steep, parts), edges = group_sum(bent, parts);
+    const float dim = group_sum(shaded, parts);
     const float known = group_sum(tested, parts), dirt = group_sum(dirty, parts);
-    int narrow = dim <= RIM_SHARE * cells && walls >= MIN_BENT_SHARE * cells;
-    if (narrow && folds <= MIN_FOLDED_SHARE * cells)
-        narrow = count_inner(slope, h, w, H, W, step, parts) <= MAX_INNER_SHARE * cells;
-    if (narrow) {
-        const float error = model_error(misfit, uneven);
-        ease(slope, values, error, h, w, H, W, step);
+    // Where most of the touch may hold edges its light is not compared.
+    if (4.0f * edges > 3.0f * cells) {
+        EACH_CELL(y, x, count)
+        {
+            store_floats(untold, values + TOUCHED * h * w + y * w + x, count);
+            store_floats(untold, values + BRIGHTER * h * w + y * w + x, count);
+        }
     }
     if (PLACE_IN_GROUP != 0) return;
     out[0] = cells;
@@ -285,7 +233,6 @@ LANED __kernel ONE_GROUP void look(
     __global const float *restrict departure,
     __global const float *restrict brighter,
     __global const float *restrict slope,
-    __global const float *restrict misfit,
     __global const uchar *restrict used,
     __global const float *restrict matt,
     __global const uchar *restrict shadow,
@@ -300,16 +247,15 @@ LANED __kernel ONE_GROUP void look(
     const int K, const int H, const int W,
     const int h, const int w, const int step,
     const int rows, const int columns,
-    const float uneven,
     const float max_dimming)
 {
     SHARED float parts[GROUP];
     __global float *seen = figures + OF_LIGHT, *film = figures + OF_FILM;
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
-    else if (departure && slope && misfit)
-        look_at_light(departure, brighter, slope, misfit, used, matt, shadow, values, seen, K, H, W,
-            h, w, step, uneven, max_dimming, parts);
+    else if (departure && slope)
+        look_at_light(departure, brighter, slope, used, matt, shadow, values, seen, K, H, W,
+            h, w, step, max_dimming, parts);
     else if (PLACE_IN_GROUP == 0)
         seen[0] = -1.0f;
 }
@@ -334,8 +280,6 @@ static ONCE float worst_part(
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
     const int wide = STEPS_PER_IMAGE - STEPS_PER_PART + 1;
-    const float part = (float)(STEPS_PER_PART * STEPS_PER_PART) / (float)(STEPS_PER_IMAGE * STEPS_PER_IMAGE);
-    const float least = fmax((float)MIN_CELLS, MIN_TESTED_SHARE * part * (float)(h * w));
     float worst = 0.0f;
     for (int p = me; p < wide * wide; p += GROUP) {
         int here = 0, beyond = 0;
@@ -345,7 +289,7 @@ static ONCE float worst_part(
                 here += tested[b];
                 beyond += curled[b];
             }
-        if (here >= MIN_CELLS) worst = fmax(worst, (float)beyond / fmax((float)here, least));
+        worst = fmax(worst, (float)beyond / (float)(here + MIN_CELLS));
     }
     return group_highest(worst, parts);
 }

@@ -12,9 +12,6 @@ STEPS_PER_IMAGE, STEPS_PER_PART = 9, 3
 """Steps along a side of the image at which its parts begin, and how many a part is wide."""
 MAX_PART_CURL = 3.0
 """Curl over its expected size beyond which a cell of a part curls."""
-MIN_TESTED_SHARE = 0.25
-"""Share of a part's cells that are taken to be tested at least: of few cells many may curl by
-chance."""
 
 
 class CurlFigures(NamedTuple):
@@ -37,8 +34,8 @@ def curl_evidence(curl: CoarseCurl) -> CurlFigures:
     cells = thinned(curl)
     squares = cells[cells >= 0]
     tested, curled = _by_part(cells >= 0), _by_part(cells > MAX_PART_CURL**2)
-    least = max(MIN_CELLS, MIN_TESTED_SHARE * cells.size * (STEPS_PER_PART / STEPS_PER_IMAGE) ** 2)
-    share = (curled / np.maximum(tested, least))[tested >= MIN_CELLS].max(initial=0)
+    # Of few cells many may curl by chance.
+    share = (curled / (tested + MIN_CELLS)).max(initial=0)
     middle, upper = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
     return CurlFigures(middle, upper, share)
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._check import MAX_CELLS, MIN_CELLS
+from tactograph.nodes.trust._check import MIN_CELLS
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -31,9 +31,8 @@ TAIL_SHARE = 0.2
 RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
-"""Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
-MOTION_ERROR = 0.003
-"""Error of a motion of the camera over the width of the image: a pixel of 320."""
+"""Error of a quantile of some hundred cells, over their deviation; of a share of cells, or of the
+image's width."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
 """Height that a depth below the film at rest is compared with at least; change of light between
@@ -70,7 +69,7 @@ CHECK_FIGURES = {
     "curl_quartile": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
     "curl_of_part": Figure(
         "curl",
-        1 / MIN_CELLS,
+        SHARE_ERROR,
         "in a part of the image the slopes are those of no surface (check that the frames are "
         "whole, that all are of one touch, and that nothing moved while the LEDs flashed)",
     ),
@@ -98,7 +97,7 @@ CHECK_FIGURES = {
     ),
     "untested": Figure(
         "light",
-        1 / MIN_CELLS,
+        SHARE_ERROR,
         "only two LEDs light most of the touch, which fits any light (check the exposure, and that "
         "no LED is dead)",
     ),
@@ -128,13 +127,13 @@ CHECK_FIGURES = {
     ),
     "moved": Figure(
         "rest",
-        MOTION_ERROR,
+        SHARE_ERROR,
         "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
         "lens, zoom and crop are those of the calibration; else calibrate again)",
     ),
     "dark_share": Figure(
         "rest",
-        1 / MAX_CELLS,
+        SHARE_ERROR,
         "parts of the image are without light (crop the images to the film, in the calibration "
         "too, and check that frames are whole)",
     ),
@@ -180,7 +179,7 @@ class Ranked(IntEnum):
     PLAIN = 2
 
 
-NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
+NO_RANKS = np.full((len(Ranked), len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
 """Those of a calibration from which no touches were drawn."""
 
 

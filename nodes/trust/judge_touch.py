@@ -11,7 +11,6 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
-from tactograph.nodes.trust._light_evidence import RIM_SHARE
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     SYMPTOM_FIGURES,
@@ -156,7 +155,7 @@ def _said(
     apart = change - change.mean()
     one, other = int(np.abs(change).argmax()), int(np.abs(apart).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
-    has_rims = light.shaded > RIM_SHARE * max(light.steep, 1)
+    has_rims = light.shaded > MAX_RIM_SHARE * max(light.steep, 1)
     facts = {
         "rims": "; walls and rims need the graph precise" if has_rims else "",
         "bright": "brighter" if light.brighter > 0 else "darker",

@@ -29,7 +29,7 @@ def touch(
     matt[2].flat[:dark] = lit
     return {
         "departure": plane(at_rest, departs), "slope": np.stack([plane(0, 0.4), plane(0)]),
-        "misfit": np.zeros(5, np.float32), "brighter": plane(0),
+        "brighter": plane(0),
         "used": plane(ALL, used).astype(np.uint8), "matt": matt, "shadow": shadow,
     }  # fmt: skip
 
@@ -67,7 +67,7 @@ def test_walls_a_few_cells_wide_are_not_compared(width: int, is_compared: bool) 
 def test_the_light_of_touch_and_rest_is_told_apart() -> None:
     found = told(touch(departs=16.0, at_rest=4.0))
     assert (found.middle, found.upper, found.rest) == pytest.approx((4, 4, 2))
-    known = ("departure", "slope", "misfit")
+    known = ("departure", "slope")
     assert told({name: touch()[name] for name in known}).middle == 1, "labels may be missing"
 
 
@@ -114,7 +114,7 @@ def test_film_that_two_leds_light_is_not_tested() -> None:
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
 def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
     departure, slope = np.full(shape, 25, np.float32), np.full((2, *shape), 0.5, np.float32)
-    found = told({"departure": departure, "slope": slope, "misfit": np.zeros(5)})
+    found = told({"departure": departure, "slope": slope})
     assert found.middle == found.upper == found.rest == 0
 
 
