@@ -20,7 +20,7 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._check import MIN_CELLS
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -31,12 +31,10 @@ TAIL_SHARE = 0.2
 RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
-"""Error of a quantile of some hundred cells, over their deviation; of a share of cells, or of the
-image's width."""
+"""Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
-MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
-"""Height that a depth below the film at rest is compared with at least; change of light between
-pixels that is divided by."""
+MIN_HEIGHT_MM = 0.15
+"""Height that a depth below the film at rest is compared with at least."""
 
 
 class Figure(NamedTuple):
@@ -127,7 +125,7 @@ CHECK_FIGURES = {
     ),
     "moved": Figure(
         "rest",
-        SHARE_ERROR,
+        MIN_ERROR,
         "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
         "lens, zoom and crop are those of the calibration; else calibrate again)",
     ),
@@ -211,8 +209,8 @@ def figures_of(
 def _worst_line(lines: LineChanges) -> float:
     """How far the worst row departs from the rows beside it, over the worst column (T5)."""
     across, along, columns = lines
-    worst = float((across / np.maximum(along, np.float32(MIN_CHANGE))).max())
-    return worst / max(float(columns.max() / max(np.median(columns), MIN_CHANGE)), 1.0)
+    worst = float((across / np.maximum(along, MIN_LIGHT)).max())
+    return worst / max(float(columns.max() / max(np.median(columns), MIN_LIGHT)), 1.0)
 
 
 def ranked(drawn: F8, own: F8 | None = None) -> F8:
