@@ -25,8 +25,8 @@
 #define UNTOLD (-INFINITY)
 
 // Where the figures of the film and of the light begin, behind those of the curl.
-#define OF_FILM 3
-#define OF_LIGHT 9
+#define OF_FILM 2
+#define OF_LIGHT 8
 
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
@@ -157,7 +157,7 @@ static ONCE void look_at_light(
     out[0] = cells;
     out[1] = dim;
     out[2] = known;
-    out[7] = dirt;
+    out[6] = dirt;
 }
 // The film at rest under K LEDs, on h x w cells, and the range of N heights.
 static ONCE void look_at_rest(
@@ -306,20 +306,20 @@ LANED __kernel ONE_GROUP void weigh(
     SHARED int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     SHARED int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     __global float *seen = figures + OF_LIGHT;
-    const int rows[5] = {AT_REST, TOUCHED, TOUCHED, IN_SHADOW, BRIGHTER};
-    const int quarters[7] = {2, 2, 3, 1, 2, 2, 3}, places[8] = {3, 4, 5, 6, 8, 0, 1, 2};
-    const int which = get_group_id(0), of_light = which < 5;
+    const int rows[4] = {AT_REST, TOUCHED, IN_SHADOW, BRIGHTER};
+    const int quarters[5] = {2, 3, 1, 2, 3}, places[6] = {3, 4, 5, 7, 0, 1};
+    const int which = get_group_id(0), of_light = which < 4;
     float found = 0.0f;
-    if (which == 7) {
+    if (which == 5) {
         found = worst_part(curl, h, w, tested, curled, parts);
     } else if (!of_light || seen[0] >= 0.0f) {
         __global const float *row = of_light ? values + rows[which] * N : curl;
         const float lowest = of_light ? UNTOLD : NOT_TESTED;
         const int size = of_light ? N : h * w;
         found = group_quarter(row, lowest, size, quarters[which], MIN_CELLS, parts);
-        if (which != 3 && which != 4) found = sqrt(found);
+        if (which != 2 && which != 3) found = sqrt(found);
     } else if (which == 0) {
-        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[7] = 0.0f;
+        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[6] = 0.0f;
     }
     if (PLACE_IN_GROUP == 0) (of_light ? seen : figures)[places[which]] = found;
 }

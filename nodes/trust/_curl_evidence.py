@@ -17,8 +17,6 @@ MAX_PART_CURL = 3.0
 class CurlFigures(NamedTuple):
     """Curl over its expected size."""
 
-    middle: float
-    """Median."""
     upper: float
     """Upper quartile."""
     worst: float
@@ -28,16 +26,15 @@ class CurlFigures(NamedTuple):
 def curl_evidence(curl: CoarseCurl) -> CurlFigures:
     """Return how much the slopes of a touch curl, in all and in the worst part (T2).
 
-    They are the median and the upper quartile of the curl where it is tested, over its expected
-    size; and the largest share of cells beyond `MAX_PART_CURL` in a ninth of the image.
+    They are the upper quartile of the curl where it is tested, over its expected size; and the
+    largest share of cells beyond `MAX_PART_CURL` in a ninth of the image.
     """
     cells = thinned(curl)
     squares = cells[cells >= 0]
     tested, curled = _by_part(cells >= 0), _by_part(cells > MAX_PART_CURL**2)
     # Of few cells many may curl by chance.
     share = (curled / (tested + MIN_CELLS)).max(initial=0)
-    middle, upper = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
-    return CurlFigures(middle, upper, share)
+    return CurlFigures(np.sqrt(quarter_of(squares, 3)), share)
 
 
 def _by_part(cells: NDArray[np.bool_]) -> NDArray[Any]:

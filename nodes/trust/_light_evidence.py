@@ -25,10 +25,8 @@ class LightFigures(NamedTuple):
     """How many of them are tested, be it by dark LEDs alone."""
     rest: float
     """Median departure of the light of the others."""
-    middle: float
-    """Median departure of the light of such cells."""
     upper: float
-    """Its upper quartile."""
+    """Upper quartile of the departure of the light of such cells."""
     dim: float
     """Lower quartile of the light in shadow, as of a matt film."""
     dirty: float
@@ -69,10 +67,9 @@ def light_evidence(
         if matt is not None:
             touched = compared & lit & (np.abs(thinned(matt) - 1) > MIN_SLOPE).any(axis=0)
             middle = quarter_of(excess[touched], 2)
-    spread = (at_rest, 2), (of_touch, 2), (of_touch, 3)
-    rest, median, upper = (np.sqrt(quarter_of(*each)) for each in spread)
+    rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
     known = int((steep & (departs > NOT_TESTED)).sum())
-    return LightFigures(cells, shaded, known, rest, median, upper, dim, dirty, middle)
+    return LightFigures(cells, shaded, known, rest, upper, dim, dirty, middle)
 
 
 def squared_bend(slope: F4) -> F4:

@@ -64,7 +64,6 @@ WRONG_BRIGHTNESS = (
 )
 CHECK_FIGURES = {
     "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
-    "curl_quartile": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
     "curl_of_part": Figure(
         "curl",
         SHARE_ERROR,
@@ -78,7 +77,6 @@ CHECK_FIGURES = {
         "the images are neither compressed nor of fewer gray levels than those of the calibration)",
     ),
     "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
-    "light_quartile": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
     "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
     "brighter": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
     "lit_shadows": Figure(
@@ -110,12 +108,6 @@ CHECK_FIGURES = {
         MIN_ERROR,
         "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
         "is kept out)",
-    ),
-    "spread": Figure(
-        "rest",
-        MIN_ERROR,
-        "LED {number} is {sense_apart} than in the calibration, and the others are not (check the "
-        "LED; if the touch reaches all borders, the height's tilt is unknown)",
     ),
     "shape": Figure(
         "rest",
@@ -159,11 +151,11 @@ CHECK_FIGURES = {
 doubted touch from those that do not (`likely_cause`)."""
 SYMPTOM_FIGURES = (
     "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
-    "light_quartile", "depth", "touched_share",
+    "depth", "touched_share",
 )  # fmt: skip
 """Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 19 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -196,13 +188,13 @@ def figures_of(
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
     deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
-    level, spread = math.sqrt(float(np.square(change).mean())), float(change.std())
-    seen = light.rest, light.middle, light.upper, -light.brighter, light.brighter
+    level = math.sqrt(float(np.square(change).mean()))
+    seen = light.rest, light.upper, -light.brighter, light.brighter
     tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
     rows = 0.0 if lines is None else _worst_line(lines)
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
     moved = 0.0 if motion is None else motion_size(motion)
-    rest = level, spread, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
+    rest = level, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
     return np.array([*curl, *seen, *more, *rest, left])
 
 
@@ -223,8 +215,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 21, the figures of touches drawn from the calibration
-    own : P x 21, those of its presses; P may be 0
+    drawn : N x 18, the figures of touches drawn from the calibration
+    own : P x 18, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn

@@ -153,7 +153,7 @@ def _said(
     """The causes with the facts of this touch."""
     light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
-    one, other = int(np.abs(change).argmax()), int(np.abs(apart).argmax())
+    one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
     has_rims = light.shaded > MAX_RIM_SHARE * max(light.steep, 1)
     facts = {
@@ -162,8 +162,6 @@ def _said(
         "excess": abs(light.brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": _sense(change.mean() if together else change[one]),
-        "number": other + 1,
-        "sense_apart": _sense(apart[other]),
         "moved": "" if motion is None else motion_in_words(motion),
         "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
     }

@@ -25,13 +25,13 @@ class TouchEvidence(NamedTuple):
     """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
 
     level: RestLevel
-    figures: Annotated[F4, Port("18", "1", low=0, high=5)]
+    figures: Annotated[F4, Port("16", "1", low=0, high=5)]
     """Those of the curl, of the film and of the light, one behind the other."""
 
     def read(self) -> tuple[CurlFigures, FilmFigures, LightFigures]:
         """How much the slopes curl, what the film at rest is like, and how the light departs."""
         figures = self.figures.tolist()
-        return CurlFigures(*figures[:3]), FilmFigures(*figures[3:9]), LightFigures(*figures[9:])
+        return CurlFigures(*figures[:2]), FilmFigures(*figures[2:8]), LightFigures(*figures[8:])
 
 
 @node(
@@ -92,7 +92,7 @@ def _launch(run: Launch) -> None:
     arguments = *planes, *scratch, level, figures, *sizes, run.settings["max_dimming"]
     run.kernel("look", (2 * run.group,), *arguments, local=group)
     weighed = values, curl, figures, thin[0] * thin[1], *cells
-    run.kernel("weigh", (8 * run.group,), *weighed, local=group)
+    run.kernel("weigh", (6 * run.group,), *weighed, local=group)
 
 
 def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tuple[int, int]]:
