@@ -11,7 +11,7 @@
 
 #define STEPS_PER_IMAGE 9
 #define STEPS_PER_PART 3
-#define MAX_PART_CURL 3.0f
+#define MAX_PART_CURL 2.0f
 #define NOT_TESTED (-1.0f)
 #define DRIFT_TERMS 6
 #define CALM_DEPARTURE 0.03f

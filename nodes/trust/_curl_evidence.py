@@ -10,7 +10,7 @@ from tactograph.nodes.trust.slope_curl import CoarseCurl
 
 STEPS_PER_IMAGE, STEPS_PER_PART = 9, 3
 """Steps along a side of the image at which its parts begin, and how many a part is wide."""
-MAX_PART_CURL = 3.0
+MAX_PART_CURL = 2.0
 """Curl over its expected size beyond which a cell of a part curls."""
 
 

@@ -7,9 +7,8 @@ import numpy as np
 from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED, quarter_of, thinned
 from tactograph.nodes.trust.light_departure import Brighter, Departure
+from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
-MIN_SLOPE = np.float32(0.1)
-"""Film less steep than this is taken to be at rest, and so is film whose light changes by less."""
 MAX_SQUARED_BEND = np.float32(0.16)
 """`squared_bend` beyond which a cell may hold an edge, whose light is a mean of two normals."""
 
