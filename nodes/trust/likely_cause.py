@@ -28,8 +28,8 @@ TRIED_COLUMNS = 40
 """Cells across the image on which mistakes are tried: few, since there are a hundred."""
 MIN_LIT_LIGHT = 0.3
 """Light that is no shadow."""
-USUAL_GAMMA, MIN_CONTRAST = 2.2, 1.5
-"""Gamma that is tried, and contrast that is told, up or down."""
+USUAL_GAMMA = 2.2
+"""Gamma that is tried; a contrast is told that is nearer to it, or its inverse, than to none."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
 
@@ -98,7 +98,7 @@ def _contrast(raw: F4, rest: F4) -> str:
     ring = border_cells(raw.shape[1:], RING_CELLS)
     seen, due = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LIGHT))
     times = 1 + float(explained(seen - due, due[None])[0])
-    if not (times > MIN_CONTRAST or 0 < times < 1 / MIN_CONTRAST):
+    if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
         return ""
     return (
         f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
