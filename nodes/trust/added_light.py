@@ -27,5 +27,5 @@ def added_light(light: CoarseLight, flat: CoarseLight) -> Annotated[float, Port(
 
 def added_share(light: F4, flat: F4) -> float:
     """Return the same of cells that lie anywhere, K x N each."""
-    by_added = 1 / np.maximum(flat, DARK_LIGHT)
+    by_added = np.asarray(1 / np.maximum(flat, DARK_LIGHT), np.float32)
     return float(explained(light, by_added[None])[0] * by_added.mean())
