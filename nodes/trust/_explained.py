@@ -1,4 +1,4 @@
-"""One rule for what may have changed the film at rest: it has to explain how the light departs."""
+"""One rule for what may have changed the film at rest (T3): it has to explain how light departs."""
 
 import numpy as np
 
