@@ -89,7 +89,7 @@ KINK_ENERGY_SHARE = 0.1
 
 @node(
     tolerance=Flips(
-        1e-3,
+        2e-4,
         1e-6,
         2e-3,
         why="conjugate gradients add up in another order; two LEDs nearly in line",

@@ -91,12 +91,12 @@ def rate_exposure(
     for number, press in enumerate(presses):
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
-        if is_banded(press):
+        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
+        if is_banded(cells[0]):
             doubts.append(where + BANDS_TOLD)
             continue
         free = _free(press, circle[of == number])
         far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
-        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
         if other := other_frame(cells[0] * cells[1], cells[1], far):
             doubts.append(
                 f"{where}beside the ball the images show the film of the flat frame {other}: take "
