@@ -18,6 +18,7 @@ import numpy as np
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
+from tactograph.nodes.trust.added_light import MIN_EXPLAINED
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 from tactograph.nodes.trust.fall_off import border_cells
 from tactograph.nodes.trust.film_motion import FIT_ROUNDS
@@ -36,14 +37,16 @@ MIN_LIGHT = 0.3
 """Light that is no shadow."""
 RING_CELLS = 3
 """Width of the border at which film should be at rest."""
-USUAL_GAMMA, MAX_GAMMA = 2.2, 2.5
+USUAL_GAMMA = 2.2
 MAX_APART = 2e-3
 """Root mean square difference of two images that are one."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
-MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
-"""Logarithm of the contrast that is told, up or down; share of the light's changes that it may
-leave; light of which the logarithm is taken at least."""
+MIN_CONTRAST, MIN_LOGGED = 1.5, 1e-3
+"""Contrast that is told, times or over; light of which the logarithm is taken at least."""
+MAX_UNEXPLAINED, MAX_LEFT_BY_GAMMA, MAX_UNEVEN = 0.1, 5e-3, 0.5
+"""Share of the light's changes that one contrast may leave; that a power law of the gray levels
+leaves; that local contrast may leave, which is another from place to place."""
 
 
 class _Mistake(NamedTuple):
@@ -81,7 +84,7 @@ def likely_cause(
         return BANDS_TOLD
     small, rest = _resized(raw), _divisor(flat)
     if share_of(_left(small / rest, lights)) >= false_alarms:
-        return _contrast(small, rest)
+        return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
@@ -92,7 +95,7 @@ def likely_cause(
         if share_of(least) >= false_alarms:
             # Simple mistakes come first.
             return next(words for left, words in tried if left <= least + MIN_ERROR)
-    return _contrast(small, rest)
+    return _at_border(small, rest)
 
 
 def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
@@ -103,30 +106,56 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     return _left(_resized(light * flat) / _divisor(flat), lights)
 
 
-def _contrast(raw: F4, rest: F4) -> str:
-    """Whether the border has another contrast than the flat frame; a camera's light has the same.
+def _at_border(raw: F4, rest: F4) -> str:
+    """What changed the film at rest along the border: a contrast, or the film itself.
 
-    That is the slope of the logarithm of its light over that of the flat frame's.
+    A camera's light has the contrast of the flat frame, everywhere; a film's own brightness changes
+    under all LEDs alike.
     """
     ring = border_cells(raw.shape[1:], RING_CELLS)
-    logged = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LOGGED))
+    logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LOGGED))
+    times, unexplained, common = _contrast(logged[:, :, ring])
+    if unexplained <= MAX_UNEXPLAINED and not 1 / MIN_CONTRAST < times < MIN_CONTRAST:
+        if unexplained <= MAX_LEFT_BY_GAMMA:
+            advice = "switch off gamma, automatic contrast and histogram equalisation"
+        else:
+            advice = (
+                "check that the calibration is this sensor's, and that automatic contrast and "
+                "histogram equalisation are off"
+            )
+        return f"the film at rest has {times:.2g} times the contrast of the flat frame ({advice})"
+    if common >= MIN_EXPLAINED:
+        return (
+            "the film at rest is brighter in places and darker in others, under all LEDs alike "
+            "(check that it is the film of the calibration, and that film and lens are clean)"
+        )
+    means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
+    times, unexplained, _ = _contrast((logged - means)[:, :, ring])
+    if unexplained <= MAX_UNEVEN and times > MIN_CONTRAST:
+        return (
+            f"the film at rest has {times:.2g} times the contrast of the flat frame from place to "
+            "place, but not as a whole (switch off local contrast, such as CLAHE or HDR)"
+        )
+    return ""
+
+
+def _contrast(logged: F4) -> tuple[float, float, float]:
+    """The contrast, the share of changes that it leaves, and of other changes that all LEDs share.
+
+    The contrast is the slope of the logarithm of the light over that of the flat frame's; `logged`
+    holds both, 2 x K x N.  Touched film drops out.
+    """
     weight = np.ones(logged.shape[2])
     for _ in range(FIT_ROUNDS):
         seen, due = logged - (logged @ (weight / weight.sum()))[..., None]
         slopes = (seen * due) @ weight / np.maximum(np.square(due) @ weight, MIN_LOGGED)
         left = np.square(seen - slopes[:, None] * due).mean(axis=0)
-        # Touched film drops out.
         weight = 1 / (1 + left / (np.median(left) + MIN_LOGGED**2)) ** 2
+    changed = seen - due
+    alike = np.square(changed.mean(axis=0)) @ weight
+    common = alike / max(float(np.square(changed).mean(axis=0) @ weight), MIN_LOGGED**2)
     unexplained = left @ weight / max(float(np.square(seen).mean(axis=0) @ weight), MIN_LOGGED**2)
-    times = float(np.median(slopes))
-    if unexplained > MAX_UNEXPLAINED or times < 1 / MAX_GAMMA:
-        return ""  # another film, or another sensor
-    if abs(math.log(times)) < MIN_LOG_CONTRAST:
-        return ""
-    return (
-        f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
-        "automatic contrast and histogram equalisation)"
-    )
+    return float(np.median(slopes)), float(unexplained), float(common)
 
 
 def _alike(raw: F4) -> str:

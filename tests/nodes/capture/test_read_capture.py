@@ -285,6 +285,13 @@ def test_a_dim_led_among_bright_ones_does_not_look_like_fewer_bits(tmp_path: Pat
     assert notes == []
 
 
+def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path, IMAGES // 32 * 17))
+    assert len(notes) == 1
+    assert "only every 17th gray level occurs, as in images of 4 bits" in notes[0]
+
+
 def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:
     smooth = [np.full((16, 16), 40 * k, np.uint8) for k in range(1, 5)]
     write(tmp_path, smooth[:3])
