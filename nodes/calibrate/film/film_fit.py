@@ -157,9 +157,9 @@ def fit(
     cost = _cost(problem, now, left)
     if not np.isfinite(cost):
         raise InputError(
-            "no film has the light of these balls: check that the flat frame shows untouched film, "
-            "the ball's radius, that the balls are pressed into the film, and that the film is a "
-            "plane at rest unless its shape is given"
+            "no film has the light of these balls: check the ball's radius and the pixel size, "
+            "that balls and flat frame are of one zoom, that the flat frame shows untouched "
+            "film, and that the film is a plane at rest unless its shape is given"
         )
     for _ in range(MAX_STEPS):
         equations = _equations(problem, now, left)

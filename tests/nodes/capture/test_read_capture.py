@@ -182,7 +182,9 @@ SPOIL = {
     "led2.png: a colour image": colour,
     "led3.png: all black": lambda d: cv2.imwrite(str(d / "led3.png"), 0 * IMAGES[0]),
     "needs from 3": lambda d: [(d / f"led{k}.png").unlink() for k in (3, 4)],
-    "capture.yaml:1:1: bitz": lambda d: (d / "capture.yaml").write_text("bitz: 12\n"),
+    "capture.yaml:1:1: bitz: unknown key; did you mean 'bits'": lambda d: (
+        d / "capture.yaml"
+    ).write_text("bitz: 12\n"),
     "capture.yaml:1:18: ball_center_px[0]": lambda d: (d / "capture.yaml").write_text(
         "ball_center_px: [.inf, 5.0]\n"
     ),
