@@ -9,7 +9,7 @@ from annotated_types import MinLen
 from tactograph.graph import InputError, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
-from tactograph.nodes.files.height_files import MESH_WRITERS, Format, write_height
+from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_height
 from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 from tactograph.nodes.files.result_view import view_stated
 from tactograph.nodes.optics.film_places import film_places
@@ -55,7 +55,7 @@ def export_height(
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
         Digital Surf's, as MountainsMap and Gwyddion read it.  "sdf": ISO 25178-71's, "x3p": ISO
-        25178-72's.  "gwy" and "gsf": Gwyddion's.  These five need ``pip install
+        25178-72's.  "gwy": Gwyddion's.  These four need ``pip install
         'tactograph[metrology]'``.  "ply", "stl" and "obj": a mesh in mm,
         right-handed: x right, y up, z to the camera, from the image's middle on the film at
         rest.  Unknown film (NaN) is NaN in "npy" and
@@ -68,6 +68,10 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
+    if (ending := folder.suffix[1:]) in (*HEIGHT_WRITERS, *MESH_WRITERS):
+        raise InputError(
+            f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
+        )
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
     view = view_stated(View(lens, camera))
     if rest is not None and rest.shape != height.shape:
