@@ -17,7 +17,7 @@ import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
+from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE, DARK_LIGHT
 from tactograph.nodes.trust.added_light import MIN_EXPLAINED
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 from tactograph.nodes.trust.fall_off import border_cells
@@ -112,7 +112,10 @@ def _at_border(raw: F4, rest: F4) -> str:
     A camera's light has the contrast of the flat frame, everywhere; a film's own brightness changes
     under all LEDs alike.
     """
-    ring = border_cells(raw.shape[1:], RING_CELLS)
+    # A black part of the image is no film.
+    ring = border_cells(raw.shape[1:], RING_CELLS) & (raw > DARK_LIGHT * rest).any(axis=0)
+    if not ring.any():
+        return ""
     logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LOGGED))
     times, unexplained, common = _contrast(logged[:, :, ring])
     if unexplained <= MAX_UNEXPLAINED and not 1 / MIN_CONTRAST < times < MIN_CONTRAST:
