@@ -82,8 +82,8 @@ CHECK_FIGURES = {
     "lit_shadows": Figure(
         "light",
         MIN_ERROR,
-        "shadows are not dark (keep other light out, or take the calibration and a dark image "
-        "under it)",
+        "shadows are not dark (check the focus, and keep other light out, or take the calibration "
+        "and a dark image under it)",
     ),
     "dirty_cells": Figure(
         "light",

@@ -18,7 +18,7 @@ import numpy as np
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS, MIN_LIGHT
 from tactograph.nodes.trust._explained import explained
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
+from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE, DARK_LIGHT
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
 from tactograph.nodes.trust.image_orders import TURNED_IMAGES, longer_orders, swaps, words_of_order
@@ -69,7 +69,7 @@ def likely_cause(
         return BANDS_TOLD
     small, rest = _resized(raw), _divisor(flat)
     if share_of(_left(small / rest, lights)) >= false_alarms:
-        return _contrast(small, rest)
+        return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
@@ -79,7 +79,7 @@ def likely_cause(
         if share_of(least) >= false_alarms:
             # Simple mistakes come first.
             return next(words for left, words in tried if left <= least + MIN_ERROR)
-    return _contrast(small, rest)
+    return _at_border(small, rest)
 
 
 def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
@@ -90,20 +90,45 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     return _left(_resized(light * flat) / _divisor(flat), lights)
 
 
-def _contrast(raw: F4, rest: F4) -> str:
-    """Whether the border has another contrast than the flat frame; a camera's light has the same.
+def _at_border(raw: F4, rest: F4) -> str:
+    """What changed the film at rest along the border: a contrast, or the film itself.
 
-    That is the slope of the logarithm of its light over that of the flat frame's.
+    A contrast is the slope of the logarithm of the light over that of the flat frame's.  A camera's
+    light has that of the flat frame, everywhere; a film's own brightness changes under all LEDs
+    alike.
     """
-    ring = border_cells(raw.shape[1:], RING_CELLS)
-    seen, due = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LIGHT))
-    times = 1 + float(explained(seen - due, due[None])[0])
-    if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
+    # A black part of the image is no film.
+    ring = border_cells(raw.shape[1:], RING_CELLS) & (raw > DARK_LIGHT * rest).any(axis=0)
+    if not ring.any():
         return ""
-    return (
-        f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
-        "automatic contrast and histogram equalisation)"
-    )
+    logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LIGHT))
+    seen, due = logged[:, :, ring]
+    if contrast := _contrast(seen, due):
+        return (
+            f"the film at rest has {contrast:.2g} times the contrast of the flat frame (switch off "
+            "gamma, automatic contrast and histogram equalisation, and check that the calibration "
+            "is this sensor's)"
+        )
+    if explained(seen - due, np.broadcast_to((seen - due).mean(axis=0), (1, *seen.shape))).any():
+        return (
+            "the film at rest is brighter in places and darker in others, under all LEDs alike "
+            "(check that it is the film of the calibration, and that film and lens are clean)"
+        )
+    means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
+    if contrast := _contrast(*(logged - means)[:, :, ring]):
+        return (
+            f"the film at rest has {contrast:.2g} times the contrast of the flat frame from place "
+            "to place, but not as a whole (switch off local contrast, such as CLAHE or HDR)"
+        )
+    return ""
+
+
+def _contrast(seen: F4, due: F4) -> float:
+    """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
+    times = float(explained(seen, due[None])[0])
+    if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
+        return 0.0
+    return times
 
 
 def _alike(raw: F4) -> str:

@@ -184,9 +184,9 @@ def fit(
     first = _Trial.of(problem, opened(start, names)).judged()
     if not np.isfinite(first.cost()):
         raise InputError(
-            "no film has the light of these balls: check that the flat frame shows untouched film, "
-            "the ball's radius, that the balls are pressed into the film, and that the film is a "
-            "plane at rest unless its shape is given"
+            "no film has the light of these balls: check the ball's radius and the pixel size, "
+            "that balls and flat frame are of one zoom, that the flat frame shows untouched "
+            "film, and that the film is a plane at rest unless its shape is given"
         )
     found = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
     return found.now._replace(scale=found.problem.scale)

@@ -391,7 +391,7 @@ def _cure(found: Alternatives, name: str, which: str) -> str:
         wrong = "its diameter"
     return (
         f": is the radius given {wrong}, or the pixel size too "
-        f"{'small' if size < 1 else 'large'}? Measure both{which}"
+        f"{'small' if size < 1 else 'large'}, as by another zoom? Measure both{which}"
     )
 
 

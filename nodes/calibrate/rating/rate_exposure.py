@@ -30,7 +30,10 @@ MAX_MOTION = 0.02
 """Motion of the film between flat frame and press over the image's width (T7)."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
-_TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain, gamma and LED currents"
+_TAKEN_FLAT = (
+    "the flat frame",
+    "take both with one sensor and the same exposure, gain, gamma and LED currents",
+)
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, `folder`=DIR",
