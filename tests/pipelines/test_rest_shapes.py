@@ -134,7 +134,9 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     laid_out = run("export", tmp_path / "flat", **given)
     assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
     view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
-    touch = Touch(truth, truth[None], RIG_PIXEL_MM[RIG], view=view, metrics={"rest_relief_mm": 1.0})
+    touch = Touch(
+        truth, truth[None], RIG_PIXEL_MM[RIG], view=view, rest=shape_of("dome", truth.shape)
+    )
     with pytest.raises(InputError, match="its places are not those of a plane"):
         write_result(touch, folder=tmp_path, grid="metric", provenance=made)
     run("export", tmp_path / "round", **given, calibration=curved("dome"))
@@ -142,7 +144,12 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
     x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
-    np.testing.assert_allclose(found, np.stack([x, y, film], axis=-1).reshape(-1, 3), atol=1e-5)
+    lies = np.stack([x, y, film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(found, lies, atol=1e-5)
+    # A stream's points are those of the mesh, from the first pixel.
+    right, down = touch.places_mm()
+    seen = np.stack([right, -down, touch.film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(seen - seen.mean(axis=0), lies - lies.mean(axis=0), atol=1e-4)
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat"])
