@@ -175,6 +175,26 @@ def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+def test_a_round_film_is_found_from_presses_and_says_how_well(tmp_path: Path) -> None:
+    """What is not known of its curvature is not known of the scale of heights above it."""
+    rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    figures = run("calibrate", file, capture=rig / "presses", flat=rig / "flat", **given)["quality"]
+    found = read_calibration(file=file)
+    assert found.rest is not None
+    off_um = 1e3 * np.std(found.rest - np.load(rig / "rest_height_mm.npy"))
+    assert off_um < 2 * figures["rest_deviation_um"] < 80
+    radius = figures["rest_radius_x_mm"]
+    assert abs(35 / radius - 1) / 35 / (1 / 6 + 1 / radius) < 2 * found.scale_error < 0.01
+
+
+def test_a_film_is_not_found_without_its_own_light(tmp_path: Path) -> None:
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    with pytest.raises(InputError, match="needs `flat`"):
+        run("calibrate", tmp_path / "cal.npz", capture=ROOT / "tests/data/dome/presses", **given)
+
+
+@pytest.mark.slow
 def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
     """In place of the ball's radius, the pixel size or the images' order."""
     rig = ROOT / "tests/data/dome"
