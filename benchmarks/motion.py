@@ -30,7 +30,7 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,
 )
-from tactograph.rings.live.nodes.simulated.simulated_sensor import _Pressed, read_scene
+from tactograph.rings.live.nodes.simulated.simulated_sensor import Pressed, read_scene
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.force.drag_to_shear import drag_to_shear
@@ -287,16 +287,15 @@ def textured(file: Path) -> np.ndarray:
     return logs - cv2.GaussianBlur(logs, (0, 0), 3)
 
 
-class Pressed(SimulatedColourSensor):
+class Moved(SimulatedColourSensor):
     """A simulated one-shot sensor under an object that the caller moves."""
 
     motion = np.eye(4)
 
-    def _press(self, moment: float) -> _Pressed:
+    def _pressed(self, moment: float) -> Pressed:
         height = press(pressed(coin, self.motion).astype(np.float32), oneshot.PIXEL_MM)
         slope = height_slopes(height, oneshot.PIXEL_MM).slope
-        rows, columns = slice(0, height.shape[0]), slice(0, height.shape[1])
-        return _Pressed(rows, columns, self._x, self._y, height, slope, np.ones_like(height))
+        return Pressed(height, slope, np.ones_like(height))
 
 
 def one_shot() -> Iterator[Row]:
@@ -307,7 +306,7 @@ def one_shot() -> Iterator[Row]:
         "&by_hand=true&path_mm=8&press_s=0.8&rest_s=4"
     )
     moved_objects.SHAPE, moved_objects.PIXEL = SIZE, oneshot.PIXEL_MM
-    sensor = Pressed(read_scene(oneshot.BY_HAND, ColourScene), start=0.0)
+    sensor = Moved(read_scene(oneshot.BY_HAND, ColourScene), start=0.0)
     off, stated = [], []
     with tempfile.TemporaryDirectory() as folder:
         oneshot.calibrated(Path(folder) / "cal.npz")

@@ -90,11 +90,17 @@ def prepared(folder: Path) -> dict[str, str]:
     return {"capture": str(touch), "calibration": str(file)}
 
 
+def _settle(tuning: Tuning) -> None:
+    """Wait for the result of the latest request."""
+    while tuning.shown.asked is not tuning.asked:
+        time.sleep(0.01)
+
+
 def follow(graph: str, given: dict[str, str], updates: int) -> None:
     """Print how long the height takes to follow each parameter, and the memory meanwhile."""
     tuning = Tuning(graph, given)
     try:
-        tuning.settled(120)
+        _settle(tuning)
         tuning.output = "height"
         for node, parameter, middle in SLIDERS[graph]:
             walls, processor = [], time.process_time()
@@ -108,7 +114,7 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
                 if number in (updates // 10, updates - 1):
                     sizes.append(_resident_mb())
             each = 1e3 * (time.process_time() - processor) / updates
-            tuning.settled(120)
+            _settle(tuning)
             print(
                 f"{graph} {node}.{parameter}: {1 / median(walls):.1f} updates/s "
                 f"({1e3 * median(walls):.0f} ms, 95 % within "

@@ -14,7 +14,6 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
 ``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``
 ``captures/NAME.py``            folders of images that a ``NAME.yaml`` lists: ``read``
-``streams/EXT.py``              files ``.EXT`` of many touches: ``read_heights``
 ``sensors/NAME.yaml``           preset NAME of a sensor
 ==============================  ============================================================
 

@@ -7,6 +7,9 @@ import numpy as np
 
 from tactograph.graph.backends.buffer_pool import Memory
 
+Timer = tuple[Any, Any]
+"""The first and the last event of a timed operation."""
+
 
 class DeviceArray(NamedTuple):
     """A buffer on the device with the shape and type of the array in it."""

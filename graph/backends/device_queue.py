@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import (
     DeviceArray,
+    Timer,
     bytes_for,
     global_size,
     in_lanes,
     local_size,
 )
 from tactograph.graph.backends.buffer_pool import BufferPool
-from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.devices import Device
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.programs import build, context_of
@@ -87,6 +87,19 @@ class Queue:
     `lanes` is the number of elements that a work-item does side by side.  None suits it to the
     device: most CPU compilers do not vectorise across work-items, GPUs want one element each.
     `group` is the number of work-items of a kernel that is a single work-group.
+
+    Attributes
+    ----------
+    error
+        The exception type of the device's library.
+    driver
+        Its version; another version may give other numbers.
+    serial
+        Unique identifier of this device, and its compiled kernels, within the process.
+    queue
+        pyopencl's own queue, for arrays that a caller makes there.
+    poison
+        Value of every byte of a fresh buffer, in tests.
     """
 
     error: type[Exception] = cl.Error

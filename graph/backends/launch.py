@@ -187,13 +187,8 @@ class Launch:
             self._record.scratch.append(taken)
         return taken
 
-    def upload(self, array: Any) -> DeviceArray:
-        """Copy a host array to the device for good: for constants, inside `keep`."""
-        self.repeats = False
-        return self._device.constant(array)
-
     def put(self, array: NDArray[Any]) -> DeviceArray:
-        """Copy a host array, which may be empty, to a buffer for this launch alone.
+        """Copy a host array, which may be empty, to a buffer of its own; `keep` keeps a constant.
 
         It does not come from the pool: the queue may still use that, and a copy would have to wait.
         """

@@ -12,6 +12,7 @@ import pyopencl as cl
 
 from tactograph.graph.backends.arrays import (
     DeviceArray,
+    Timer,
     bytes_for,
     global_size,
     in_lanes,
@@ -19,7 +20,6 @@ from tactograph.graph.backends.arrays import (
     local_size,
 )
 from tactograph.graph.backends.compiled_node import Compiled
-from tactograph.graph.backends.device_backend import Timer
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.launch import Launch, Record

@@ -162,7 +162,6 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         "backend": f"another --backend ({then['backend'] or 'none'})",
         "maps": f"other maps ({', '.join(then['maps']) or 'none'})",
         "folders": f"another folder of results ({then['folders'] or 'none'})",
-        "param": f"another --param ({then['param']})",
     }
     differences = []
     for name in then:

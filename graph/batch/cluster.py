@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import platform
+import re
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
@@ -30,21 +31,16 @@ CHUNKS_PER_THREAD = 3
 
 
 class Cluster:
-    """A Dask scheduler at an address, ``tcp://host:port``, or in a scheduler file.
+    """A Dask scheduler at an address, ``tcp://host:port``, or in the file that it wrote.
 
     `tell` is called with a line whenever the scheduler has gone.  Raises InputError if
     dask.distributed is not installed, the file is none of a scheduler, or no scheduler answers.
     """
 
-    def __init__(
-        self,
-        address: str | None = None,
-        file: str | None = None,
-        tell: Callable[[str], None] = print,
-    ) -> None:
+    def __init__(self, scheduler: str, tell: Callable[[str], None] = print) -> None:
         self._tell = tell
-        self._address, self._file = address, file
-        self.name = f"Dask at {address or file}"
+        self._scheduler = scheduler
+        self.name = f"Dask at {scheduler}"
         self._client = self._connect()
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
@@ -128,14 +124,15 @@ class Cluster:
                 time.sleep(1.0)
 
     def _connect(self) -> Any:
-        address = _address_in(self._file) if self._file is not None else self._address
+        is_address = re.search(r":\d+$", self._scheduler) is not None
+        address = self._scheduler if is_address else _address_in(self._scheduler)
         need("dask", "a cluster", "distributed")
         from distributed import Client
 
         # One line reports an error, no traceback; importing sets a level of its own.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
-            asyncio.run(_greet(str(address)))
+            asyncio.run(_greet(address))
             return Client(address, timeout=ANSWER_TIMEOUT_S, set_as_default=False)
         except Exception as error:  # another program at that address may answer anything
             reason = message_of(error) or f"nothing came within {ANSWER_TIMEOUT_S:.0f} s"
@@ -185,16 +182,16 @@ def _check_origin(out: str, stamp: str) -> None:
 
 
 def _address_in(file: str) -> str:
-    """Read the address in a scheduler file, which Dask itself would wait for or fail on."""
+    """Read the address in a scheduler's file, which Dask itself would wait for or fail on."""
     try:
         about = json.loads(Path(file).read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"--scheduler-file {file}: there is no such file") from None
+        raise InputError(f"--scheduler {file}: there is no such file") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"--scheduler-file {file}: cannot be read: {error}") from None
+        raise InputError(f"--scheduler {file}: cannot be read: {error}") from None
     if not isinstance(about, dict) or not isinstance(about.get("address"), str):
         raise InputError(
-            f"--scheduler-file {file}: holds no address; 'dask scheduler' writes such a file"
+            f"--scheduler {file}: holds no address; 'dask scheduler --scheduler-file' writes one"
         )
     address: str = about["address"]
     return address

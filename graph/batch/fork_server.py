@@ -17,9 +17,6 @@ Given = TypeVar("Given")
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """The setting for helpers: as ``python -c`` they would import from the working folder first."""
 
-PARENT_VARIABLE = "TACTOGRAPH_PARENT"
-"""The environment variable that holds the process that the server is for."""
-
 
 def start_importing() -> bool:
     """Start the server, which imports meanwhile; return whether this system has one."""
@@ -28,7 +25,7 @@ def start_importing() -> bool:
         os.environ.update(SAFE_PATH)
         return False
     multiprocessing.set_forkserver_preload(["tactograph.graph.batch.imported_ahead"])
-    with environment({**share_of(cores()), **SAFE_PATH, PARENT_VARIABLE: str(os.getpid())}):
+    with environment({**share_of(cores()), **SAFE_PATH}):
         # Else the server would start the tracker, and unblock Ctrl-C for that.
         resource_tracker.ensure_running()
         # Blocked here, Ctrl-C is blocked in the server and in all that it forks.

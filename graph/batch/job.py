@@ -10,6 +10,7 @@ from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
@@ -20,10 +21,10 @@ from tactograph.graph.plan.draft import Draft
 class Job:
     """The work on a capture.
 
-    `graph` is the text of the flat graph file, and its `param` takes a capture.  `inputs` are
-    content hashes of the files that all captures share, `files` what the ``.npz`` files among these
-    say of themselves.  `folders` is the folder for result folders, which mirror the layout of
-    the folder `below`; None if maps go into the store.
+    `graph` is the text of the flat graph file.  `inputs` are content hashes of the files that all
+    captures share, `files` what the ``.npz`` files among these say of themselves.  `folders` is
+    the folder for result folders, which mirror the layout of the folder `below`; None if maps go
+    into the store.
     """
 
     graph: str
@@ -31,7 +32,6 @@ class Job:
     hash: str
     given: dict[str, Any]
     inputs: dict[str, str]
-    param: str
     maps: tuple[str, ...]
     backend: str | None = None
     device: str | None = None
@@ -43,7 +43,7 @@ class Job:
 
 def identity_of(job: Job, origin: Origin) -> dict[str, Any]:
     """All that decides a capture's results, and must not change between the parts of a store."""
-    same = ("hash", "given", "inputs", "param", "maps", "backend", "folders")
+    same = ("hash", "given", "inputs", "maps", "backend", "folders")
     return {name: value for name, value in asdict(job).items() if name in same} | asdict(origin)
 
 
@@ -52,7 +52,6 @@ def make_job(
     given: Mapping[str, Any],
     *,
     out: str,
-    param: str = "capture",
     maps: Sequence[str] | None = None,
     backend: str | None = None,
     device: str | None = None,
@@ -66,22 +65,21 @@ def make_job(
     H x W map are kept.  Raises InputError if the graph lacks the parameter or a map, or `out`
     cannot be.
     """
-    _check_param(graph, given, param)
+    _check_params(graph, given)
     folders = _folders(graph, out)
     paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
     read = {n: absolute(v) for n, v in given.items() if n in paths and v is not None}
     fixed = {**given, **read}
-    of_each = {name: NOT_GIVEN for name in (param, "out") if name in graph.params}
+    of_each = {name: NOT_GIVEN for name in (CAPTURE_PARAM, "out") if name in graph.params}
     draft = names.bind(graph, {**fixed, **of_each}, sinks=folders is not None)
     kept = _maps(draft, maps)
-    named = {n: str(file) for n, file in named_files(draft, {*fixed, param, "out"}).items()}
+    named = {n: str(file) for n, file in named_files(draft, {*fixed, CAPTURE_PARAM, "out"}).items()}
     return Job(
         graph=dump_graph(graph),
         name=graph.name,
         hash=graph.hash,
-        given={**fixed, param: "."},
+        given={**fixed, CAPTURE_PARAM: "."},
         inputs={name: content_of(place) for name, place in {**read, **named}.items()},
-        param=param,
         maps=() if folders else kept,
         backend=backend,
         device=device,
@@ -92,18 +90,14 @@ def make_job(
     )
 
 
-def _check_param(graph: Graph, given: Mapping[str, Any], param: str) -> None:
-    """Refuse a param that takes no capture, and values that the batch sets itself."""
-    if param not in graph.params:
+def _check_params(graph: Graph, given: Mapping[str, Any]) -> None:
+    """Refuse a graph that takes no capture, and values that the batch sets itself."""
+    if CAPTURE_PARAM not in graph.params or graph.params[CAPTURE_PARAM].kind != "path":
         raise InputError(
-            f"{graph.name} has no parameter '{param}'{did_you_mean(param, graph.params)} to take "
-            f"a capture; name it with --param (it has: {', '.join(graph.params)})"
+            f"{graph.name} has no parameter '{CAPTURE_PARAM}' for the folder of a capture"
+            f" (it has: {', '.join(graph.params)})"
         )
-    if graph.params[param].kind != "path":
-        raise InputError(
-            f"--param {param}: {graph.name} has no parameter of that name for a file or folder"
-        )
-    for name, option in ((param, "--over"), ("out", "--out")):
+    for name, option in ((CAPTURE_PARAM, "--over"), ("out", "--out")):
         if name in given:
             raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
 

@@ -1,6 +1,5 @@
 """The pipeline of a job, opened once for all captures."""
 
-import tempfile
 import threading
 from contextlib import suppress
 from dataclasses import replace
@@ -8,9 +7,10 @@ from pathlib import Path
 
 from tactograph.graph.batch.captures import kept_at_hand
 from tactograph.graph.batch.job import Job
+from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.graph.errors import TactographError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.read_graph import graphs_of
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 
@@ -41,10 +41,8 @@ def open_ahead(job: Job, graph: Graph) -> None:
 
 def graph_of(job: Job) -> Graph:
     """Read the graph of a job, which another process may have made."""
-    with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
-        file = Path(folder) / f"{job.name}.yaml"
-        file.write_text(job.graph, encoding="utf-8")
-        return replace(read_graph(str(file)), places={})
+    name = f"{job.name}.yaml"
+    return replace(graphs_of(parse_yaml(job.graph, name), Path(name))[0], places={})
 
 
 def forget_pipeline() -> None:

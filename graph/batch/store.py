@@ -13,7 +13,7 @@ the graph puts out a pixel size, arrays of these names are its coordinates in mm
 import json
 import math
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
@@ -37,12 +37,21 @@ from tactograph.graph.batch.map_types import (
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
 
-STORE_FORMAT = 3
+STORE_FORMAT = 4
 MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
 MAX_PIXELS = 2**25
 """Limits on what a store's description can make a reader allocate."""
-_TEXT_ARRAYS = ("capture", "reason", "figures", "warnings")
+_CAPTURE_COLUMNS: dict[str, tuple[Any, Any, Callable[[Entry], Any]]] = {
+    "reason": (str, "", lambda entry: entry.reason),
+    "figures": (str, "", lambda entry: json.dumps(entry.figures)),
+    "warnings": (str, "", lambda entry: "\n".join(entry.warnings)),
+    "milliseconds": ("float32", np.nan, lambda entry: entry.milliseconds),
+    "checksum": ("uint32", 0, lambda entry: entry.checksum),
+    "status": ("uint8", PENDING, lambda entry: entry.status),
+}
+"""What an array by capture holds of an entry: type, fill value, cell.  The status is written last,
+so that only whole captures count as done."""
 _OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
 """Errors of opening a store; TypeError comes from file systems that need more than a URL, the last
 two from Zarr at descriptions that it did not write."""
@@ -84,7 +93,7 @@ class Store:
     def _check_arrays(self) -> None:
         """Refuse a store that lacks an array, or describes more than a batch can have."""
         count = len(self)
-        for name in ("status", "milliseconds", "checksum", *_TEXT_ARRAYS):
+        for name in ("capture", *_CAPTURE_COLUMNS):
             if len(shape := self._array(name).shape) != 1 or shape[0] < count:
                 raise self._damage(f"'{name}' is not of length {count}")
         for name in self._by_capture():
@@ -223,7 +232,7 @@ class Store:
                 add_places(self._group, axis, size, kind.pixel)
 
     def write(self, entries: Mapping[int, Entry]) -> None:
-        """Write captures of one chunk, their status last, so that only whole ones count as done.
+        """Write captures of one chunk.
 
         Raises InputError if the store cannot be written.
         """
@@ -232,12 +241,8 @@ class Store:
             for name in self.job.maps:
                 if made := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
                     self._merge(name, here, made)
-            self._merge("reason", here, {n: e.reason for n, e in entries.items()})
-            self._merge("figures", here, {n: json.dumps(e.figures) for n, e in entries.items()})
-            self._merge("warnings", here, {n: "\n".join(e.warnings) for n, e in entries.items()})
-            self._merge("milliseconds", here, {n: e.milliseconds for n, e in entries.items()})
-            self._merge("checksum", here, {n: e.checksum for n, e in entries.items()})
-            self._merge("status", here, {n: e.status for n, e in entries.items()})
+            for name, (_, _, cell) in _CAPTURE_COLUMNS.items():
+                self._merge(name, here, {n: cell(entry) for n, entry in entries.items()})
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
@@ -316,13 +321,8 @@ def create_store(
     """
     try:
         group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)
-        columns: dict[str, tuple[Any, Any]] = {
-            "status": ("uint8", 0),
-            "milliseconds": ("float32", np.nan),
-            "checksum": ("uint32", 0),
-            **dict.fromkeys(_TEXT_ARRAYS, (str, "")),
-        }
-        for name, (dtype, fill) in columns.items():
+        columns = {name: (dtype, fill) for name, (dtype, fill, _) in _CAPTURE_COLUMNS.items()}
+        for name, (dtype, fill) in {"capture": (str, ""), **columns}.items():
             group.create_array(
                 name,
                 shape=(0,),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -19,14 +19,13 @@ from tactograph.graph.batch.map_types import MapType
 from tactograph.graph.batch.open_job import forget_pipeline, pipeline_of
 from tactograph.graph.batch.store import Store, open_store
 from tactograph.graph.errors import DeviceError, InputError, NodeError, TactographError
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream
 
 Answer = TypeVar("Answer")
 PIXEL_UNIT = "mm/px"
-_mine = threading.local()
-"""The store that this thread keeps."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,8 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
         for turn, _ in pairwise(chain(_turns(chunks, reader), [None])):
             assert turn is not None
             # After a device failed the pipeline is opened again: it may not recover otherwise.
-            store, pipeline = _opened(turn.chunk.out, turn.chunk.stamp)
+            store = store_of(turn.chunk.out, turn.chunk.stamp)
+            pipeline = pipeline_of(store.job)
             if turn.coming is not None:
                 types = types if entries else store.map_types()
                 with (ready := turn.coming.result()).kept:
@@ -95,7 +95,8 @@ class _Turn(NamedTuple):
 def _turns(chunks: Iterable[Chunk], reader: ThreadPoolExecutor) -> Iterator[_Turn]:
     """Begin to read every capture that is still to do, on demand."""
     for chunk in chunks:
-        store, pipeline = _opened(chunk.out, chunk.stamp)
+        store = store_of(chunk.out, chunk.stamp)
+        pipeline = pipeline_of(store.job)
         first, last = chunk.captures[0][0], chunk.captures[-1][0]
         statuses = store.statuses_of(slice(first, last + 1))
         to_do = [(n, place) for n, place in chunk.captures if statuses[n - first] != DONE]
@@ -145,14 +146,9 @@ def fail_chunk(chunk: Chunk, reason: str) -> Tally:
     return Tally(0, len(chunk.captures))
 
 
-def _opened(out: str, stamp: str) -> tuple[Store, Pipeline]:
-    if getattr(_mine, "stamp", None) != (out, stamp):
-        _mine.store, _mine.stamp = store_of(out, stamp), (out, stamp)
-    return _mine.store, pipeline_of(_mine.store.job)
-
-
+@lru_cache(maxsize=1)
 def store_of(out: str, stamp: str) -> Store:
-    """Open the store that a chunk belongs to.
+    """Open the store that a chunk belongs to, once for all its chunks.
 
     Raises InputError if it has gone, or another is in its place.
     """
@@ -180,7 +176,7 @@ def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
     with ExitStack() as kept:
         try:
             folder = kept.enter_context(at_hand(place))
-            aims = {job.param: folder}
+            aims = {CAPTURE_PARAM: folder}
             if job.folders is not None:
                 aims["out"] = str(Path(job.folders) / folder_name(place, job.below))
             stream = pipeline.begin(**aims)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,7 +17,7 @@ from tactograph.graph.commands.completion import (
     complete_overlay,
     complete_value,
 )
-from tactograph.graph.errors import printable
+from tactograph.graph.errors import TactographError, printable
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -89,7 +90,6 @@ class GraphCommand(click.Command):
 
 def _how_to_give(name: str, words: Sequence[str]) -> str:
     """Say how the value of a parameter is given to the graph that is among the words."""
-    from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 
@@ -120,6 +120,8 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
         return complete_graph(incomplete, studies=self.studies)
 
 
+FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
+FILE_PATH = click.Path(dir_okay=False, path_type=Path)
 graph_argument = click.argument("graph", type=GraphName())
 
 
@@ -144,6 +146,11 @@ set_option = click.option(
     "--set", "settings", multiple=True, metavar="NODE.PARAM=VALUE",
     help="Change a parameter of a node.",
 )  # fmt: skip
+backend_option = click.option(
+    "--backend", type=click.Choice(BACKENDS),
+    help="Run on this back end instead of the graph's preference.",
+)  # fmt: skip
+device_option = click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 
 
 def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> Graph:
@@ -192,11 +199,8 @@ class RunOptions:
 _RUN_OPTIONS = (
     with_option,
     set_option,
-    click.option(
-        "--backend", type=click.Choice(BACKENDS),
-        help="Run on this back end instead of the graph's preference.",
-    ),
-    click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name."),
+    backend_option,
+    device_option,
     click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
 )  # fmt: skip
 

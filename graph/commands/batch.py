@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands.progress_line import ProgressLine
+from tactograph.graph.errors import InputError, a_few, printable
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
     from tactograph.graph.batch.worker import Tally
     from tactograph.graph.files.flat_graph import Graph
 
-REPORT_S = 10.0
-"""Time between two lines where no bar can be drawn."""
 MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
 
@@ -37,7 +37,6 @@ MAX_FAILURES = 10
     "--out", required=True, metavar="PLACE",
     help="NAME.zarr, a path or URL, for one store; else a folder of result folders.",
 )  # fmt: skip
-@click.option("--param", default="capture", show_default=True, help="Takes the capture.")
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
     "--chunk", type=click.IntRange(1, 4096),
@@ -47,8 +46,10 @@ MAX_FAILURES = 10
     "--workers", type=click.IntRange(1),
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask scheduler, tcp://host:port.")
-@click.option("--scheduler-file", metavar="FILE", help="The file a Dask scheduler wrote.")
+@click.option(
+    "--scheduler", metavar="ADDRESS|FILE",
+    help="A Dask scheduler, tcp://host:port, or the file that it wrote.",
+)  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
 @run_options
 def command(
@@ -56,12 +57,10 @@ def command(
     values: tuple[str, ...],
     over: tuple[str, ...],
     out: str,
-    param: str,
     maps: str | None,
     chunk: int | None,
     workers: int | None,
     scheduler: str | None,
-    scheduler_file: str | None,
     retry_failed: bool,
     options: RunOptions,
 ) -> None:
@@ -79,7 +78,7 @@ def command(
     # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out = at_home(out)
     captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
-    cluster = _cluster(workers, scheduler, scheduler_file)
+    cluster = _cluster(workers, scheduler)
     with ExitStack() as closing:
         # Slow imports follow here, while the processes import and open.
         if cluster is None:
@@ -92,7 +91,6 @@ def command(
             read,
             read_words(read, values),
             out=out,
-            param=param,
             maps=maps.split(",") if maps else None,
             backend=options.backend,
             device=options.device,
@@ -115,7 +113,6 @@ def command(
         )
         from tactograph.graph.batch.store_lock import alone_in
         from tactograph.graph.cache.result_origin import find_origin
-        from tactograph.graph.errors import a_few
 
         origin = find_origin(read, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, place, job.folders)]
@@ -148,18 +145,14 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
-def _cluster(
-    number: int | None, scheduler: str | None, scheduler_file: str | None
-) -> Workers | None:
-    from tactograph.graph.errors import InputError
-
-    if not scheduler and not scheduler_file:
+def _cluster(number: int | None, scheduler: str | None) -> Workers | None:
+    if scheduler is None:
         return None
-    if number is not None or (scheduler and scheduler_file):
-        raise InputError("give one of --workers, --scheduler and --scheduler-file")
+    if number is not None:
+        raise InputError("give one of --workers and --scheduler")
     from tactograph.graph.batch.cluster import Cluster
 
-    return Cluster(scheduler, scheduler_file, tell=partial(say, err=True))
+    return Cluster(scheduler, tell=partial(say, err=True))
 
 
 def _start_importing(number: int | None, captures: int) -> None:
@@ -198,41 +191,21 @@ def _here(
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:
-    """Show a bar with rate and time left, without a terminal a line now and then, and fallbacks."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn as TimeLeft,
-    )
-
-    console = Console(stderr=True)
-    columns = (
-        BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[rate]:.1f} captures/s"),
-        TimeLeft(), TextColumn("{task.fields[failed]} failed"),
-    )  # fmt: skip
-    start = said = time.monotonic()
-    finished = failed = 0
+    """Show what is done, how fast, and the time left; and fallbacks."""
+    start = time.monotonic()
+    done = failed = 0
     told: set[str] = set()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("", total=total, rate=0.0, failed=0)
+    with ProgressLine() as line:
+        line.at(f"0 of {total} captures", 0.0)
         for tally in tallies:
-            for line in {*tally.fallbacks} - told:
-                say(f"fallback: {line}", err=True)
+            for text in {*tally.fallbacks} - told:
+                line.say(f"fallback: {text}", err=True)
             told.update(tally.fallbacks)
-            finished, failed = finished + tally.done, failed + tally.failed
-            now = time.monotonic()
-            rate = (finished + failed) / max(now - start, 1e-9)
-            progress.update(bar, completed=finished + failed, rate=rate, failed=failed)
-            if not console.is_terminal and now - said > REPORT_S:
-                left = (total - finished - failed) / rate
-                console.print(
-                    f"{finished + failed} of {total}, {failed} failed, {rate:.1f} captures/s, "
-                    f"{left:.0f} s left"
-                )
-                said = now
+            done, failed = done + tally.done + tally.failed, failed + tally.failed
+            rate = done / max(time.monotonic() - start, 1e-9)
+            line.at(
+                f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total
+            )
 
 
 def _conclude(store: Store, out: str) -> int:
@@ -265,7 +238,6 @@ def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) 
     """Write a line for each capture."""
     from tactograph.graph.batch.entry import STATUS_NAMES
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import printable
 
     figures = sorted({name for entry in entries for name in entry.figures})
     headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]

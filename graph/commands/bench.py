@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
@@ -23,9 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write a JSON file as well."
-)
+@click.option("--out", type=FILE_PATH, help="Write a JSON file as well.")
 def command(
     graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:
@@ -36,7 +35,6 @@ def command(
     end of the first item, with reading, indexing and compiling.  Only --out is written.
     """
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)

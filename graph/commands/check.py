@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import GraphName, changed, say, set_option, with_option
+from tactograph.graph.errors import GraphError
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
@@ -24,7 +25,6 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
 
     All errors of a pass are listed; the next pass needs the one before it.
     """
-    from tactograph.graph.errors import GraphError
     from tactograph.graph.files.read_graph import read_graphs
 
     try:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import shutil
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import GraphName, say, with_option
-from tactograph.graph.commands.progress_line import PRINT_INTERVAL_S
+from tactograph.graph.backends import BACKENDS
+from tactograph.graph.commands import FOLDER_PATH, GraphName, device_option, say, with_option
+from tactograph.graph.commands.progress_line import ProgressLine
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
@@ -23,10 +24,14 @@ if TYPE_CHECKING:
 @click.argument(
     "words", nargs=-1, metavar="GRAPH|STUDY... [NAME=VALUE]...", type=GraphName(studies=True)
 )
-@click.option("--over", multiple=True, metavar="DIR", help="A capture folder, or a folder of them.")
+@click.option(
+    "--over", multiple=True, metavar="DIR",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A capture folder, or a folder of them.",
+)  # fmt: skip
 @with_option
 @click.option("--backends", metavar="LIST", help="Such as numpy,opencl; default: as preferred.")
-@click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
+@device_option
 @click.option(
     "--sweep", "sweeps", multiple=True, metavar="NODE.PARAM=VALUES",
     help="Try values, FROM..TO:COUNT: 0.01..0.2:10, log:0.01..1:5; or a,b,c.  "
@@ -38,8 +43,7 @@ if TYPE_CHECKING:
     help="Runs with different seeds, for 95 % confidence intervals.",
 )  # fmt: skip
 @click.option(
-    "--again", "former_report", metavar="REPORT",
-    type=click.Path(file_okay=False, path_type=Path),
+    "--again", "former_report", metavar="REPORT", type=FOLDER_PATH,
     help="Repeat the comparison in this folder, into REPORT_again.",
 )  # fmt: skip
 @click.option(
@@ -47,9 +51,8 @@ if TYPE_CHECKING:
     help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
 )  # fmt: skip
 @click.option(
-    "--out", type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for results, tables and report.  [default: report]",
-)  # fmt: skip
+    "--out", type=FOLDER_PATH, help="Folder for results, tables and report.  [default: report]"
+)
 def command(
     words: tuple[str, ...],
     former_report: Path | None,
@@ -70,7 +73,6 @@ def command(
         study_again,
         what_changed,
     )
-    from tactograph.graph.errors import InputError
 
     if former_report is None:
         values = [word for word in words if "=" in word]
@@ -92,7 +94,7 @@ def _read_study(
     words: Sequence[str],
     out: Path,
     *,
-    over: Sequence[str],
+    over: Sequence[Path],
     overlays: Sequence[str],
     backends: str | None,
     device: str | None,
@@ -102,7 +104,6 @@ def _read_study(
 ) -> Study:
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.files.typed_values import read_words
@@ -110,7 +111,7 @@ def _read_study(
 
     values = [word for word in words if "=" in word]
     others = [word for word in words if "=" not in word]
-    folders = _folders(others, over)
+    folders = [*over, *(Path(word) for word in others if Path(word).is_dir())]
     names = [word for word in others if not Path(word).is_dir()]
     if not names:
         raise InputError(
@@ -131,20 +132,7 @@ def _read_study(
     )
 
 
-def _folders(words: Sequence[str], over: Sequence[str]) -> list[Path]:
-    """The folders of captures, those of ``--over`` first."""
-    from tactograph.graph.errors import InputError
-
-    for word in over:
-        if not Path(word).is_dir():
-            raise InputError(f"--over {word}: there is no such folder")
-    return [Path(word) for word in (*over, *words) if Path(word).is_dir()]
-
-
 def _read_backends(text: str | None) -> list[str | None]:
-    from tactograph.graph.backends import BACKENDS
-    from tactograph.graph.errors import InputError
-
     if not text:
         return [None]
     names = text.split(",")
@@ -162,7 +150,6 @@ def _compare(
     from tactograph.graph.compare.comparison_record import make_record, write_record
     from tactograph.graph.compare.report import write_report
     from tactograph.graph.compare.tables import print_table, write_tables
-    from tactograph.graph.errors import InputError
 
     study.check()
     rows = _run_all(study, out)
@@ -179,29 +166,21 @@ def _compare(
 
 
 def _run_all(study: Study, out: Path) -> list[Row]:
-    from rich.console import Console
-    from rich.progress import Progress
-
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.compare.compare import make_jobs, run_job
 
     cache = Cache()
     jobs = make_jobs(study)
     rows: list[Row] = []
-    kept, printed = 0, time.monotonic()
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("comparing", total=len(jobs))
-        for job in jobs:
-            progress.update(bar, description=job.label)
+    kept = 0
+    with ProgressLine() as line:
+        for number, job in enumerate(jobs):
+            line.at(f"{job.row.label}, {number + 1} of {len(jobs)} runs", number / len(jobs))
             row, was_there = run_job(job, study, out, cache)
             if row.error:
-                progress.console.print(f"failed: {job.label}", markup=False, highlight=False)
+                line.say(f"failed: {job.row.label}", err=True)
             rows.append(row)
             kept += was_there
-            progress.advance(bar)
-            if not progress.console.is_terminal and time.monotonic() - printed > PRINT_INTERVAL_S:
-                printed = time.monotonic()
-                say(f"{len(rows)} of {len(jobs)} runs, the last one {job.label}", err=True)
     if kept:
         say(f"{kept} of {len(jobs)} runs were there already", err=True)
     return rows

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import click
 
+from tactograph.graph.commands import FOLDER_PATH
+from tactograph.graph.errors import TactographError
+
 DEMO_STEPS = """
 # What computes here.
 tactograph devices
@@ -27,17 +30,12 @@ calibration=OUT/cal.npz --out OUT/report
 
 @click.command("demo", short_help="Simulate a sensor, calibrate it, reconstruct a touch.")
 @click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default="demo",
-    show_default=True,
-    help="The folder to write to.",
+    "--out", type=FOLDER_PATH, default="demo", show_default=True, help="The folder to write to."
 )
 def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""
     from tactograph.graph.command import run_command
     from tactograph.graph.compare.comparison_record import read_rows
-    from tactograph.graph.errors import TactographError
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")

@@ -3,6 +3,7 @@
 import click
 
 from tactograph.graph.commands import say
+from tactograph.graph.errors import InputError
 
 
 @click.command("devices", short_help="List OpenCL devices and say which work.")
@@ -10,7 +11,6 @@ from tactograph.graph.commands import say
 def command(require: bool) -> None:
     """Compile and run a small kernel on every device, and print the verdict."""
     from tactograph.graph.backends.devices import choose_device, find_devices
-    from tactograph.graph.errors import InputError
 
     devices = find_devices()
     for device in devices:

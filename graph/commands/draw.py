@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_argument, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.show.sketch import Sketch
@@ -16,16 +17,12 @@ if TYPE_CHECKING:
 
 @click.command("draw", short_help="Draw a graph as Mermaid or SVG.")
 @graph_argument
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path),
-    help="File .mmd or .svg; without it Mermaid is printed.",
-)  # fmt: skip
+@click.option("--out", type=FILE_PATH, help="File .mmd or .svg; without it Mermaid is printed.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @run_options
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.errors import InputError
     from tactograph.graph.plan.sketch import sketch_of
     from tactograph.graph.show.draw_mermaid import to_mermaid
     from tactograph.graph.show.draw_svg import to_svg

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError, a_few
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
 
 @graph_command("explain", short_help="Say what would run, where, why and how long.")
-@click.option("--all", "every", is_flag=True, help="Every node of the groups.")
-@click.option("--transfers", is_flag=True, help="Every step in order, with the transfers.")
+@click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @click.option(
     "--times", "place", type=click.Path(exists=True, path_type=Path),
     help="An earlier result, or what 'bench --out' wrote.  [default: the results in out=]",
@@ -29,7 +29,6 @@ def command(
     graph: str,
     values: tuple[str, ...],
     every: bool,
-    transfers: bool,
     place: Path | None,
     options: RunOptions,
 ) -> None:
@@ -49,16 +48,16 @@ def command(
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
     last = _last_times(plan, place)
     known = last.ms if last else {}
-    shown = [step for step in plan.steps if transfers or not step.is_transfer]
+    shown = [step for step in plan.steps if every or not step.is_transfer]
     kept = kept_on_disk(plan)
     rows = [_row(plan, step, known, kept) for step in shown]
-    _print(title, rows if every or transfers else _by_box(rows, plan))
+    _print(title, rows if every else _by_box(rows, plan))
     say(_duration(plan, last, kept))
-    if moves and not transfers:
+    if moves and not every:
         each = sum(step.stream for step in moves)
         click.echo(
             f"{len(moves)} transfers between host and device, {each} of them for every item; "
-            "--transfers lists them"
+            "--all lists them"
         )
     for node_id, value in plan.passed.items():
         say(f"{node_id}: taken out; its readers read {value}")
@@ -70,7 +69,6 @@ def command(
 
 def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
     """The times at a place, or those of the last result in the graph's own folder."""
-    from tactograph.graph.errors import InputError
     from tactograph.graph.run.last_times import find_last_times
 
     if place is not None:
@@ -85,8 +83,6 @@ def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
 
 def _duration(plan: Plan, last: LastTimes | None, kept: Mapping[str, bool]) -> str:
     """Time of an item, in one line; what is read from disk takes no time worth a count."""
-    from tactograph.graph.errors import a_few
-
     if last is None or not last.ms:
         return "how long: not known; run it, or give an earlier result or bench with --times"
     each, once = (

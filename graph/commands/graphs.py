@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import click
 
 from tactograph.graph.commands import say
+from tactograph.graph.errors import InputError
 
 FIRST_GRAPHS = "calibrate", "reconstruct", "precise", "export"
 """The graphs with which to start, in the order in which they are needed."""
@@ -19,7 +20,6 @@ def command(word: str | None) -> None:
 
     'tactograph run GRAPH --help' lists the params of one.
     """
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.read_graph import shipped_titles
 
     folders = shipped_titles()

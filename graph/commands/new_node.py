@@ -4,14 +4,13 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import FOLDER_PATH, say
 
 
 @click.command("new-node", short_help="Write the files of a new node.")
 @click.argument("name", metavar="[ROOM/]NAME")
 @click.option(
-    "--ring", "folder", metavar="FOLDER", default=Path(),
-    type=click.Path(file_okay=False, path_type=Path),
+    "--ring", "folder", metavar="FOLDER", default=Path(), type=FOLDER_PATH,
     help="The folder of a ring that holds its nodes.  [default: the clone you are in]",
 )  # fmt: skip
 def command(name: str, folder: Path) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import say
+from tactograph.graph.commands import FOLDER_PATH, say
 
 
 @click.command("new-ring", short_help="Write a package of your own: a ring.")
-@click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("folder", type=FOLDER_PATH)
 @click.option("--node", "name", default="brighten", show_default=True, help="Its first node.")
 def command(folder: Path, name: str) -> None:
     """Write into FOLDER a package with a node, its kernel, a graph, a command and tests.

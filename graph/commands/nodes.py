@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import say
+from tactograph.graph.errors import TactographError
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.find_node import NodePlace
@@ -19,7 +20,6 @@ def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
     from tactograph.graph.declare.find_node import find_node, node_places
     from tactograph.graph.declare.node_page import node_page
-    from tactograph.graph.errors import TactographError
 
     if name is not None:
         say(node_page(find_node(name)))

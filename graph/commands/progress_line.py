@@ -2,8 +2,9 @@
 
 Where standard error is a file or a pipe, a line every ten seconds says the same.
 
-The time left is that of the last run of the same graph from this stage on, by the disk cache.  If
-the graph has not run yet, or a run has several items, the time since the start is shown instead.
+Of many captures or runs, the time left follows from the share that is done.  That of one graph is
+the time of its last run from this stage on, by the disk cache.  If the graph has not run yet, or a
+run has several items, the time since the start is shown instead.
 """
 
 from __future__ import annotations
@@ -43,10 +44,15 @@ class ProgressLine:
         self._begun: dict[str, float] = {}
         self._before: dict[str, float] = {}
         self._end: float | None = None
+        self._share = 0.0
         self._bar: Progress | None = None
         self._lock = threading.Lock()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, daemon=True)
+
+    def at(self, stage: str, share: float) -> None:
+        """Show a stage; this share of the whole work is done."""
+        self.stage_of, self._share = lambda: stage, share
 
     def recall(self, key: str) -> None:
         """Read the times of the last run of this key."""
@@ -81,6 +87,8 @@ class ProgressLine:
 
     def left(self, stage: str, now: float) -> float | None:
         """Seconds to the end of the run, `now` after its start; None if unknown."""
+        if self._share:
+            return now / self._share - now
         if stage in self._before and END_STAGE in self._before:
             self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
         return None if self._end is None else max(self._end - now, 0.0)
@@ -88,7 +96,8 @@ class ProgressLine:
     def _watch(self) -> None:
         while not self._over.wait(REDRAW_INTERVAL_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
-            self._begun.setdefault(stage, now)
+            if not self._share:
+                self._begun.setdefault(stage, now)
             with self._lock:
                 if not self._is_terminal:
                     self._print(stage, now)

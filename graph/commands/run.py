@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError, TactographError
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -44,7 +45,7 @@ WARNING_INTERVAL_S = 10.0
     "--trace",
     "trace_file",
     metavar="FILE",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE_PATH,
     help="Write what ran when, for ui.perfetto.dev.",
 )
 @click.option(
@@ -98,7 +99,6 @@ class _Wanted:
 
 def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
     """Run once, print any error, and wait until a file changes."""
-    from tactograph.graph.errors import TactographError
     from tactograph.graph.files.read_graph import graph_file
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.files.watch import files_of, stamp, wait_for_change
@@ -162,7 +162,6 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
 
 def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> int:
     """Run all items, write the values that are to be kept, and return how many items came."""
-    from tactograph.graph.errors import InputError
     from tactograph.graph.run.keep_values import write_kept
 
     folder = _out_folder(pipeline) / "kept"
@@ -258,7 +257,6 @@ class _Report:
 def _ports_of(graph: Graph, node: str) -> dict[str, str]:
     """All outputs of a node, by reference."""
     from tactograph.graph.declare.find_node import find_node
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.groups import outputs_of
 
     node = graph.in_full(node)

@@ -4,16 +4,12 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import run_shipped
+from tactograph.graph.commands import FOLDER_PATH, run_shipped
 
 
 @click.command("show", short_help="Print and draw what is in a file.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the pictures; without it none are drawn.",
-)
+@click.option("--out", type=FOLDER_PATH, help="Folder for the pictures; without it none are drawn.")
 def command(file: Path, out: Path | None) -> None:
     """Print all that FILE holds: a calibration or a lens, a recording, a batch's store, a result.
 

@@ -5,17 +5,13 @@ import socket
 
 import click
 
-from tactograph.graph.commands import graph_command, say
+from tactograph.graph.commands import backend_option, device_option, graph_command, say
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
 @click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
-@click.option(
-    "--backend",
-    type=click.Choice(["numpy", "opencl"]),
-    help="Run on this back end instead of the graph's preference.",
-)
-@click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
+@backend_option
+@device_option
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def command(

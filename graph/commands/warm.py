@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError
 
 
 @graph_command("warm", short_help="Build a graph's kernels ahead of its first run.")
@@ -15,7 +16,6 @@ def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     is run as well.  Nothing else is written.
     """
     from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.errors import InputError
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.plan.make_plan import make_plan
 

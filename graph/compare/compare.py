@@ -6,6 +6,7 @@ Nothing here knows optics: a row holds the figures among a graph's outputs.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import product
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -17,6 +18,7 @@ from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_li
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan import names
@@ -60,38 +62,6 @@ class Study:
                 raise InputError(f"{graph.name} takes captures; give --over DIR")
 
 
-@dataclass(frozen=True)
-class Job:
-    """A run of the comparison: a graph with a swept point and a seed set in it."""
-
-    graph: Graph
-    backend: str | None
-    capture: Path | None
-    point: Mapping[str, Any] = field(default_factory=dict)
-    seed: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def changed(self) -> Graph:
-        return with_changes(self.graph, {**self.point, **self.seed})
-
-    @property
-    def capture_name(self) -> str:
-        return "" if self.capture is None else self.capture.resolve().name
-
-    @property
-    def label(self) -> str:
-        """The run in words, for people."""
-        set_ = [f"{target}={value}" for target, value in {**self.point, **self.seed}.items()]
-        on = f"on {self.capture_name}" if self.capture else ""
-        return " ".join(filter(None, [self.graph.name, on, *set_]))
-
-    def folder(self, out: Path) -> Path:
-        parts = [self.graph.name, self.backend or "preferred", self.capture_name]
-        parts.append(",".join(f"{target}={value}" for target, value in self.point.items()))
-        parts += [f"seed={value}" for value in self.seed.values()]
-        return out.joinpath(*(part.replace("/", "_") for part in parts if part))
-
-
 @dataclass
 class Row:
     """The result of one job: figures and times, or the reason why there are none."""
@@ -120,9 +90,38 @@ class Row:
         """The identity of this run in its comparison."""
         return (self.variant, self.capture, self.backend, repr(self.sweep), repr(self.seed))
 
+    @property
+    def label(self) -> str:
+        """The run in words, for people."""
+        on = f"on {self.capture}" if self.capture else ""
+        return " ".join(filter(None, [self.variant, on, *self._swept, *self._seeded]))
+
+    def folder(self, out: Path) -> Path:
+        """The folder of the run's results in that of the comparison."""
+        parts = [self.variant, self.backend, self.capture, ",".join(self._swept), *self._seeded]
+        return out.joinpath(*(part.replace("/", "_") for part in parts if part))
+
+    @property
+    def _swept(self) -> list[str]:
+        return [f"{target}={value}" for target, value in self.sweep.items()]
+
+    @property
+    def _seeded(self) -> list[str]:
+        return [] if self.seed is None else [f"seed={self.seed}"]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run of the comparison: a graph, changed as its row says, on a capture."""
+
+    graph: Graph
+    backend: str | None
+    capture: Path | None
+    row: Row
+
 
 def takes_capture(graph: Graph) -> bool:
-    return "capture" in graph.params
+    return CAPTURE_PARAM in graph.params
 
 
 def make_jobs(study: Study) -> list[Job]:
@@ -130,22 +129,21 @@ def make_jobs(study: Study) -> list[Job]:
 
     Raises InputError if two of them would write into the same folder.
     """
-    jobs = [
-        Job(graph, backend, capture, point, seed)
-        for capture in (None, *study.captures)
-        for graph in study.graphs
-        if takes_capture(graph) == (capture is not None)
-        for backend in study.backends
-        for point in points(graph, study.sweeps)
-        for seed in seeds(graph, study.seed, study.repeats, study.given[graph.name])
-    ]
-    taken: set[Path] = set()
-    for job in jobs:
-        folder = job.folder(Path())
-        if folder in taken:
-            raise InputError(f"two of the runs are called {folder}; give them different names")
-        taken.add(folder)
-    return jobs
+    jobs: dict[Path, Job] = {}
+    for capture, graph in product((None, *study.captures), study.graphs):
+        if takes_capture(graph) != (capture is not None):
+            continue
+        name = "" if capture is None else capture.resolve().name
+        all_seeds = seeds(graph, study.seed, study.repeats, study.given[graph.name])
+        for backend, point, seed in product(study.backends, points(graph, study.sweeps), all_seeds):
+            changed = with_changes(graph, {**point, **seed})
+            row = Row(graph.name, name, backend or "preferred", changed.hash, sweep=point)
+            row.seed = next(iter(seed.values()), None)
+            folder = row.folder(Path())
+            if folder in jobs:
+                raise InputError(f"two of the runs are called {folder}; give them different names")
+            jobs[folder] = Job(changed, backend, capture, row)
+    return [*jobs.values()]
 
 
 def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]:
@@ -154,9 +152,14 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     Nodes whose results are in `cache` from another job do not run again.  Returns the row, and
     whether a former run made it.
     """
-    folder = job.folder(out)
+    row, folder = job.row, job.row.folder(out)
     values = {**study.given[job.graph.name], **_places(job, folder)}
-    row = _empty_row(job, values)
+    row.given = {name: str(value) for name, value in values.items()}
+    row.inputs = {
+        name: content_hash(Path(str(value)))
+        for name, value in values.items()
+        if job.graph.params[name].kind == "path" and name != "out" and value is not None
+    }
     try:
         row.made_by = _made_by(job, values, study.device, row)
         kept = _done(folder, row)
@@ -177,7 +180,7 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
 
 def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cache: Cache) -> Result:
     """Run all items, enter them into the row, and return the first for its pictures."""
-    pipeline = open_pipeline(job.changed, values, backend=job.backend, device=device, cache=cache)
+    pipeline = open_pipeline(job.graph, values, backend=job.backend, device=device, cache=cache)
     first: Result | None = None
     figures: dict[str, list[float]] = {}
     times: dict[str, list[float]] = {}
@@ -211,27 +214,9 @@ def _computing(result: Result) -> list[Step]:
     return [step for step in result.plan.steps if step.name not in others]
 
 
-def _empty_row(job: Job, values: Mapping[str, Any]) -> Row:
-    return Row(
-        variant=job.graph.name,
-        capture=job.capture_name,
-        backend=job.backend or "preferred",
-        hash=job.changed.hash,
-        given={name: str(value) for name, value in values.items()},
-        sweep=dict(job.point),
-        seed=next(iter(job.seed.values()), None),
-        inputs={
-            name: content_hash(Path(str(value)))
-            for name, value in values.items()
-            if job.graph.params[name].kind == "path" and name != "out" and value is not None
-        },
-    )
-
-
 def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
     """A hash of everything that makes the run: see `Origin`."""
-    graph = job.changed
-    draft = names.bind(graph, values, sinks=True)
+    draft = names.bind(job.graph, values, sinks=True)
     files = named_files(draft, values)
     return digest(
         {
@@ -240,7 +225,7 @@ def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) 
             "given": row.given,
             "inputs": row.inputs,
             "files": {name: content_hash(file) for name, file in files.items()},
-            "origin": asdict(find_origin(graph, backend=job.backend, device=device)),
+            "origin": asdict(find_origin(job.graph, backend=job.backend, device=device)),
         }
     )
 
@@ -249,7 +234,7 @@ def _places(job: Job, folder: Path) -> dict[str, str]:
     """The places of the capture and of the results, for params that the graph has."""
     places = {"out": str(folder)}
     if job.capture is not None:
-        places["capture"] = str(job.capture)
+        places[CAPTURE_PARAM] = str(job.capture)
     return {name: place for name, place in places.items() if name in job.graph.params}
 
 

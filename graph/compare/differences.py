@@ -1,6 +1,6 @@
 """The differences between two graphs, node by node: what exactly was ablated."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +18,8 @@ class Difference:
     after: str
 
 
-MAX_APART = 3
-"""Boxes, outputs or params that one graph alone has and that are told one by one."""
-
-
-def differences(base: Graph, other: Graph, *, every: bool = False) -> list[Difference]:
-    """The changes that turn `base` into `other`: box by box, or of `every` node.
+def differences(base: Graph, other: Graph) -> dict[str, list[Difference]]:
+    """The changes that turn `base` into `other`, by box, and behind them those of the graphs.
 
     A box is a node, or the outermost use of a group with all its nodes.
     """
@@ -32,77 +28,17 @@ def differences(base: Graph, other: Graph, *, every: bool = False) -> list[Diffe
     for node_id, entry in other.nodes.items():
         if node_id not in base.nodes:
             changes.append(Difference(node_id, "added", "", _described(entry)))
-        elif base.nodes[node_id].op != entry.op and not every:
-            before = _described(base.nodes[node_id])
-            changes.append(Difference(node_id, "op", before, _described(entry)))
         else:
             changes += _changed(node_id, base.nodes[node_id], entry)
-    if not every:
-        changes = _joined(_by_box(base, other, changes))
-    outputs = list(_mapping("outputs", "", base.outputs, other.outputs))
     defaults = [{n: p.default for n, p in graph.params.items()} for graph in (base, other)]
-    params = list(_mapping("params", "default of ", *defaults))
-    changes += outputs + params if every else _names_of(outputs) + _names_of(params)
+    changes += _mapping("outputs", "", base.outputs, other.outputs)
+    changes += _mapping("params", "default of ", *defaults)
     if base.prefer != other.prefer:
         changes.append(Difference("prefer", "", ", ".join(base.prefer), ", ".join(other.prefer)))
-    return changes
-
-
-def _by_box(base: Graph, other: Graph, changes: Iterable[Difference]) -> Iterator[Difference]:
-    """The differences, those inside an outermost use in one if they are many."""
     boxes: dict[str, list[Difference]] = {}
     for change in changes:
         boxes.setdefault(box_around(change.node, {**base.uses, **other.uses}), []).append(change)
-    for box, inside in boxes.items():
-        if box == inside[0].node:
-            yield from inside
-            continue
-        size, new_size = (len(_nodes_of(graph, box)) for graph in (base, other))
-        if not new_size:
-            yield Difference(box, "removed", f"{base.uses[box].group}: {size} nodes", "")
-        elif not size:
-            yield Difference(box, "added", "", f"{other.uses[box].group}: {new_size} nodes")
-        elif len(inside) <= MAX_APART:
-            yield from inside
-        else:
-            before, after = (_inside(box, inside, *pair) for pair in ((base, other), (other, base)))
-            yield Difference(box, f"{len(inside)} changes", before, after)
-
-
-def _nodes_of(graph: Graph, box: str) -> list[str]:
-    return [name for name in graph.nodes if name == box or name.startswith(f"{box}.")]
-
-
-def _inside(box: str, changes: Iterable[Difference], graph: Graph, against: Graph) -> str:
-    """The nodes of a box that differ, with their ops where those do."""
-    lines = []
-    for node in dict.fromkeys(change.node for change in changes):
-        if node in graph.nodes:
-            op, name = graph.nodes[node].op, node.removeprefix(f"{box}.")
-            same = node in against.nodes and against.nodes[node].op == op
-            lines.append(name if same else f"{name}: {op}")
-    return ", ".join(lines)
-
-
-def _joined(changes: Iterable[Difference]) -> list[Difference]:
-    """The differences, the boxes that one graph alone has in one if they are many."""
-    changes = list(changes)
-    for change in ("removed", "added"):
-        alone = [each for each in changes if each.change == change]
-        if len(alone) > MAX_APART:
-            names, count = ", ".join(each.node for each in alone), f"{len(alone)} boxes"
-            before, after = ("", count) if change == "added" else (count, "")
-            rest = [each for each in changes if each.change != change]
-            changes = [Difference(names, change, before, after), *rest]
-    return changes
-
-
-def _names_of(changes: list[Difference]) -> list[Difference]:
-    """Differences of outputs or params, by name alone if they are many."""
-    if len(changes) <= MAX_APART:
-        return changes
-    names = ", ".join(each.change.removeprefix("default of ") for each in changes)
-    return [Difference(changes[0].node, names, "", f"{len(changes)} differ")]
+    return boxes
 
 
 def _changed(node_id: str, before: Entry, after: Entry) -> Iterator[Difference]:

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
-from tactograph.graph.compare.compare import Job, Row, Study, make_jobs
+from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
 from tactograph.graph.compare.stored_views import find_truth, load_views
@@ -45,6 +45,8 @@ from tactograph.graph.show.warning_lines import warning_lines
 
 REPORT_FILE = "report.html"
 TRUTH_LABEL = "truth"
+MAX_APART = 3
+"""Differences within a box that are shown at once; of more, their number."""
 MAX_PANELS = 7
 """Runs of a capture that are drawn; of more runs, evenly spaced ones."""
 
@@ -80,9 +82,8 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
         graphs=[_variant(graph, study) for graph in study.graphs],
         table=_table(lines),
         details=_table(lines, details=True) if columns(lines) != columns(lines, True) else None,
-        steps=_steps(lines),
         curves=[picture for sweep in study.sweeps for picture in _curves(sweep, lines)],
-        sections=_sections(study, rows, out),
+        sections=_sections(rows, out),
         fallbacks=fallback_lines(rows),
         warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
@@ -94,13 +95,14 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
 
 def _variant(graph: Any, study: Study) -> dict[str, Any]:
     base = study.graphs[0]
+    boxes = differences(base, graph)
     return {
         "name": graph.name,
         "title": graph.title,
         "hash": graph.hash,
         "is_base": graph is base,
-        "differences": differences(base, graph),
-        "every_difference": differences(base, graph, every=True),
+        "differences": boxes,
+        "few_differences": [name for name in boxes if len(boxes[name]) <= MAX_APART],
         "text": dump_graph(graph),
     }
 
@@ -124,26 +126,6 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
         for name in names
     ]
     return {"labels": ["variant", *targets, "back end"], "headings": headings, "blocks": blocks}
-
-
-def _steps(lines: Sequence[Line]) -> dict[str, Any] | None:
-    """Milliseconds of every step, for the runs of the first capture."""
-    first = lines[0].capture
-    timed = [x for x in lines if x.capture == first and x.rows[0].milliseconds]
-    if not timed:
-        return None
-    timed = _thinned(timed)
-    names = dict.fromkeys(name for line in timed for name in line.rows[0].milliseconds)
-    cells = [{"name": name, "cells": [_step_cell(line, name) for line in timed]} for name in names]
-    labels = [_label(line.variant, line.backend, line.sweep, lines) for line in timed]
-    return {"capture": first, "lines": labels, "rows": cells}
-
-
-def _step_cell(line: Line, name: str) -> str:
-    row = line.rows[0]
-    if name not in row.milliseconds:
-        return ""
-    return f"{row.milliseconds[name]:.2f} {row.backends[name]}"
 
 
 def _label(variant: str, backend: str, sweep: Mapping[str, Any], lines: Iterable[Line]) -> str:
@@ -187,19 +169,18 @@ def _varies(curves: Mapping[str, Curve]) -> bool:
     return len({f"{e.mean:.6g}" for _, estimates in curves.values() for e in estimates}) > 1
 
 
-def _sections(study: Study, rows: Sequence[Row], out: Path) -> list[Section]:
+def _sections(rows: Sequence[Row], out: Path) -> list[Section]:
     """The pictures of each capture, of the first seed of each run."""
-    jobs = [job for job, row in zip(make_jobs(study), rows, strict=True) if not row.error]
     lines = make_lines(rows)
+    whole = [row for row in rows if not row.error]
     sections = []
-    for capture in dict.fromkeys(job.capture_name for job in jobs):
-        first: dict[str, Job] = {}
-        for job in jobs:
-            if job.capture_name == capture:
-                backend = job.backend or "preferred"
-                first.setdefault(_label(job.graph.name, backend, job.point, lines), job)
+    for capture in dict.fromkeys(row.capture for row in whole):
+        first: dict[str, Row] = {}
+        for row in whole:
+            if row.capture == capture:
+                first.setdefault(_label(row.variant, row.backend, row.sweep, lines), row)
         drawn = dict(_thinned(list(first.items())))
-        views = {label: load_views(job.folder(out)) for label, job in drawn.items()}
+        views = {label: load_views(row.folder(out)) for label, row in drawn.items()}
         pictures = _pictures({label: view for label, view in views.items() if view})
         sections.append(Section(capture, len(first) - len(drawn), pictures))
     return sections

@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+CAPTURE_PARAM = "capture"
+"""The param of a graph that takes a capture's folder: see `compare`, `batch` and `tune`."""
+
 
 def captures_in(folder: Path) -> list[Path]:
     """The folder itself; if it holds folders but no file, these folders sorted by name."""

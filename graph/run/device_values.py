@@ -2,12 +2,12 @@
 
 import inspect
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.backends.device_backend import DeviceBackend, PreparedNode, Timer
+from tactograph.graph.backends.arrays import DeviceArray, Timer
+from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.engine_arguments import Wanted
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
@@ -17,6 +17,9 @@ from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.previous_values import recall, recalled_values
 from tactograph.graph.run.whole_images import read_whole
+
+if TYPE_CHECKING:
+    from tactograph.graph.backends.prepared_node import Prepared
 
 
 class DeviceValues:
@@ -30,7 +33,7 @@ class DeviceValues:
         self.given: Mapping[Value, DeviceArray] = {}
         self._values: dict[Value, DeviceArray] = {}
         self._before: dict[Value, DeviceArray] = {}
-        self._launches: dict[str, PreparedNode] = {}
+        self._launches: dict[str, Prepared] = {}
         self._timers: dict[str, Timer] = {}
         self._idle: list[str] = []
         self._recalled = recalled_values(plan)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.device_backend import Event
 from tactograph.graph.cache.store import recall_or_make
 from tactograph.graph.declare.engine_arguments import Session
 from tactograph.graph.declare.ports import PortType
@@ -33,7 +32,7 @@ class HostValues:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         self._values: dict[Value, Any] = {}
-        self._arriving: dict[Value, Event] = {}
+        self._arriving: dict[Value, Any] = {}
         self._before: dict[Value, Any] = {}
         self._sessions: dict[str, Session] = {}
         self._recalled = recalled_values(plan)
@@ -78,7 +77,7 @@ class HostValues:
         """The value of an input at the item before, or None; see `recall`."""
         return recall(task, name, self._before, sizes)
 
-    def receive(self, value: Value, array: NDArray[Any], arrived: Event) -> None:
+    def receive(self, value: Value, array: NDArray[Any], arrived: Any) -> None:
         """Enter an array that is complete after an event; readers on the host wait for that."""
         array.flags.writeable = False
         self._values[value] = array

@@ -10,7 +10,7 @@ from tactograph.graph.errors import DeviceError, InputError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Known, Shapes, Sized
-from tactograph.graph.plan.spots import written_by
+from tactograph.graph.plan.spots import Side, written_by
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
 from tactograph.graph.run.make_provenance import make_provenance
@@ -49,6 +49,10 @@ class StepRunner:
         place = f", {once.index(name) + 1} of {len(once)}" if name in once else ""
         progress = f", {text}" if (text := progress_told()) else ""
         return f"{name} ({plan.tasks[name].node.name}){place}{progress}"
+
+    def side(self, name: Side) -> HostValues | DeviceValues:
+        """The values on the host, or those on the device."""
+        return self.device if name == "device" and self.device is not None else self.host
 
     def walk(
         self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
@@ -107,8 +111,7 @@ class StepRunner:
         task = self.plan.tasks.get(step.name)
         inherited = {} if task is None else task.inherited
         for value, side in written_by(step):
-            values = self.device if side == "device" and self.device is not None else self.host
-            other = inherited.get(value)
+            values, other = self.side(side), inherited.get(value)
             values.put(value, None if other is None else values.get(other))
         other_sized = None if task is None else self._sized.get(task.instead or "")
         if other_sized is None:
@@ -151,8 +154,7 @@ class StepRunner:
         return sized
 
     def _fill(self, task: Task, step: Step, sized: Sized) -> Shapes:
-        side = self.device if step.on_device and self.device is not None else self.host
-        side.fill(task, sized.sizes)
+        self.side("device" if step.on_device else "host").fill(task, sized.sizes)
         self.times[task.id] = 0.0
         return {}
 

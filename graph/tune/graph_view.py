@@ -1,6 +1,5 @@
 """The graph on the page: a drawing in which nodes are chosen."""
 
-import re
 from collections.abc import Callable
 
 from nicegui import ui
@@ -41,9 +40,9 @@ class GraphView:
                     .style("width: 200px")
                 )
                 ui.icon("zoom_in").classes("text-grey")
-                self._zoom = ui.slider(min=20, max=120, value=62, on_change=self.draw)
-                self._zoom.style("width: 110px")
+                zoom = ui.slider(min=0.2, max=1.2, step=0.01, value=0.62).style("width: 110px")
             self._drawing = ui.html("", sanitize=False).classes("t-graph")
+            zoom.on_value_change(lambda e: self._drawing.style(f"--zoom: {e.value}"))
             self._drawing.props("data-testid=graph")
             self._drawing.on("click", lambda e: self._open(e.args), js_handler=EMIT_NODE_JS)
 
@@ -71,10 +70,5 @@ class GraphView:
         while chosen and (around := box_around(chosen, uses, self._opened)) != chosen:
             self._opened.add(around)
         svg = to_svg(fold(sketch_of(shown.plan), self._opened), shown.result.times)
-        zoom = float(self._zoom.value) / 100
-        head, _, rest = svg.partition(">")
-        width, height = re.findall(r'(?<=width=")\d+|(?<=height=")\d+', head)
-        head = head.replace(f'width="{width}" height="{height}"', "")
-        style = f' style="width:{int(width) * zoom:.0f}px;height:{int(height) * zoom:.0f}px"'
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
-        self._drawing.set_content(f"{head}{style}>{mark if chosen else ''}{rest}")
+        self._drawing.set_content(f"{svg}{mark if chosen else ''}")

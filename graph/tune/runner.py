@@ -7,14 +7,11 @@ from typing import Any
 
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import InputError
-from tactograph.graph.files.captures_in import captures_in
+from tactograph.graph.files.captures_in import CAPTURE_PARAM, captures_in
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
 from tactograph.graph.run.result import Result
-
-CAPTURE_PARAM = "capture"
-"""The param that names a capture, as in `compare`."""
 
 
 def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:

@@ -229,15 +229,6 @@ class Tuning:
             self._changed.notify()
         self._thread.join(timeout=30)
 
-    def settled(self, timeout: float = 30.0) -> Shown:
-        """Wait for the result of the latest request."""
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            if self.shown.asked is self.asked:
-                return self.shown
-            time.sleep(0.01)
-        raise TimeoutError("no result arrived in time")
-
     @property
     def _known(self) -> dict[str, Any]:
         return {n: v for n, v in self.given.items() if n in self.graph.params}

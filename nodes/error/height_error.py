@@ -397,7 +397,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
     inputs, settings = run.inputs, run.settings
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
-    told = run.keep("kinds", lambda: run.upload(kinds()))
+    told = run.keep("kinds", lambda: run.put(kinds()))
     keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
         "err_slopes", run.in_row_lanes(*networks.shape),
@@ -419,7 +419,7 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     """Write the result of `_smooth_deviation` to the output."""
     shape, frame = networks.shape, (run.sizes["H"], run.sizes["W"])
     kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
-    taps = run.keep("taps", lambda: run.upload(kernel.ravel()))
+    taps = run.keep("taps", lambda: run.put(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
     run.kernel("free_part", shape, networks.state, total, free, *shape)
     by_rows = run.in_row_lanes(*shape)

@@ -95,7 +95,7 @@ def _launch(run: Launch) -> None:
         return
     height, width = shape = run.sizes["H"], run.sizes["W"]
     out = run.outputs["integrate_dct"]
-    inverse = run.keep(("inverse", shape), lambda: run.upload(inverse_laplacian(shape)))
+    inverse = run.keep(("inverse", shape), lambda: run.put(inverse_laplacian(shape)))
     cosine = cosine_transform(run, shape)
     run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
     cosine.forward(run, out)
@@ -122,8 +122,8 @@ def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
     This halves the transforms, at the cost of one sweep to the right and one to the left.
     """
     height, width = shape = out.shape[0], out.shape[1]
-    turns = run.keep(("turns", height), lambda: run.upload(_turns(height)))
-    pivots = run.keep(("pivots", shape), lambda: run.upload(_pivots(shape)))
+    turns = run.keep(("turns", height), lambda: run.put(_turns(height)))
+    pivots = run.keep(("pivots", shape), lambda: run.put(_pivots(shape)))
     pairs = -(-width // (2 * run.lanes))
     scratch = run.scratch((pairs, 2, height, 2, run.lanes))
     spectrum = run.scratch((width, height))

@@ -98,4 +98,4 @@ def _launch(run: Launch) -> None:
 
 def _uploaded(run: Launch, frequencies: tuple[F4, F4]) -> tuple[Any, Any]:
     v, u = frequencies
-    return run.upload(v), run.upload(u)
+    return run.put(v), run.put(u)

@@ -184,9 +184,7 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
         constants=constants,
     )  # fmt: skip
     bounced = run.scratch((count, grid.rows, grid.columns))
-    ways = run.keep(
-        ("azimuths", grid.azimuths), lambda: run.upload(azimuth_directions(grid.azimuths))
-    )
+    ways = run.keep(("azimuths", grid.azimuths), lambda: run.put(azimuth_directions(grid.azimuths)))
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
     run.kernel(
         "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),

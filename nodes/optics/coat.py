@@ -112,7 +112,7 @@ def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
     """Return a coat's `let_in_curve` on the device."""
 
     def made() -> DeviceArray:
-        return run.upload(let_in_curve(roughness, index).astype(np.float32))
+        return run.put(let_in_curve(roughness, index).astype(np.float32))
 
     return run.keep(("what a coat lets in", roughness, index), made)
 

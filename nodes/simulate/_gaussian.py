@@ -40,7 +40,7 @@ def launch_smoothed(
 ) -> None:
     """Enqueue `smoothed` by the kernel of ``spread.clh``; `size` is K, H, W."""
     weights = gaussian(deviation_px)
-    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
+    taps = run.keep(weights.tobytes(), lambda: run.put(weights))
     half, radius = run.scratch(size), len(weights) // 2
     run.kernel("spread", size, planes, taps, half, *size, radius, 1)
     run.kernel("spread", size, half, taps, out, *size, radius, 0)

@@ -55,7 +55,7 @@ def export_height(
         "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
         -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
         Digital Surf's, as MountainsMap and Gwyddion read it.  "sdf": ISO 25178-71's, "x3p": ISO
-        25178-72's.  "gwy" and "gsf": Gwyddion's.  These five need ``pip install
+        25178-72's.  "gwy": Gwyddion's.  These four need ``pip install
         'tactograph[metrology]'``.  "ply", "stl" and "obj": a mesh in mm,
         right-handed: x right, y up, z to the camera, from the image's middle on the film at
         rest.  Unknown film (NaN) is NaN in "npy" and

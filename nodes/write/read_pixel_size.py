@@ -30,8 +30,7 @@ def read_pixel_size(
     Parameters
     ----------
     height
-        The height map: .npy, .tiff, .png (16 bit, with its scale), .tmd, .sur, .sdf, .x3p, .gwy or
-        .gsf.
+        The height map: .npy, .tiff, .png (16 bit, with its scale), .tmd, .sur, .sdf, .x3p or .gwy.
     mm
         mm per px.  It takes precedence; a file that contradicts it raises a warning.
 

@@ -459,7 +459,7 @@ def test_explain_says_why_each_step_runs_where_it_does_and_what_is_left_out(abou
     for words in ("preferred", "has no opencl kernel", "once", "transfers between host and device"):
         assert words in done.out
     assert "shared by all readers" not in done.out
-    every = about("explain", SLOPES, "--transfers").out
+    every = about("explain", SLOPES, "--all").out
     assert "upload" in every
     assert "shared by all readers" in every
     out = about("explain", STREAM.replace("cal.dark}}", "cal.dark}, neutral: true}")).out

@@ -77,6 +77,12 @@ def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
     assert line.left("fit", 7.0) is None
 
 
+def test_of_many_captures_the_time_left_follows_from_the_share_that_is_done() -> None:
+    line = ProgressLine(wanted=False)
+    line.at("1 of 4 captures", 1 / 4)
+    assert line.left(line.stage_of(), 5.0) == pytest.approx(15)
+
+
 @pytest.mark.parametrize("quiet", [False, True])
 def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
     about: Command, monkeypatch: pytest.MonkeyPatch, quiet: bool

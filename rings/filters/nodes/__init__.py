@@ -1,1 +1,1 @@
-"""Blurs, thresholds, morphology, resizing and OpenCV functions."""
+"""A median, a window of the frame, and OpenCV's functions by name."""

@@ -46,19 +46,12 @@ ELEMENT_ARGUMENTS = {
 
 FUNCTION_ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
     "blur": {"ksize": (tuple[Side, Side], ...), **BORDER_ARGUMENTS},
-    "boxFilter": {"ksize": (tuple[Side, Side], ...), "normalize": (bool, True), **BORDER_ARGUMENTS},
-    "sqrBoxFilter": {
-        "ksize": (tuple[Side, Side], ...),
-        "normalize": (bool, True),
-        **BORDER_ARGUMENTS,
-    },
     "GaussianBlur": {
         "ksize": (tuple[OddSide, OddSide], ...),
         "sigmaX": (Sigma, ...),
         "sigmaY": (Annotated[float, Interval(ge=0, le=100)], 0.0),
         **BORDER_ARGUMENTS,
     },
-    "stackBlur": {"ksize": (tuple[OddSide, OddSide], ...)},
     "medianBlur": {"ksize": (Literal[3, 5], ...)},
     "bilateralFilter": {
         "d": (Annotated[int, Interval(ge=1, le=31)], ...),
@@ -78,11 +71,8 @@ FUNCTION_ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
     "Laplacian": {"ksize": (Derivative, 1), **SCALE_ARGUMENTS},
     "erode": ELEMENT_ARGUMENTS,
     "dilate": ELEMENT_ARGUMENTS,
-    "flip": {"flipCode": (Literal[-1, 0, 1], ...)},
 }
-WITH_DEPTH = frozenset(
-    {"boxFilter", "sqrBoxFilter", "filter2D", "sepFilter2D", "Sobel", "Scharr", "Laplacian"}
-)
+WITH_DEPTH = frozenset({"filter2D", "sepFilter2D", "Sobel", "Scharr", "Laplacian"})
 """Functions with an argument for the depth of their output."""
 TRIAL_IMAGE = np.zeros((8, 8), np.float32)
 

@@ -17,10 +17,9 @@ def opencv(
 
     ``call: {Sobel: {dx: 1, dy: 0}}`` names the function and its arguments as OpenCV's
     documentation does; constants are given by name (``borderType: BORDER_REFLECT``), and a
-    kernel as a list of rows.  `_opencv_functions` lists the functions: blur, boxFilter,
-    sqrBoxFilter, GaussianBlur, stackBlur, medianBlur, bilateralFilter, filter2D, sepFilter2D,
-    Sobel, Scharr, Laplacian, erode, dilate, flip.  Where OpenCV leaves ``borderType`` to a
-    default, the default here is ``BORDER_REPLICATE``.
+    kernel as a list of rows.  `_opencv_functions` lists the functions: blur, GaussianBlur,
+    medianBlur, bilateralFilter, filter2D, sepFilter2D, Sobel, Scharr, Laplacian, erode, dilate.
+    Where OpenCV leaves ``borderType`` to a default, the default here is ``BORDER_REPLICATE``.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ def graph(window: object) -> dict[str, object]:
         "nodes": {
             "frames": {"op": "read_capture", "with": {"folder": "$capture"}},
             "part": {"op": "crop", "in": {"light": "frames.image"}, "with": {"window": window}},
-            "smooth": {"op": "gaussian_blur", "in": {"light": "part"}, "with": {"sigma": 0.1}},
+            "smooth": {"op": "median_blur", "in": {"light": "part"}},
         },
         "outputs": {"part": "part", "smooth": "smooth"},
     }

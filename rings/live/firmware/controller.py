@@ -4,17 +4,14 @@ Only features of MicroPython are used.  A board is any object with
 
 ``ticks()``
     microseconds, counted modulo 2**30, as ``time.ticks_us`` of MicroPython
-``light(led, level)``
-    LED `led`, from 1, at `level` thousandths; called from interrupts
+``light(led, on)``
+    LED `led`, from 1, on (1) or off (0); called from interrupts
 ``run(period_us, on_us, trigger_us)``
     from now on call `Controller.step` every `period_us`, the first time at once, and
     `Controller.dark` `on_us` after each if that is shorter; give a pulse of `trigger_us` on
     the trigger output at each step, none if 0
 ``halt()``
     end that
-``sense()``
-    whether current flows through the LED that is lit, or None where that is not measured;
-    called from interrupts
 ``send(data)``
     bytes to the host
 """
@@ -24,7 +21,6 @@ from .protocol import VERSION, Lines, frame
 NAME = "tactograph-led"
 FIRMWARE = "1.0"
 WRAP = 0x3FFFFFFF
-FULL = 1000
 MOST_STEPS = 16
 SHORTEST_STEP = 500
 LONGEST_STEP = 10000000
@@ -59,7 +55,6 @@ class Controller:
         self.protocol = VERSION
         self.asked_to_quit = False
         self._lines = Lines()
-        self._levels = [FULL] * (leds + 1)
         self._order = (0,)
         self._cycling = False
         self._index = 0
@@ -68,8 +63,6 @@ class Controller:
         self._step_tick = 0
         self._told = -1
         self._lit = 0
-        self._open = 0
-        self._sensed = False
         self._last_tick = board.ticks()
         self._time = 0
         self._heard = 0
@@ -85,7 +78,6 @@ class Controller:
         if not self._cycling:
             return
         tick = self.board.ticks()
-        self.dark()
         index = self._index + 1
         if index >= len(self._order):
             index = 0
@@ -98,29 +90,14 @@ class Controller:
 
     def dark(self):
         """End the on-time of a step."""
-        self._sense()
         self._light(0)
-
-    def _sense(self):
-        """Check whether the lit LED has burnt out."""
-        led = self._lit
-        # A dimmed LED is switched faster than its current could be measured.
-        if not led or self._levels[led] != FULL:
-            return
-        flows = self.board.sense()
-        if flows is not None:
-            self._sensed = True
-            if flows:
-                self._open &= ~(1 << led)
-            else:
-                self._open |= 1 << led
 
     def _light(self, led):
         if self._lit:
             self.board.light(self._lit, 0)
         self._lit = led
         if led:
-            self.board.light(led, self._levels[led])
+            self.board.light(led, 1)
 
     # Main loop
 
@@ -178,9 +155,7 @@ class Controller:
             "id": (0, self._id),
             "set": (1, self._set),
             "off": (0, self._all_off),
-            "level": (2, self._level),
             "cycle": (4, self._start),
-            "stop": (0, self._all_off),
             "watchdog": (1, self._watch),
             "status": (0, self._status),
             "quit": (0, self._quit),
@@ -207,13 +182,6 @@ class Controller:
         self._off()
         return f" t={self.now()}"
 
-    def _level(self, led, level):
-        led = number(led, 1, self.leds, "LED")
-        self._levels[led] = number(level, 0, FULL, "level")
-        if self._lit == led:
-            self.board.light(led, self._levels[led])
-        return ""
-
     def _start(self, order, period, on, trigger):
         leds = tuple([number(word, 0, self.leds, "LED") for word in order.split(",")])
         if len(leds) > MOST_STEPS:
@@ -238,23 +206,14 @@ class Controller:
         return ""
 
     def _status(self):
-        if not self._cycling:
-            self._sense()
         cycle, began = self._cycle_start() if self._cycling else (-1, 0)
         state = "cycle" if self._cycling else "set" if self._lit else "off"
         step = self._index if self._cycling else 0
         last = self._moment(self._step_tick) if self._cycling else 0
         return (
             f" state={state} led={self._lit} step={step} cycle={cycle} start={began} last={last}"
-            f" t={self.now()} bad={self._lines.bad} bitten={self._bitten} open={self._open_leds()}"
+            f" t={self.now()} bad={self._lines.bad} bitten={self._bitten}"
         )
-
-    def _open_leds(self):
-        """LEDs without current as 2,3; ``none`` if all conduct; ``-`` if it is not measured."""
-        if not self._sensed:
-            return "-"
-        found = [str(k) for k in range(1, self.leds + 1) if self._open & (1 << k)]
-        return ",".join(found) or "none"
 
     def _quit(self):
         self._halt()

@@ -13,18 +13,12 @@ from binascii import hexlify
 import machine
 import micropython
 import rp2
-from firmware.controller import FULL, Controller
+from firmware.controller import Controller
 
 LED_PINS = (2, 3, 4, 5)
 TRIGGER_PIN = 15
-SENSE_PIN = None
-"""26, 27 or 28 where the LEDs' common resistor is wired to it."""
-LEAST_CURRENT = 800
-"""Smallest reading of the sense pin, of 65535, when current flows: 40 mV of 3.3 V."""
 CHUNK_BYTES = 64
 """Most bytes read at once, so that a flood of them does not block the main loop."""
-DIMMING = 100000
-"""Frequency of the dimming in Hz: hundreds of periods in an exposure."""
 
 
 @rp2.asm_pio()
@@ -73,8 +67,7 @@ class Board:
 
     def __init__(self):
         self.controller = None
-        self._leds = [machine.PWM(machine.Pin(pin), freq=DIMMING, duty_u16=0) for pin in LED_PINS]
-        self._sense = None if SENSE_PIN is None else machine.ADC(SENSE_PIN)
+        self._leds = [machine.Pin(pin, machine.Pin.OUT, value=0) for pin in LED_PINS]
         trigger = machine.Pin(TRIGGER_PIN, machine.Pin.OUT, value=0)
         self._clock = rp2.StateMachine(0, step_clock, freq=1000000)
         self._pulse = rp2.StateMachine(1, trigger_pulse, freq=1000000, set_base=trigger)
@@ -86,8 +79,8 @@ class Board:
     def ticks(self):
         return time.ticks_us()
 
-    def light(self, led, level):
-        self._leds[led - 1].duty_u16(level * 65535 // FULL)
+    def light(self, led, on):
+        self._leds[led - 1].value(on)
 
     def run(self, period_us, on_us, trigger_us):
         self.halt()
@@ -105,9 +98,6 @@ class Board:
         self._clock.exec("irq(clear, 4)")
         self._clock.exec("irq(clear, 5)")
         self._pulse.exec("set(pins, 0)")
-
-    def sense(self):
-        return None if self._sense is None else self._sense.read_u16() >= LEAST_CURRENT
 
     def send(self, data):
         sys.stdout.buffer.write(data)

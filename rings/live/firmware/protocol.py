@@ -1,11 +1,11 @@
-"""Lines of the LED controller's protocol: ``$body*CRC`` and a newline.
+"""Lines of the LED controller's protocol: ``$body*CRC`` and a newline.  Both ends use this file.
 
 Only features of MicroPython are used.
 """
 
 VERSION = 1
 MAX_LINE_BYTES = 120
-"""Most bytes of a line, from ``$`` to the last digit of the checksum."""
+"""Most bytes of a line to the controller, from ``$`` to the last digit of the checksum."""
 
 
 def crc16(data):
@@ -42,10 +42,14 @@ def unframe(line):
 
 
 class Lines:
-    """Splits a stream of bytes into lines; invalid lines are counted in `bad`."""
+    """Splits a stream of bytes into lines; invalid lines are counted in `bad`.
 
-    def __init__(self):
+    Lines of more than `most` bytes are invalid.
+    """
+
+    def __init__(self, most=MAX_LINE_BYTES):
         self.bad = 0
+        self._most = most
         self._line = b""
         self._skip = False
 
@@ -55,7 +59,7 @@ class Lines:
         parts = data.split(b"\n")
         for i, part in enumerate(parts):
             self._line += part
-            if len(self._line) > MAX_LINE_BYTES:
+            if len(self._line) > self._most:
                 self._line = b""
                 self._skip = True
             if i == len(parts) - 1:

@@ -12,8 +12,7 @@ from tactograph.nodes.files.sensor_preset import read_preset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of, with_preset
-from tactograph.rings.live.nodes.touches.colour_stream import open_colour_sensor
-from tactograph.rings.live.nodes.touches.sensor import open_rig
+from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 
 
 @pytest.mark.parametrize("name", sorted(shipped_presets()))

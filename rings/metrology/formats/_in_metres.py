@@ -14,7 +14,6 @@ METRES_PER_MM = 1e-3
 """A millimetre in metres."""
 MAX_PIXEL_M = 1e-3
 """Side of a pixel above which a file in metres holds other units: no such surface is measured."""
-NOT_METRES = "its lengths are not in metres, so it holds no height map"
 
 
 def package_for(kind: str, package: str) -> Any:

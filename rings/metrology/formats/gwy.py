@@ -8,7 +8,6 @@ import numpy as np
 
 from tactograph.rings.metrology.formats._in_metres import (
     METRES_PER_MM,
-    NOT_METRES,
     package_for,
     read_in_metres,
 )
@@ -72,5 +71,5 @@ def _known(container: Any, number: int, file: Path) -> Any:
     """A channel, NaN where it is masked."""
     field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
     if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):
-        raise InputError(f"{file}: {NOT_METRES}")
+        raise InputError(f"{file}: its lengths are not in metres, so it holds no height map")
     return field.data if mask is None else np.where(np.asarray(mask.data) > 0, np.nan, field.data)

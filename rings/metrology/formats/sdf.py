@@ -4,16 +4,12 @@ Files of both versions of the standard are read, in text or binary; binary ones 
 written.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from tactograph.rings.metrology.formats._in_metres import METRES_PER_MM, read_in_metres
-from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface, surfalize
+from tactograph.rings.metrology.formats._in_metres import read_in_metres
+from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface, surface_in_metres
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import UM_PER_MM
 
-METRES_PER_UM = METRES_PER_MM / UM_PER_MM
 MAX_SIDE = 65535
 """Columns or rows that the format's 16 bits can state."""
 
@@ -33,9 +29,4 @@ def write(file: Path, height: Height, pixel: float, error: HeightError | None) -
 
 def read(file: Path) -> HeightFile:
     """Read the heights; what was not measured is NaN."""
-    return read_in_metres(file, _layers)
-
-
-def _layers(file: Path) -> Sequence[Any]:
-    surface = surfalize().Surface.load(str(file))
-    return tuple(METRES_PER_UM * each for each in (surface.step_x, surface.step_y, surface.data))
+    return read_in_metres(file, surface_in_metres)

@@ -5,9 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface, surfalize
+from tactograph.rings.metrology.formats._in_metres import read_in_metres
+from tactograph.rings.metrology.nodes.surface.areal_surface import (
+    areal_surface,
+    surface_in_metres,
+    surfalize,
+)
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import MAX_PIXELS, UM_PER_MM, square_pixel
+from tactograph.sdk.unstable import MAX_PIXELS
 
 COLUMNS_AT, COLUMNS_AND_ROWS = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""
@@ -37,7 +42,7 @@ def write(file: Path, height: Height, pixel: float, error: HeightError | None) -
 
 def read(file: Path) -> HeightFile:
     """Read the heights; what was not measured is NaN."""
-    load = surfalize().Surface.load
+    surfalize()
     with file.open("rb") as opened:
         header = opened.read(COLUMNS_AT + COLUMNS_AND_ROWS.size)
     if len(header) < COLUMNS_AT + COLUMNS_AND_ROWS.size:
@@ -45,11 +50,4 @@ def read(file: Path) -> HeightFile:
     columns, rows = COLUMNS_AND_ROWS.unpack_from(header, COLUMNS_AT)
     if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
-    try:
-        surface = load(str(file))
-    # A damaged file can raise any exception.
-    except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{file}: cannot be read as a .sur file: {reason}") from None
-    side = square_pixel(surface.step_x / UM_PER_MM, surface.step_y / UM_PER_MM)
-    return HeightFile(np.asarray(surface.data / UM_PER_MM, np.float32), side)
+    return read_in_metres(file, surface_in_metres)

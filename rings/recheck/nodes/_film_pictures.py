@@ -4,18 +4,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tactograph.sdk import BLUE, F4, Height, Light
+from tactograph.rings.recheck.nodes.film_change import FilmChange
+from tactograph.sdk import BLUE, F4, Light
 
 
 def draw_films(
-    films: dict[str, Light], albedo: F4, dent: Height, words: str, *, width: float
+    films: dict[str, Light], change: FilmChange, words: str, *, width: float
 ) -> tuple[Figure, tuple[Axes, Axes]]:
     """Draw two films at rest, and maps of how they differ.
 
     Parameters
     ----------
     films : K x H x W, by title
-    albedo, dent : as `film_change` returns them
+    change : as `film_change` returns it
     words : which film is compared with which
     width : width of the figure, in inches
 
@@ -30,14 +31,14 @@ def draw_films(
     for place, (title, mean) in zip(axes[0], means.items(), strict=False):
         place.imshow(mean, cmap="gray", vmin=0, vmax=top)
         place.set_title(f"{title}, mean light")
-    _draw_map(figure, axes[1, 0], 100 * albedo, f"albedo, {words} / %")
-    _draw_map(figure, axes[1, 1], 1e3 * dent, f"height, {words} / um")
+    _draw_map(figure, axes[1, 0], 100 * change.albedo, f"albedo, {words} / %")
+    _draw_map(figure, axes[1, 1], 1e3 * change.dent, f"height, {words} / um")
     return figure, (axes[0, 2], axes[1, 2])
 
 
-def draw_light(axes: Axes, percent: F4, words: str) -> None:
+def draw_light(axes: Axes, strength: F4, words: str) -> None:
     """Draw the brightness of each LED."""
-    axes.bar([f"LED {k}" for k in range(1, len(percent) + 1)], percent, color=BLUE)
+    axes.bar([f"LED {k}" for k in range(1, len(strength) + 1)], 100 * strength, color=BLUE)
     axes.axhline(100, color="black", linewidth=0.5)
     axes.set_title(f"light of the LEDs, {words} / %")
 

@@ -1,10 +1,9 @@
 """Report what a new film changes, the remaining error, and whether to calibrate fully."""
 
-from typing import Annotated
-
 import numpy as np
 
-from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node, warn
+from tactograph.rings.recheck.nodes.film_change import FilmChange
+from tactograph.sdk import F4, Metrics, PixelSize, node, warn
 from tactograph.sdk.unstable import Advice
 
 REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
@@ -28,8 +27,7 @@ MIN_DENT_SLOPE = 0.02
 
 @node
 def advise_recalibration(
-    strength: Annotated[F4, Port("K", "1")],
-    dent: Height,
+    change: FilmChange,
     pixel: PixelSize,
     refitted: Metrics,
     before: Metrics,
@@ -38,9 +36,7 @@ def advise_recalibration(
 
     Parameters
     ----------
-    strength, dent
-        Light of each LED, K, and height of the film, H x W in mm, both relative to the old
-        film, as `film_change` returns them.
+    change : as `film_change` returns it, relative to the old film
     pixel : mm per px
     refitted : figures of the fit to the check press; empty if there was none
     before : the figures of the old calibration
@@ -51,7 +47,8 @@ def advise_recalibration(
     the largest height and slope of a dent, 0 if there is none; ``full_calibration_due``, 0 or 1.  A
     warning says if the check press cannot be right.
     """
-    height, slope = _dent(dent, pixel)
+    strength = change.strength
+    height, slope = _dent(change.dent, pixel)
     kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}
     full = next(iter(kept.values()), None)
     reasons = _reasons(strength, slope, refitted, full)

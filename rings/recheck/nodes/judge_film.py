@@ -3,13 +3,14 @@
 Long because each cause has its sentence, and says what to do.
 """
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import F4, Height, Metrics, PixelSize, Port, node
+from tactograph.rings.recheck.nodes.film_change import FilmChange
+from tactograph.sdk import F4, Metrics, PixelSize, node
 from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 MAX_LED_CHANGE = 0.1
@@ -47,20 +48,14 @@ class Verdicts(NamedTuple):
 
 @node
 def judge_film(
-    strength: Annotated[F4, Port("K", "1")],
-    ambient: Annotated[float, Port(unit="1")],
-    shift: Annotated[F4, Port("2", "px")],
-    albedo: Annotated[F4, Port("H W", "1")],
-    dent: Height,
+    change: FilmChange,
     pixel: PixelSize,
 ) -> Verdicts:
     """Return a verdict on the LEDs, the film, the lens, ambient light and the camera.
 
     Parameters
     ----------
-    strength, ambient, shift, albedo, dent
-        K, full scale, 2 in px, H x W, and H x W in mm: as `film_change` returns them, between the
-        calibration's flat frame and today's.
+    change : as `film_change` returns it, between the calibration's flat frame and today's
     pixel : mm per px
 
     Returns
@@ -69,6 +64,7 @@ def judge_film(
     LED; ``ambient_percent`` of full scale; ``shift_px``; ``dent_um``; the depth in per cent of the
     strongest mark in the film and on the lens; ``wrong``, the number of causes found.
     """
+    strength, ambient, shift, albedo, dent = change
     scratch, dirt = _marks(albedo)
     deepest, where = _dent(dent, pixel)
     moved = float(np.hypot(*shift))

@@ -1,23 +1,17 @@
 """Plot what has changed since a calibration."""
 
-from typing import Annotated
-
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
-from tactograph.sdk import F4, Height, Light, NewPicture, Port, node, write_picture
+from tactograph.rings.recheck.nodes.film_change import FilmChange
+from tactograph.rings.recheck.nodes.judge_film import Verdicts
+from tactograph.sdk import Light, NewPicture, node, write_picture
 
 
 @node
 def plot_check(
     then: Light,
     now: Light,
-    strength: Annotated[F4, Port("K", "1")],
-    albedo: Annotated[F4, Port("H W", "1")],
-    dent: Height,
-    leds: str,
-    film: str,
-    lens: str,
-    ambient: str,
-    camera: str,
+    change: FilmChange,
+    verdicts: Verdicts,
     *,
     file: NewPicture,
 ) -> None:
@@ -26,17 +20,17 @@ def plot_check(
     Parameters
     ----------
     then, now : K x H x W, the untouched film
-    strength, albedo, dent : K, H x W, and H x W in mm: as `film_change` returns them
-    leds, film, lens, ambient, camera : as `judge_film` returns them
+    change : as `film_change` returns it
+    verdicts : as `judge_film` returns them
     file : the picture
     """
     films = {"untouched film at the calibration": then, "untouched film now": now}
     words = "now against then"
-    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=13)
-    draw_light(upper, 100 * strength, words)
+    figure, (upper, lower) = draw_films(films, change, words, width=13)
+    draw_light(upper, change.strength, words)
     lower.axis("off")
-    verdicts = {"LEDs": leds, "film": film, "lens": lens, "ambient light": ambient}
-    lines = [f"{name}: {verdict}" for name, verdict in (verdicts | {"camera": camera}).items()]
+    causes = "LEDs", "film", "lens", "ambient light", "camera"
+    lines = [f"{cause}: {verdict}" for cause, verdict in zip(causes, verdicts[:5], strict=True)]
     text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
     write_picture(figure, file)

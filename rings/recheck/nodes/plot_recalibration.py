@@ -1,13 +1,11 @@
 """Plot what a new film has changed."""
 
-from typing import Annotated
-
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
-from tactograph.sdk import F4, ORANGE, Height, Light, Metrics, Port, node, write_picture
+from tactograph.rings.recheck.nodes.film_change import FilmChange
+from tactograph.sdk import F4, ORANGE, Light, Metrics, node, write_picture
 from tactograph.sdk.unstable import BallCircles, BallPress, BesidePicture, SheetLight, cut, in_lines
 
 
@@ -15,8 +13,7 @@ from tactograph.sdk.unstable import BallCircles, BallPress, BesidePicture, Sheet
 def plot_recalibration(
     then: Light,
     now: Light,
-    albedo: Annotated[F4, Port("H W", "1")],
-    dent: Height,
+    change: FilmChange,
     image: SheetLight,
     circle: BallCircles,
     of: BallPress,
@@ -30,7 +27,7 @@ def plot_recalibration(
     Parameters
     ----------
     then, now : K x H x W, the old and the new film at rest
-    albedo, dent : H x W, and H x W in mm: as `film_change` returns them
+    change : as `film_change` returns it
     image, circle, of
         The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
         there is no ball.
@@ -39,10 +36,9 @@ def plot_recalibration(
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
-    figure, (upper, lower) = draw_films(films, albedo, dent, words, width=15)
+    figure, (upper, lower) = draw_films(films, change, words, width=15)
     _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
-    light = [v for name, v in quality.items() if name.startswith("light_percent/")]
-    draw_light(lower, np.asarray(light, np.float32), words)
+    draw_light(lower, change.strength, words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
     write_picture(figure, file.with_suffix(".png"))
 

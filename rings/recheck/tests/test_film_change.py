@@ -32,10 +32,7 @@ def changed(light: F4) -> FilmChange:
 
 
 def judged(light: F4) -> Verdicts:
-    change = changed(light)
-    return judge_film(
-        change.strength, change.ambient, change.shift, change.albedo, change.dent, PIXEL_MM
-    )
+    return judge_film(changed(light), PIXEL_MM)
 
 
 def wrong(light: F4) -> set[str]:
@@ -74,7 +71,7 @@ def test_what_no_film_led_or_camera_can_do_is_another_sensor(change: str, by: fl
         value = value + np.array([0, 0, by, 0], np.float32)
     else:
         value = by
-    said = judge_film(*found._replace(**{change: value}), PIXEL_MM)
+    said = judge_film(found._replace(**{change: value}), PIXEL_MM)
     assert all("is this another sensor" in verdict for verdict in said[:5])
 
 
@@ -105,7 +102,7 @@ def test_a_black_level_that_changed_is_no_dent_and_no_scratch() -> None:
     now = np.clip(then - np.float32(0.026), 0, 1)
     change = film_change(at_rest(then), at_rest(now), TILT, PIXEL_MM)
     assert change.ambient == pytest.approx(-0.026, rel=0.1)
-    said = judge_film(*change, PIXEL_MM)
+    said = judge_film(change, PIXEL_MM)
     assert said.ambient.startswith("the black level has changed: every image is 2.")
     assert said.film.startswith("right")
 

@@ -14,10 +14,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal, NamedTuple
+
+from annotated_types import Gt, Interval
 
 from tactograph.rings.recording.files.mcap_file import McapFile
 from tactograph.rings.recording.files.ros_messages import Message
@@ -36,22 +37,40 @@ MIN_FILES = 4
 """Fewest files into which the disk space is divided, so that one can be deleted."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a log's use of disk and memory."""
+class Limits(NamedTuple):
+    """Limits of a log's use of disk and memory.
 
-    file_bytes: float = 512e6
-    file_s: float = 600.0
-    total_bytes: float = 50e9
+    Parameters
+    ----------
+    file_mb, file_minutes : size and duration after which a new file begins
+    total_gb : largest total size of all files in the folder
+    when_full : at that limit, "stop" writing or delete the "oldest" file
+    sync_ms
+        Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
+        touch, or as often as the disk manages.
+    queue_mb : memory for touches that wait for the disk
+    wait
+        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
+        not live.
+    """
+
+    file_mb: Annotated[float, Gt(0)] = 512.0
+    file_minutes: Annotated[float, Gt(0)] = 10.0
+    total_gb: Annotated[float, Gt(0)] = 50.0
     when_full: WhenFull = "stop"
-    queue_bytes: float = 64e6
-    sync_s: float = 0.0
+    sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0
+    queue_mb: Annotated[float, Gt(0)] = 64.0
     wait: bool = False
+
+    @property
+    def total_bytes(self) -> float:
+        """The size of all files."""
+        return 1e9 * self.total_gb
 
     def ends(self, file: McapFile) -> bool:
         """Return whether the next message belongs into another file."""
-        full = min(self.file_bytes, self.total_bytes / MIN_FILES)
-        return not file.is_empty and (file.size >= full or file.age_s >= self.file_s)
+        full = min(1e6 * self.file_mb, self.total_bytes / MIN_FILES)
+        return not file.is_empty and (file.size >= full or file.age_s >= 60 * self.file_minutes)
 
 
 def need_mcap() -> None:
@@ -127,7 +146,7 @@ class McapLog:
         with self._changed:
             if self._limits.wait:
                 self._changed.wait_for(lambda: not self._queue)
-            if self._waiting + size > self._limits.queue_bytes and self._queue:
+            if self._waiting + size > 1e6 * self._limits.queue_mb and self._queue:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
                 return False
@@ -190,7 +209,7 @@ class McapLog:
             with self._changed:
                 if file is not None:
                     file.kept = size
-                self._changed.wait_for(lambda: self._closing, self._limits.sync_s)
+                self._changed.wait_for(lambda: self._closing, 1e-3 * self._limits.sync_ms)
 
     def _sync(self, handle: int) -> None:
         try:

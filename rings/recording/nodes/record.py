@@ -3,11 +3,8 @@
 import json
 import time
 from pathlib import Path
-from typing import Annotated
 
-from annotated_types import Gt, Interval
-
-from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
+from tactograph.rings.recording.files.mcap_log import Limits, McapLog
 from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
 from tactograph.sdk import Light, LiveState, Provenance, Session, node
 from tactograph.sdk.unstable import ALL_LIT, RawFrame, identity_from
@@ -23,13 +20,7 @@ def record(
     state: LiveState | None = None,
     *,
     folder: Path,
-    file_mb: Annotated[float, Gt(0)] = 512.0,
-    file_minutes: Annotated[float, Gt(0)] = 10.0,
-    total_gb: Annotated[float, Gt(0)] = 50.0,
-    when_full: WhenFull = "stop",
-    sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0,
-    queue_mb: Annotated[float, Gt(0)] = 64.0,
-    wait: bool = False,
+    limits: Limits,
     provenance: Provenance,
     session: Session,
 ) -> None:
@@ -56,16 +47,6 @@ def record(
     state : the camera's counters, written with each touch
     folder
         Created if needed.  An existing recording is continued in new files.
-    file_mb, file_minutes : size and duration after which a new file begins
-    total_gb : largest total size of all files in the folder
-    when_full : at that limit, "stop" recording or delete the "oldest" file
-    sync_ms
-        Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
-        touch, or as often as the disk manages.
-    queue_mb : memory for touches that wait for the disk
-    wait
-        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
-        not live.
 
     Raises
     ------
@@ -73,15 +54,6 @@ def record(
         If the folder cannot be written when the recording begins, or the ``mcap`` libraries
         are not installed.
     """
-    limits = Limits(
-        file_bytes=1e6 * file_mb,
-        file_s=60 * file_minutes,
-        total_bytes=1e9 * total_gb,
-        when_full=when_full,
-        queue_bytes=1e6 * queue_mb,
-        sync_s=1e-3 * sync_ms,
-        wait=wait,
-    )
     recording = session.keep(lambda: _Recording(folder, limits, len(image), state, provenance))
     recording.put(new, name, state)
     recording.log.tell()

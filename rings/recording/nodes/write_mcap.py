@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Ge, Gt
+from annotated_types import Ge
 
-from tactograph.rings.recording.files.mcap_log import Limits, McapLog, WhenFull
+from tactograph.rings.recording.files.mcap_log import Limits, McapLog
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
 from tactograph.sdk import Provenance, Session, Touch, node
 from tactograph.sdk.unstable import view_stated
@@ -18,10 +18,7 @@ def write_mcap(
     *,
     folder: Path,
     points_step: Annotated[int, Ge(0)] = 2,
-    file_mb: Annotated[float, Gt(0)] = 512.0,
-    total_gb: Annotated[float, Gt(0)] = 50.0,
-    when_full: WhenFull = "stop",
-    wait: bool = False,
+    limits: Limits,
     provenance: Provenance,
     session: Session,
 ) -> None:
@@ -45,25 +42,12 @@ def write_mcap(
     points_step
         Spacing in px of the rows and columns of the height that become points; 0: no point
         cloud.
-    file_mb : size at which a new file begins
-    total_gb : largest total size of all files in the folder
-    when_full : at that limit, "stop" writing or delete the "oldest" file
-    wait
-        Let the stream wait for a slow disk instead of leaving touches out; for streams that are
-        not live.
 
     Raises
     ------
     InputError
         If the folder cannot be written at first, or the ``mcap`` libraries are not installed.
     """
-    limits = Limits(
-        file_bytes=1e6 * file_mb,
-        file_s=float("inf"),
-        total_bytes=1e9 * total_gb,
-        when_full=when_full,
-        wait=wait,
-    )
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     about |= {"inputs": json.dumps(provenance.inputs)}
     about |= {"view": json.dumps(view_stated(touch.view))}

@@ -94,7 +94,7 @@ def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> N
             id="but not a library",
         ),
         pytest.param(
-            lambda run: run.keep(__name__, lambda: run.upload(np.zeros(3, np.float32))),
+            lambda run: run.keep(__name__, lambda: run.put(np.zeros(3, np.float32))),
             2,
             id="but not what is made once",
         ),

@@ -20,7 +20,7 @@ MAPS = np.arange(60)[:, None, None] + np.zeros((2, 3))
 
 def stored(place: Path, count: int, failed: set[int], pending: set[int], chunk: int) -> Path:
     """Captures in shards of a size."""
-    job = Job("", "", "", {}, {}, "capture", ("height", "shadow"))
+    job = Job("", "", "", {}, {}, ("height", "shadow"))
     store = create_store(str(place), job, Origin({}, {}, ""), chunk)
     store.append([str(number) for number in range(count)])
     kinds = {"height": "float32", "shadow": "uint8"}

@@ -16,7 +16,7 @@ from tactograph.graph.batch.store import create_store, open_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import InputError
 
-JOB = Job("", "", "", {}, {}, "capture", ("height",))
+JOB = Job("", "", "", {}, {}, ("height",))
 ORIGIN = Origin({}, {}, "")
 
 

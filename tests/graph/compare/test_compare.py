@@ -245,7 +245,7 @@ def test_a_name_in_brackets_is_printed_as_it_is(compared: Compared, tmp_path: Pa
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--over", "nowhere"), "--over nowhere: there is no such folder"),
+        (("--over", "nowhere"), "'nowhere' does not exist"),
         (("--over", ".", "--backends", "cuda"), "--backends cuda: there are numpy, opencl"),
         (("--over", ".", "--out", "."), "--out .: is what --over . reads; give another place"),
         (("--over", ".", "levle=1"), "no parameter 'levle'; did you mean 'level'?"),

@@ -1,11 +1,12 @@
 """A graph that is tuned, and what tunes it."""
 
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.graph.tune.tuning import Shown, Tuning
 from tests.graph.conftest import Write
 
 GRAPH = """
@@ -21,6 +22,15 @@ outputs: {light: fail, high: high.light}
 """
 
 Open = Callable[..., Tuning]
+
+
+def settled(tuning: Tuning) -> Shown:
+    """Wait for the result of the latest request."""
+    end = time.monotonic() + 60
+    while tuning.shown.asked is not tuning.asked:
+        assert time.monotonic() < end, "no result arrived in time"
+        time.sleep(0.01)
+    return tuning.shown
 
 
 @pytest.fixture

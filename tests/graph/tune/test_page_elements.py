@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tactograph.graph.tune.tuning import Tuning
-from tests.graph.tune.conftest import GRAPH, Open
+from tests.graph.tune.conftest import GRAPH, Open, settled
 
 pytest.importorskip("nicegui", reason="'make test-all' installs it")
 from nicegui import Client, ui
@@ -34,7 +34,7 @@ class Seen:
     def look(self) -> None:
         """Act as the page's timers do."""
         with self.client:
-            self.page.take_up(self.page.tuning.settled())
+            self.page.take_up(settled(self.page.tuning))
             self.page.take_up_late()
 
     def click(self, name: str) -> None:

@@ -13,14 +13,14 @@ from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.tune.tuning import Tuning
 from tests.graph.conftest import Write
-from tests.graph.tune.conftest import GRAPH, Open
+from tests.graph.tune.conftest import GRAPH, Open, settled
 
 
 def test_a_change_is_followed_by_its_result(tuning: Tuning, toys: list[str]) -> None:
-    before = tuning.settled()
+    before = settled(tuning)
     assert before.result["high"].size == 20
     tuning.set("high", "above", 5.0)
-    after = tuning.settled()
+    after = settled(tuning)
     assert after.result["high"].size == 0
     assert toys.count("doubled") == 1
 
@@ -46,7 +46,7 @@ def test_a_node_of_a_group_is_changed_in_one_use_or_in_every(opened: Open, tmp_p
     tuning = opened(GROUPED)
 
     def lit() -> tuple[int, int]:
-        result = tuning.settled().result
+        result = settled(tuning).result
         return result["one"].size, result["two"].size
 
     assert lit() == (0, 20)
@@ -66,10 +66,10 @@ def test_a_node_of_a_group_is_changed_in_one_use_or_in_every(opened: Open, tmp_p
 
 
 def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
-    first = tuning.settled().number
+    first = settled(tuning).number
     for value in np.linspace(0, 9, 400):
         tuning.set("high", "above", float(value))
-    shown = tuning.settled()
+    shown = settled(tuning)
     assert shown.asked.graph.nodes["high"].settings["above"] == 9.0
     assert shown.number - first < 400
 
@@ -89,33 +89,33 @@ def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
 def test_what_cannot_be_is_refused_and_changes_nothing(
     tuning: Tuning, change: Callable[[Tuning], None], message: str
 ) -> None:
-    before = tuning.settled()
+    before = settled(tuning)
     with pytest.raises(InputError, match=message):
         change(tuning)
-    assert tuning.settled() is before
+    assert settled(tuning) is before
 
 
 def test_a_node_that_fails_is_told_and_the_next_change_mends_it(tuning: Tuning) -> None:
-    good = tuning.settled().result
+    good = settled(tuning).result
     tuning.set("fail", "at", 2.0)
-    shown = tuning.settled()
+    shown = settled(tuning)
     assert "'fail'" in shown.error
     assert shown.result is good
     tuning.set("fail", "at", 50.0)
-    assert tuning.settled().error == ""
+    assert settled(tuning).error == ""
 
 
 def test_a_node_can_be_looked_into(tuning: Tuning) -> None:
     tuning.look_at("twice")
-    assert (tuning.settled().inspected["doubled"] == np.full((3, 4, 5), 2)).all()
+    assert (settled(tuning).inspected["doubled"] == np.full((3, 4, 5), 2)).all()
 
 
 def test_a_back_end_is_switched_and_taken_back(tuning: Tuning) -> None:
     tuning.set_backend("high", "numpy")
-    assert tuning.settled().plan.placements["high"].backend == "numpy"
+    assert settled(tuning).plan.placements["high"].backend == "numpy"
     assert tuning.changes() == [{"backend": "high", "to": "numpy"}]
     tuning.set_backend("high", None)
-    assert tuning.settled().plan.placements["high"].backend == "opencl"
+    assert settled(tuning).plan.placements["high"].backend == "opencl"
     assert tuning.changes() == []
 
 
@@ -123,15 +123,15 @@ def test_reset_takes_the_file_s_word(tuning: Tuning) -> None:
     for node, param in (("fail", "at"), ("high", "above")):
         tuning.set(node, param, 7.0)
         tuning.reset(node)
-    assert tuning.settled().result["high"].size == 20
+    assert settled(tuning).result["high"].size == 20
     assert tuning.changes() == []
 
 
 def test_a_stream_goes_on_and_ends(tuning: Tuning) -> None:
     for level in (2, 4, 6):
-        assert tuning.settled().result["light"][0, 0, 0] == level
+        assert settled(tuning).result["light"][0, 0, 0] == level
         tuning.go(1)
-    assert "its stream has ended" in tuning.settled().error
+    assert "its stream has ended" in settled(tuning).error
 
 
 def test_a_step_forward_counts_from_where_a_playing_stream_is(tuning: Tuning) -> None:
@@ -146,13 +146,13 @@ def test_a_step_forward_counts_from_where_a_playing_stream_is(tuning: Tuning) ->
 
 def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
     tuning = opened(GRAPH.replace("default: 3", "default: 5000"))
-    tuning.settled()
+    settled(tuning)
     tuning.play(True)
     for value in (1.0, 2.0, 3.0):
         tuning.set("high", "above", value)
         time.sleep(0.05)
     tuning.play(False)
-    assert tuning.settled().error == ""
+    assert settled(tuning).error == ""
     assert tuning.asked.item > 3
 
 
@@ -160,7 +160,7 @@ def test_two_graphs_run_side_by_side(opened: Open, write: Write) -> None:
     text = GRAPH.replace("op: bright, in: {image: twice}", "op: bright, in: {image: seen}")
     other = write(text.replace("seen}}\n  fail", "seen}, with: {above: 3}}\n  fail"), "other.yaml")
     tuning = opened(beside=other)
-    shown = tuning.settled()
+    shown = settled(tuning)
     assert (shown.result["high"].size, shown.beside["high"].size) == (20, 0)
 
 
@@ -208,7 +208,7 @@ def test_no_graph_is_replaced_by_its_extension(opened: Open, write: Write, tmp_p
 
 def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(tuning: Tuning) -> None:
     tuning.set("high", "above", 5.0)
-    good = tuning.settled()
+    good = settled(tuning)
     file = Path(tuning.source)
     later = time.time() + 5
     file.write_text(GRAPH.replace("op: bright", "op: brigth"))
@@ -218,10 +218,10 @@ def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(tuning: 
     assert "did you mean 'bright'" in tuning.shown.error
     assert tuning.shown.result is good.result
     tuning.set("high", "above", 6.0)
-    assert "graph.yaml:8:" in tuning.settled().error, "a result that ends later hides no mistake"
+    assert "graph.yaml:8:" in settled(tuning).error, "a result that ends later hides no mistake"
     file.write_text(GRAPH.replace("{at: 99}", "{at: 98}"))
     os.utime(file, (later + 5, later + 5))
     assert tuning.reload()
-    shown = tuning.settled()
+    shown = settled(tuning)
     assert (shown.error, tuning.graph.nodes["fail"].settings) == ("", {"at": 98})
     assert not tuning.reload()

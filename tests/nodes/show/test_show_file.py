@@ -101,7 +101,7 @@ def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None
 
 def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:
     place = tmp_path / "out.zarr"
-    job = Job("", "toy", "f00", {"lights": None}, {}, "capture", ())
+    job = Job("", "toy", "f00", {"lights": None}, {}, ())
     store = create_store(str(place), job, Origin({}, {}, ""), 4)
     store.append(["a", "b", "c"])
     store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 
 import serial
 
-from tactograph.rings.live.nodes.controller._led_line import Answer, Event, Lines, frame
+from tactograph.rings.live.firmware.protocol import Lines, frame
+from tactograph.rings.live.nodes.controller._led_line import (
+    MAX_ANSWER_BYTES,
+    Answer,
+    Event,
+    parse,
+)
 from tactograph.sdk import InputError, TactographError
 
 MAX_ATTEMPTS = 4
@@ -56,7 +62,7 @@ class Link:
         self._timeout = timeout_s
         self._on_event = on_event
         self._on_loss = on_loss
-        self._lines = Lines()
+        self._lines = Lines(MAX_ANSWER_BYTES)
         self._turn = threading.Lock()
         self._changed = threading.Condition()
         self._number = 0
@@ -145,8 +151,10 @@ class Link:
                 break
             now = time.monotonic()
             self.bytes += len(data)
-            for message in self._lines.feed(data):
-                if isinstance(message, Event):
+            for message in map(parse, self._lines.feed(data)):
+                if message is None:
+                    self._lines.bad += 1
+                elif isinstance(message, Event):
                     self._on_event(message, now)
                 else:
                     with self._changed:

@@ -48,8 +48,7 @@ def check_leds(
     `controller` gives its firmware, id and port.  `figures`: ``leds``, ``round_trip_ms`` of a
     request (median), ``clock_error_ms`` (uncertainty of the host about when a step begins),
     ``jitter_ms`` (spread of the lines' transmission times), ``cycle_ms`` as timed by the
-    controller, ``bad_lines`` (damaged lines in both directions), and ``conducts/led1`` and so
-    on, 1 or 0, if the board measures the current.
+    controller, and ``bad_lines`` (damaged lines in both directions).
 
     Raises
     ------
@@ -57,21 +56,13 @@ def check_leds(
         If the controller is not found, does not answer, or is lost during the test.
     """
     with open_controller(port, timeout_s=timeout_s, leds=leds) as controller:
-        conducts = {}
         for led in range(1, leds + 1):
             controller.set(led)
             time.sleep(seconds_each)
-            open_leds = controller.status().burnt_out
-            if open_leds is not None:  # the board measures the current
-                conducts[led] = led not in open_leds
         figures = {"leds": float(controller.identity.leds)}
         figures |= _flash(controller, leds, 1 / rate_hz, cycles)
-        for led, flows in conducts.items():
-            if not flows:
-                warn(f"LED {led} draws no current: burnt out, or its wire is off")
         if figures["bad_lines"]:
             warn(f"{figures['bad_lines']:.0f} lines came damaged; check the cable and its shield")
-        figures |= {f"conducts/led{led}": float(flows) for led, flows in conducts.items()}
         firmware, uid = controller.identity.firmware, controller.identity.uid
         return LedCheck(f"firmware {firmware}, id {uid}, at {controller.port}", figures)
 

@@ -16,8 +16,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+from tactograph.rings.live.firmware.protocol import VERSION
 from tactograph.rings.live.nodes.controller._led_clock import Clock, Course
-from tactograph.rings.live.nodes.controller._led_line import PROTOCOL_VERSION, Event, whole_number
+from tactograph.rings.live.nodes.controller._led_line import Event, whole_number
 from tactograph.rings.live.nodes.controller._led_link import (
     ControllerLostError,
     ControllerRefusedError,
@@ -46,8 +47,8 @@ BEAT_S = 0.2
 """Seconds between two checks that the controller is present and in the requested state."""
 RETRY_S = 0.1
 """Seconds between two attempts to find it again."""
-FULL_LEVEL = 1000
-"""Full brightness, as the firmware counts it."""
+TRIGGER_US = 100
+"""Length of the trigger output's pulse, long enough for an opto-coupled camera input."""
 MAX_CONTROLLER_LEDS = 255
 """Most LEDs that a controller may say it has."""
 
@@ -74,7 +75,6 @@ class Status:
         Start of that step, and present time, on the controller's clock in microseconds.
     bad_lines : number of damaged lines that the controller received
     watchdog : how often it switched off because the host was silent
-    burnt_out : LEDs through which no current flows; None if the board does not measure it
     round_trip_s : time from request to answer
     """
 
@@ -86,7 +86,6 @@ class Status:
     time_us: int
     bad_lines: int
     watchdog: int
-    burnt_out: tuple[int, ...] | None
     round_trip_s: float
 
 
@@ -129,7 +128,7 @@ class LedController:
     """A connected LED controller; `open_controller` creates it.
 
     Any thread may use it.  Its own thread monitors it: a lost controller is found again by its
-    unique id on any port, and its state (brightness, LED or cycle) is restored.  Until then
+    unique id on any port, and its state (LED or cycle) is restored.  Until then
     requests raise `ControllerLostError` and `step_at` returns None.  Leaving its ``with`` block,
     or `close`, switches the LEDs off.
 
@@ -152,7 +151,6 @@ class LedController:
         self._watchdog = round(1000 * watchdog_s)
         self._clock = Clock()
         self._courses: deque[Course] = deque(maxlen=16)
-        self._levels: dict[int, int] = {}
         self._wish = "off"
         self._faults: Counter[str] = Counter()
         self._news: deque[str] = deque(maxlen=100)
@@ -216,19 +214,8 @@ class LedController:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def set(self, led: int) -> None:
-        """Light one LED, from 1, and no other; 0 is none."""
+        """Light one LED, from 1, and no other; 0 is none.  This ends a cycle."""
         self._do(f"set {led}", (led,))
-
-    def off(self) -> None:
-        """Switch all LEDs off; this ends a cycle."""
-        self._do("off", (0,))
-
-    def brightness(self, led: int, share: float) -> None:
-        """Set an LED's brightness when lit, 0 to 1, in thousandths."""
-        level = round(FULL_LEVEL * share)
-        with self._commands:
-            self._ask(f"level {led} {level}")
-            self._levels[led] = level
 
     def start_cycle(
         self,
@@ -236,9 +223,10 @@ class LedController:
         *,
         step_s: float,
         on_s: float | None = None,
-        trigger_s: float = 0.0,
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
+
+        The trigger output pulses at the start of each step.
 
         A controller that is lost meanwhile resumes the cycle once it is back.
 
@@ -248,12 +236,11 @@ class LedController:
         step_s : duration of a step: the camera's frame time
         on_s
             How long an LED is lit from the start of its step.  None: until its end.
-        trigger_s : length of the pulse on the trigger output at the start of each step; 0: none
         """
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)
         leds = ",".join(str(led) for led in order)
-        wish = f"cycle {leds} {step} {on} {round(1e6 * trigger_s)}"
+        wish = f"cycle {leds} {step} {on} {TRIGGER_US}"
         try:
             self._do(wish, tuple(order), 1e-6 * step)
         except ControllerLostError:
@@ -351,8 +338,6 @@ class LedController:
     def _restore(self) -> None:
         """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
-        for led, level in self._levels.items():
-            self._ask(f"level {led} {level}")
         verb, *words = self._wish.split()
         if verb != "cycle":
             self._do(self._wish, (int(words[0]) if words else 0,))
@@ -476,10 +461,10 @@ def _identified(link: Link, port: str, timeout_s: float) -> Identity:
     protocol = values.get("protocol", "?")
     if values.get("name") != FIRMWARE_NAME:
         raise InputError(f"{port}: is {values.get('name', 'something')!r}, not an LED controller")
-    if protocol != str(PROTOCOL_VERSION):
+    if protocol != str(VERSION):
         raise InputError(
             f"{port}: the controller's firmware {values.get('firmware', '?')} speaks protocol "
-            f"{protocol}, but {PROTOCOL_VERSION} is needed; put the one in firmware/ on it "
+            f"{protocol}, but {VERSION} is needed; put the one in firmware/ on it "
             "(rings/live/docs/hardware.md)"
         )
     try:
@@ -505,8 +490,6 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
 
 def _status(heard: Heard) -> Status:
     value = heard.values
-    burnt = [] if value["open"] in ("-", "none") else value["open"].split(",")
-    leds = tuple(whole_number(led, 1, MAX_CONTROLLER_LEDS) for led in burnt)
     return Status(
         state=value["state"],
         led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
@@ -516,6 +499,5 @@ def _status(heard: Heard) -> Status:
         time_us=whole_number(value["t"]),
         bad_lines=whole_number(value["bad"]),
         watchdog=whole_number(value["bitten"]),
-        burnt_out=None if value["open"] == "-" else leds,
         round_trip_s=heard.received - heard.sent,
     )

@@ -17,7 +17,8 @@ from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
-from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
+from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope

@@ -1,6 +1,6 @@
 """A simulated one-shot sensor: three coloured LEDs beside the film, lit at once, as in a Mini."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval
@@ -8,12 +8,9 @@ from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
-    MAX_BYTE,
-    NOISE_IMAGES,
     Scene,
     SimulatedSensor,
 )
-from tactograph.sdk import F4
 from tactograph.sdk.nodes import light_ring
 from tactograph.sdk.unstable import LightPositions
 
@@ -67,45 +64,23 @@ class SimulatedColourSensor(SimulatedSensor):
     def __init__(self, scene: ColourScene, start: float | None = None) -> None:
         super().__init__(scene, start)
         # Share of each LED in each of the camera's channels.
-        mix = np.full((COLOUR_COUNT, COLOUR_COUNT), scene.crosstalk, np.float32)
-        np.fill_diagonal(mix, 1 - (COLOUR_COUNT - 1) * scene.crosstalk)
-        scale = np.float32(FILM_LIGHT / float(self._bare.max()))
-        self._bare *= scale
-        self._flat *= scale
-        self._mix = mix
-        self._pictures: dict[int, NDArray[np.uint8]] = {}
+        self._mix = np.full((COLOUR_COUNT, COLOUR_COUNT), scene.crosstalk, np.float32)
+        np.fill_diagonal(self._mix, 1 - (COLOUR_COUNT - 1) * scene.crosstalk)
+        self._bare *= np.float32(FILM_LIGHT / float(self._bare.max()))
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's picture at a time: H x W x 3; `number` selects the noise."""
-        if self.covered:
-            return self._developed(np.zeros_like(self._flat), number, ())
+        light = np.zeros_like(self._bare)
         if self.flooded:
-            return np.full((*self._lens.shape, COLOUR_COUNT), MAX_BYTE, np.uint8)
-        # The LEDs' brightness, 1 when warm.
-        pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
-        warmth = np.asarray(1 + self.scene.warm_up * np.exp(-pace), np.float32)
-        recorded = self._at_rest_all(warmth, number).copy()
-        under = [self._pressed_light(k, moment) for k in range(COLOUR_COUNT)]
-        part, bright = under[0][1], self._press(moment).bright
-        diffuse = np.float32(self.scene.diffuse)
-        strength = self.strength[:, None, None]
-        light = np.stack([light for light, _ in under]) * (1 - diffuse)
-        light += diffuse * strength * self._bare[:, *part] * bright
-        recorded[part] = self._developed(light * warmth[:, None, None], number, part)
-        return recorded
-
-    def _at_rest_all(self, warmth: F4, number: int) -> NDArray[np.uint8]:
-        """The untouched film; computed once per field of noise while the LEDs are steady."""
-        strength = (warmth * self.strength)[:, None, None]
-        if (strength != 1).any():
-            return self._developed(self._flat * strength, number, ())
-        key = number % NOISE_IMAGES
-        if key not in self._pictures:
-            self._pictures[key] = self._developed(self._flat, number, ())
-        return self._pictures[key]
-
-    def _developed(self, light: F4, number: int, part: Any) -> NDArray[np.uint8]:
-        """The camera's three channels for the LEDs' light, K x H x W, each with its own noise."""
-        mixed = np.tensordot(self._mix, light, axes=1)
-        channels = [self._recorded(plane, number + c, part) for c, plane in enumerate(mixed)]
-        return np.stack(channels, axis=-1)
+            light += 2
+        elif not self.covered:
+            # The LEDs' brightness, 1 when warm.
+            pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
+            warmth = self.strength * (1 + self.scene.warm_up * np.exp(-pace))
+            light = np.stack([self._light(k, moment) for k in range(COLOUR_COUNT)])
+            diffused = self._bare * self._film(moment).bright
+            light += np.float32(self.scene.diffuse) * (diffused - light)
+            light *= np.asarray(warmth, np.float32)[:, None, None]
+        channels = np.tensordot(self._mix, light, axes=1)
+        developed = [self._recorded(plane, number + c) for c, plane in enumerate(channels)]
+        return np.stack(developed, axis=-1)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Self
 
-from tactograph.rings.live.firmware.controller import FULL, WRAP, Controller
+from tactograph.rings.live.firmware.controller import WRAP, Controller
 
 MAX_REMEMBERED_STEPS = 8192
 """Number of LED changes that are kept for `SimulatedController.lit_between`."""
@@ -32,7 +32,6 @@ class SimulatedController:
     leds : number of LEDs
     uid : the number of its chip
     drift : relative excess speed of its clock
-    senses : whether the board measures the current through its LEDs
     protocol : the protocol version that it reports
     link : a path that always points to its port, like a link made by a udev rule
 
@@ -49,7 +48,6 @@ class SimulatedController:
         *,
         uid: str = "e6614c311b000000",
         drift: float = 2e-5,
-        senses: bool = False,
         protocol: int | None = None,
         link: Path | None = None,
     ) -> None:
@@ -59,7 +57,6 @@ class SimulatedController:
         self._leds = leds
         self._uid = uid
         self._drift = drift
-        self._senses = senses
         self._protocol = protocol
         self._link = link
         self._lock = threading.RLock()
@@ -82,7 +79,7 @@ class SimulatedController:
 
         Returns
         -------
-        (LED, share) for each lit LED: its brightness, 0 to 1, averaged over that time.
+        (LED, share) for each lit LED: the share of that time for which it was lit.
         """
         with self._lock:
             self._advance()
@@ -92,8 +89,8 @@ class SimulatedController:
         for moment, levels in reversed(changes):
             lasted = until - max(moment, start)
             if lasted > 0:
-                for led, level in enumerate(levels):
-                    light[led] += lasted * level / FULL
+                for led, is_lit in enumerate(levels):
+                    light[led] += lasted * is_lit
                 until = max(moment, start)
             if moment <= start:
                 break
@@ -164,10 +161,10 @@ class SimulatedController:
         """Microseconds since its start, modulo 2**30."""
         return round(1e6 * (1 + self._drift) * (self._now - self._born)) & WRAP
 
-    def light(self, led: int, level: int) -> None:
-        """Set an LED to a brightness in thousandths."""
+    def light(self, led: int, on: int) -> None:
+        """Switch an LED on (1) or off (0)."""
         levels = list(self._changes[-1][1])
-        levels[led] = 0 if led in self.burnt_out else level
+        levels[led] = 0 if led in self.burnt_out else on
         self._note(tuple(levels))
 
     def run(self, period_us: int, on_us: int, trigger_us: int) -> None:
@@ -179,10 +176,6 @@ class SimulatedController:
     def halt(self) -> None:
         """Stop the clock of steps."""
         self._next_step = self._next_dark = None
-
-    def sense(self) -> bool | None:
-        """Tell if the lit LED conducts; None if the board does not measure it."""
-        return any(self._changes[-1][1]) if self._senses else None
 
     def send(self, data: bytes) -> None:
         """Send a line to the host."""

@@ -37,12 +37,11 @@ REACH_MM = 3.0
 NOISE_IMAGES = 8
 """Number of noise fields, used in turn."""
 DRAG_REACH_MM = 4.0
-"""Standard deviation of a drag's fall-off around the ball, cut off at `DRAG_DEVIATIONS` of them."""
-DRAG_DEVIATIONS = 4
+"""Standard deviation of a drag's fall-off around the ball."""
 MIN_AXIS_MM = np.float32(1e-6)
 """Smallest distance from the ball's axis; prevents division by 0."""
 RECENT_FRAMES = 8
-"""Number of latest films that are kept for the true height."""
+"""Number of latest films that are kept, for all LEDs and the true height."""
 
 
 @checked_dataclass(frozen=True, config={"extra": "forbid"})
@@ -112,16 +111,9 @@ def read_scene(
         raise InputError(f"`camera`={text}: {name}: {first['msg'].lower()}") from None
 
 
-class _Pressed(NamedTuple):
-    """The film around the ball: window, positions in mm, height, slope, brightness.
+class Pressed(NamedTuple):
+    """The film at a time: height H x W in mm, slope, and `bright`, 1 but less on a marker."""
 
-    `bright` is 1 on bare film, and less on a marker.
-    """
-
-    rows: slice
-    columns: slice
-    x: F4
-    y: F4
     height: F4
     slope: F4
     bright: F4
@@ -151,22 +143,17 @@ class SimulatedSensor:
         self.size: tuple[int, int] | None = None
         self.exposure_s = scene.exposure_s or EXPOSURE_S
         self.faults: deque[str] = deque()
-        pixel = scene.pixel_size_mm
+        pixel, shape = scene.pixel_size_mm, (scene.height_px, scene.width_px)
         self._x = places(scene.width_px, np.float32(pixel))
         self._y = places(scene.height_px, np.float32(pixel))
-        shape = scene.height_px, scene.width_px
         self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
-        flat = render(np.zeros(shape, np.float32), pixel, self.lights).light
         self._lens = lens_share(shape, scene.vignetting)
-        self._unprinted: F4 = np.ones(shape, np.float32)
-        self._bare: F4 = flat * self._lens
-        self._flat: F4 = self._bare * self._brightness(0.0, 0.0, 0.0)
-        self._film = _PressedFilm(scene)
+        self._bare: F4 = render(np.zeros(shape, np.float32), pixel, self.lights).light * self._lens
+        self._ball = _PressedFilm(scene)
         rng = np.random.Generator(np.random.SFC64(scene.seed))
         self._noises = [rng.standard_normal(shape, np.float32) for _ in range(NOISE_IMAGES)]
-        self._resting: dict[tuple[int, int], NDArray[np.uint8]] = {}
-        self._pressed: dict[float, _Pressed] = {}
+        self._recent: dict[float, Pressed] = {}
 
     def place(self, moment: float) -> tuple[float, float, float]:
         """The ball at a time: x and y of its axis from the middle, and its depth; all in mm."""
@@ -194,10 +181,7 @@ class SimulatedSensor:
 
     def true_height(self, moment: float) -> F4:
         """The true height at a time, H x W in mm."""
-        height = np.zeros(self._flat.shape[1:], np.float32)
-        pressed = self._press(moment)
-        height[pressed.rows, pressed.columns] = pressed.height
-        return height
+        return self._film(moment).height
 
     def image(self, shares: Sequence[F4], moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image.
@@ -208,55 +192,42 @@ class SimulatedSensor:
         moment : time that determines the ball's position
         number : selects the noise
         """
-        if self.covered:
-            return self._recorded(np.zeros_like(self._lens), number, ...)
-        if self.flooded:
-            return np.full(self._lens.shape, MAX_BYTE, np.uint8)
-        lit = [k for k, share in enumerate(shares) if share.any() and self.strength[k]]
-        full = [k for k in lit if (share := shares[k]).min() == share.max() == 1]
-        if lit == full and len(lit) < 2:
-            recorded = self._at_rest(lit[0] + 1 if lit else 0, number).copy()
-            if lit:
-                light, part = self._pressed_light(lit[0], moment)
-                recorded[part] = self._recorded(light, number, part)
-            return recorded
         total = np.zeros_like(self._lens)
-        for k in lit:
-            light = self._flat[k] * self.strength[k]
-            under, part = self._pressed_light(k, moment)
-            light[part] = under
-            total += light * shares[k][:, None]
-        return self._recorded(total, number, ...)
+        if self.flooded:
+            total += 2
+        elif not self.covered:
+            for k, share in enumerate(shares):
+                if share.any() and self.strength[k]:
+                    total += self._light(k, moment) * (self.strength[k] * share[:, None])
+        return self._recorded(total, number)
 
-    def _press(self, moment: float) -> _Pressed:
-        """The film around the ball at a time; cached for all LEDs and the true height."""
-        pressed = self._pressed.get(moment)
-        if pressed is None:
-            x, y, depth = self.place(moment)
-            rows, columns = self._window(x, y)
-            at = self._x[columns], self._y[rows]
-            bright = self._brightness(x, y, depth)[rows, columns]
-            shape = self._film.surface(at[0] - np.float32(x), at[1] - np.float32(y), depth)
-            pressed = _Pressed(rows, columns, *at, *shape, bright)
-            # Keep only the last few, because a frame's truth is needed soon after the frame.
-            self._pressed = dict([*self._pressed.items()][-RECENT_FRAMES:]) | {moment: pressed}
-        return pressed
+    def _film(self, moment: float) -> Pressed:
+        film = self._recent.get(moment)
+        if film is None:
+            film = self._pressed(moment)
+            self._recent = dict([*self._recent.items()][-RECENT_FRAMES:]) | {moment: film}
+        return film
 
-    def _pressed_light(self, k: int, moment: float) -> tuple[F4, tuple[slice, slice]]:
-        """Light of LED k around the ball, and its window (equation N1; no cast shadows)."""
-        film = self._press(moment)
-        around = film.rows, film.columns
-        vectors = vectors_at(self.lights[k : k + 1], film.x, film.y[:, None], film.height)
+    def _pressed(self, moment: float) -> Pressed:
+        """The film around the ball at a time."""
+        x, y, depth = self.place(moment)
+        shape = self._ball.surface(self._x - np.float32(x), self._y - np.float32(y), depth)
+        return Pressed(*shape, self._brightness(x, y, depth))
+
+    def _light(self, k: int, moment: float) -> F4:
+        """H x W, the light of LED k, from 0 (equation N1; no cast shadows)."""
+        film = self._film(moment)
+        vectors = vectors_at(self.lights[k : k + 1], self._x, self._y[:, None], film.height)
         lit = np.maximum(expected_light(vectors, film.slope)[0], 0)
-        return self._bare[k][around] * film.bright * self.strength[k] * lit, around
+        return np.asarray(self._bare[k] * film.bright * lit)
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:
         """H x W: 1 on bare film, less on markers, which the ball at (x, y) drags along."""
-        scene = self.scene
+        scene, bare = self.scene, np.ones_like(self._lens)
         if not scene.marker_pitch_mm:
-            return self._unprinted
+            return bare
         (printed,) = print_markers(
-            self._unprinted[None],
+            bare[None],
             scene.pixel_size_mm,
             pitch_mm=scene.marker_pitch_mm,
             radius_mm=scene.marker_mm,
@@ -268,38 +239,14 @@ class SimulatedSensor:
         )
         return printed
 
-    def _at_rest(self, led: int, number: int) -> NDArray[np.uint8]:
-        """The untouched film under an LED; computed once per field of noise."""
-        key = led, number % NOISE_IMAGES
-        if key not in self._resting or (led and self.strength[led - 1] != 1):
-            light = self._flat[led - 1] * self.strength[led - 1] if led else 0 * self._lens
-            self._resting[key] = self._recorded(light, number, ...)
-        return self._resting[key]
-
-    def _recorded(self, light: F4, number: int, part: Any) -> NDArray[np.uint8]:
+    def _recorded(self, light: F4, number: int) -> NDArray[np.uint8]:
         """Add ambient light, noise and quantisation, as in `expose`."""
         scene = self.scene
-        seen = light + np.float32(scene.ambient) * self._lens[part]
-        electrons = seen * np.float32(scene.full_well)
+        electrons = (light + np.float32(scene.ambient) * self._lens) * np.float32(scene.full_well)
         spread = np.sqrt(electrons + np.float32(scene.read_noise**2))
-        electrons += spread * self._noises[number % NOISE_IMAGES][part]
+        electrons += spread * self._noises[number % NOISE_IMAGES]
         levels = electrons * np.float32(MAX_BYTE / scene.full_well) + np.float32(0.5)
         return np.clip(levels, 0, MAX_BYTE).astype(np.uint8)
-
-    def _window(self, x: float, y: float) -> tuple[slice, slice]:
-        """The rows and columns around the ball's axis that are not at rest."""
-        scene = self.scene
-        dragged = (
-            DRAG_DEVIATIONS * DRAG_REACH_MM if scene.marker_pitch_mm and scene.drag_mm else 0.0
-        )
-        half = max(self._film.radius_mm, dragged) / scene.pixel_size_mm
-
-        def span(middle: float, size: int) -> slice:
-            at = middle / scene.pixel_size_mm + (size - 1) / 2
-            first, last = math.floor(at - half), math.ceil(at + half) + 1
-            return slice(min(max(first, 0), size - 1), max(min(last, size), 1))
-
-        return span(y, scene.height_px), span(x, scene.width_px)
 
 
 class _PressedFilm:
@@ -308,11 +255,11 @@ class _PressedFilm:
     def __init__(self, scene: Scene) -> None:
         radius, deepest = scene.radius_mm, scene.depth_mm
         contact = math.sqrt(max(radius**2 - max(radius - deepest, 0) ** 2, 0))
-        self.radius_mm = contact + REACH_MM
+        reach = contact + REACH_MM
         self._deepest = max(deepest, 1e-9)
-        self._step = self.radius_mm / (RADIUS_SAMPLES - 1)
-        half = math.ceil(self.radius_mm / PAPER_PIXEL_MM) + 1
-        at = np.linspace(0, self.radius_mm, RADIUS_SAMPLES)
+        self._step = reach / (RADIUS_SAMPLES - 1)
+        half = math.ceil(reach / PAPER_PIXEL_MM) + 1
+        at = np.linspace(0, reach, RADIUS_SAMPLES)
         self._height = np.zeros((DEPTH_COUNT, RADIUS_SAMPLES), np.float32)
         self._steepness = np.zeros((DEPTH_COUNT, RADIUS_SAMPLES), np.float32)
         for i in range(1, DEPTH_COUNT):
@@ -326,7 +273,7 @@ class _PressedFilm:
             section = film[half, half:].astype(np.float64)
             curve = CubicSpline(np.arange(half + 1) * ball.pixel_size, section)
             self._height[i], self._steepness[i] = curve(at), curve(at, 1)
-        # The window's border is no step of a tenth of a micron, and beyond it there is no slope.
+        # At the table's end is no step of a tenth of a micron, and beyond it there is no slope.
         self._height -= self._height[:, -1:]
         self._steepness[:, -1] = 0
 

@@ -1,40 +1,22 @@
-"""A live one-shot sensor: its camera, and its stream of touches, one per colour frame."""
+"""The stream of touches of a live one-shot sensor: one per colour frame."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from tactograph.rings.live.nodes.camera.camera import Camera, Shot
-from tactograph.rings.live.nodes.camera.camera_params import CameraParams
-from tactograph.rings.live.nodes.camera.open_camera import (
-    Capture,
-    Plane,
-    check_camera,
-    open_capture,
-)
-from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
-from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
-from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera
-from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
-    ColourScene,
-    SimulatedColourSensor,
-)
-from tactograph.rings.live.nodes.simulated.simulated_sensor import SimulatedSensor, read_scene
+from tactograph.rings.live.nodes.camera.camera import Shot
+from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
-from tactograph.rings.live.nodes.touches.sensor import START_S
+from tactograph.rings.live.nodes.touches.sensor import Sensor
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
-from tactograph.sdk import Height, LiveFrames, LiveState
+from tactograph.sdk import LiveFrames, LiveState
 from tactograph.sdk.unstable import (
     ALL_LIT,
     Order,
     RawFrame,
     RestFilm,
-    SensorPreset,
     cells,
     planes_of,
     top_of,
@@ -50,65 +32,6 @@ COLOUR_FAULTS = FAULT_LINES | {
 
 
 @dataclass
-class ColourSensor:
-    """A camera that sees a film under three colours; `table` is the film of a simulated one."""
-
-    camera: Camera
-    table: SimulatedSensor | None
-
-    def truth(self, end: float) -> Height | None:
-        """The true height for a frame whose exposure ended at `end`, if known."""
-        return None if self.table is None else self.table.truth(end)
-
-    def close(self) -> None:
-        """Release the camera."""
-        self.camera.close()
-
-
-def open_colour_sensor(
-    driver: CameraParams,
-    size: tuple[int | None, int | None],
-    *,
-    preset: SensorPreset | None = None,
-    queue: int = 8,
-    calibration: Path | None = None,
-    order: Order = "bgr",
-) -> ColourSensor:
-    """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
-
-    The preset completes the settings, and the size where that is None.  Its view is applied to a
-    real camera's pictures; a simulated camera delivers frames to which it is already applied.  A
-    simulated one sees the film of the `calibration`, whose colours are in an `order`, unless its
-    scene states a rig.
-
-    Raises
-    ------
-    InputError
-        If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
-        the preset's frames have another size.
-    """
-    table: SimulatedSensor | None = None
-    once = False
-    wanted = driver.wanted(*size, colour=True)
-    if driver.is_simulated:
-        text = str(driver.camera)
-        table = calibrated_sensor(text, calibration, order) if calibration else None
-        table = table or SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
-        connect: Callable[[], Capture] = partial(SimulatedCamera, table, None)
-    else:
-        once = check_camera(driver.camera, driver.library)
-        wanted = wanted if preset is None else with_preset(wanted, preset)
-        connect = partial(open_capture, driver.camera, driver.library, colour=True)
-    source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
-    try:
-        source.check(START_S, driver.camera)
-    except BaseException:
-        source.close()
-        raise
-    return ColourSensor(source, table)
-
-
-@dataclass
 class ColourStream(TouchStream):
     """Turns a camera's colour frames into touches.
 
@@ -121,7 +44,7 @@ class ColourStream(TouchStream):
     state : the counters
     """
 
-    sensor: ColourSensor
+    sensor: Sensor
     film: RestFilm
     order: Order = "bgr"
     full: float = 0.0

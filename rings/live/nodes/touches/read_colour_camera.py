@@ -9,7 +9,8 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
-from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, open_colour_sensor
+from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
+from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor
 from tactograph.sdk import InputError, LiveFrames, LiveState, node
 from tactograph.sdk.unstable import Order, UsedCalibration, calibrated_film, make_film
 

@@ -14,7 +14,12 @@ from tempfile import mkdtemp
 
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
-from tactograph.rings.live.nodes.camera.open_camera import Capture, check_camera, open_capture
+from tactograph.rings.live.nodes.camera.open_camera import (
+    CameraSettings,
+    Capture,
+    check_camera,
+    open_capture,
+)
 from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
@@ -24,6 +29,10 @@ from tactograph.rings.live.nodes.controller.led_controller import (
 )
 from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import LitBetween, SimulatedCamera
+from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
+    ColourScene,
+    SimulatedColourSensor,
+)
 from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     Scene,
@@ -32,7 +41,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
 from tactograph.sdk import Height, InputError
-from tactograph.sdk.unstable import SensorPreset
+from tactograph.sdk.unstable import Order, SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
@@ -146,20 +155,30 @@ Lamps = FreeLamps | ControlledLamps
 
 
 @dataclass
-class Rig:
-    """A running camera and its LEDs; if they are simulated, also their film and controller."""
+class Sensor:
+    """A running camera; of a simulated one also `table`, the film that it sees."""
 
     camera: Camera
-    lamps: Lamps
-    cycle: tuple[int, ...]
-    rate: float
     table: SimulatedSensor | None
-    board: SimulatedController | None
-    closing: ExitStack
 
     def truth(self, end: float) -> Height | None:
         """The true height for a frame whose exposure ended at `end`, if known."""
         return None if self.table is None else self.table.truth(end)
+
+    def close(self) -> None:
+        """Close the camera."""
+        self.camera.close()
+
+
+@dataclass
+class Rig(Sensor):
+    """A sensor whose LEDs flash; if they are simulated, also their controller."""
+
+    lamps: Lamps
+    cycle: tuple[int, ...]
+    rate: float
+    board: SimulatedController | None
+    closing: ExitStack
 
     def close(self) -> None:
         """Close the camera and switch the LEDs off."""
@@ -195,11 +214,7 @@ def open_rig(
     size : width and height to request from the camera; None keeps the driver's
     leds : number of LEDs
     ambient : whether the cycle has a step with all LEDs off
-    preset
-        Completes the settings, and the size where that is None.  Its view is applied to a real
-        camera's pictures; a simulated one delivers frames to which it is already applied.
-    queue : as for `Camera`
-    calibration : of the film that a simulated camera sees, unless its scene states a rig
+    preset, queue, calibration : as for `open_colour_sensor`
 
     Raises
     ------
@@ -208,38 +223,103 @@ def open_rig(
         size.
     """
     cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
-    table: SimulatedSensor | None = None
     board: SimulatedController | None = None
-    once = False
+    lit_between: LitBetween | None = None
+    table = _simulated(driver, preset, calibration)
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
-        if driver.is_simulated:
-            text = str(driver.camera)
-            table = calibrated_sensor(text, calibration) if calibration else None
-            table = table or SimulatedSensor(read_scene(text, Scene, film_of(preset)))
+        if table is not None:
             lit_between = steady(cycle, driver.rate, table.start)
-            if port == SIMULATED_NAME:
-                # A replugged controller has another port; a link points to it, as udev's do.
-                link = Path(mkdtemp()) / "controller"
-                undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
-                board = SimulatedController(leds=leds, link=link)
-                undo.callback(board.close)
-                port, lit_between = str(link), board.lit_between
-            connect: Callable[[], Capture] = partial(SimulatedCamera, table, lit_between)
-        elif port == SIMULATED_NAME:
-            raise InputError("`port`=simulated goes with `camera`=simulated")
-        else:
-            once = check_camera(driver.camera, driver.library)
-            connect = partial(open_capture, driver.camera, driver.library)
+        if port == SIMULATED_NAME:
+            if table is None:
+                raise InputError("`port`=simulated goes with `camera`=simulated")
+            # A replugged controller has another port; a link points to it, as udev's do.
+            link = Path(mkdtemp()) / "controller"
+            undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
+            board = SimulatedController(leds=leds, link=link)
+            undo.callback(board.close)
+            port, lit_between = str(link), board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        wanted = driver.wanted(*size)
-        if preset is not None and table is None:
-            wanted = with_preset(wanted, preset)
-        source = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
-        undo.callback(source.close)
-        source.check(START_S, driver.camera)
-        return Rig(source, lamps, cycle, driver.rate, table, board, undo.pop_all())
+        camera = _open_camera(driver, driver.wanted(*size), preset, queue, table, lit_between)
+        undo.callback(camera.close)
+        return Rig(camera, table, lamps, cycle, driver.rate, board, undo.pop_all())
+
+
+def open_colour_sensor(
+    driver: CameraParams,
+    size: tuple[int | None, int | None],
+    *,
+    preset: SensorPreset | None = None,
+    queue: int = 8,
+    calibration: Path | None = None,
+    order: Order = "bgr",
+) -> Sensor:
+    """Open a one-shot sensor's camera, real or simulated, and check that it delivers frames.
+
+    Parameters
+    ----------
+    driver : as for `read_colour_camera`
+    size : width and height to request from the camera; None keeps the driver's
+    preset
+        Completes the settings, and the size where that is None.  Its view is applied to a real
+        camera's pictures; a simulated one delivers frames to which it is already applied.
+    queue : as for `Camera`
+    calibration : of the film that a simulated camera sees, unless its scene states a rig
+    order : of the colours in that calibration
+
+    Raises
+    ------
+    InputError
+        If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
+        the preset's frames have another size.
+    """
+    table = _simulated(driver, preset, calibration, order)
+    wanted = driver.wanted(*size, colour=True)
+    return Sensor(_open_camera(driver, wanted, preset, queue, table), table)
+
+
+def _simulated(
+    driver: CameraParams,
+    preset: SensorPreset | None,
+    calibration: Path | None,
+    order: Order | None = None,
+) -> SimulatedSensor | None:
+    """The film under a simulated camera; one of an `order` is lit by all colours at once."""
+    if not driver.is_simulated:
+        return None
+    text = str(driver.camera)
+    seen = calibrated_sensor(text, calibration, order or "bgr") if calibration else None
+    if seen is not None:
+        return seen
+    if order is None:
+        return SimulatedSensor(read_scene(text, Scene, film_of(preset)))
+    return SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
+
+
+def _open_camera(
+    driver: CameraParams,
+    wanted: CameraSettings,
+    preset: SensorPreset | None,
+    queue: int,
+    table: SimulatedSensor | None,
+    lit_between: LitBetween | None = None,
+) -> Camera:
+    """A camera, real or simulated, that delivers frames."""
+    connect: Callable[[], Capture]
+    once = table is None and check_camera(driver.camera, driver.library)
+    if table is not None:
+        connect = partial(SimulatedCamera, table, lit_between)
+    else:
+        connect = partial(open_capture, driver.camera, driver.library, colour=wanted.colour)
+        wanted = wanted if preset is None else with_preset(wanted, preset)
+    camera = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
+    try:
+        camera.check(START_S, driver.camera)
+    except BaseException:
+        camera.close()
+        raise
+    return camera
 
 
 def open_lamps(port: str | None, cycle: tuple[int, ...], rate: float) -> Lamps:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import cv2
-from annotated_types import Gt, Interval
+from annotated_types import Gt
 
 from tactograph.rings.live.nodes.view._live_picture import Picture, draw_touch, round_up
 from tactograph.sdk import (
@@ -36,7 +36,6 @@ def preview(
     where: Where = "auto",
     folder: Path = Path("preview"),
     rate_hz: Annotated[float, Gt(0)] = 10.0,
-    keep: Annotated[int, Interval(ge=0)] = 0,
     top_mm: Annotated[float, Gt(0)] | None = None,
     layer: str | None = None,
     session: Session,
@@ -56,7 +55,6 @@ def preview(
     where : "auto": a window if possible, else files
     folder : for the PNG files
     rate_hz : most pictures per second; touches in between are not drawn
-    keep : number of latest pictures to keep beside ``latest.png``, named after their touches
     top_mm : upper end of the height's colour scale; None: the greatest height so far, rounded up
     layer : name of the layer beneath the camera's image; None: the first labels
 
@@ -66,12 +64,12 @@ def preview(
         If a window is requested but impossible, the folder cannot be written when the preview
         begins, or the touch has no such layer.
     """
-    shown = session.keep(lambda: _Preview(_open_screen(where, folder, keep), 1 / rate_hz))
+    shown = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
     shown.count(touch)
     if shown.is_due():
         top = top_mm or shown.top_of(touch.height)
         picture = draw_touch(touch, top, shown.footer(touch.state), lights, layer)
-        shown.show(picture, touch.name)
+        shown.show(picture)
 
 
 class _Window:
@@ -83,7 +81,7 @@ class _Window:
         cv2.namedWindow(self.title, cv2.WINDOW_NORMAL | cv2.WINDOW_KEEPRATIO)
         self._began = False
 
-    def show(self, picture: Picture, name: str) -> bool:
+    def show(self, picture: Picture) -> bool:
         """Draw a picture; return False once the user has closed the window."""
         if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
             return self._gone()
@@ -105,30 +103,24 @@ class _Window:
 
 
 class _Files:
-    """``latest.png`` and the pictures before it, named after their touches."""
+    """``latest.png``."""
 
-    def __init__(self, folder: Path, keep: int) -> None:
-        self._folder, self._keep = folder, keep
-        self._kept: deque[Path] = deque()
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._wrote = False
 
-    def show(self, picture: Picture, name: str) -> bool:
+    def show(self, picture: Picture) -> bool:
         """Write a picture; return False once that has become impossible."""
         encoded = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
-        names = ["latest", name] if self._keep and name else ["latest"]
         try:
-            for file in (self._folder / f"{stem}.png" for stem in names):
-                with atomic_file(file) as target:
-                    target.write_bytes(encoded)
+            with atomic_file(self._folder / "latest.png") as target:
+                target.write_bytes(encoded)
         except InputError as error:
             if not self._wrote:
                 raise
             warn(f"preview: {error}; the stream goes on without it")
             return False
         self._wrote = True
-        self._kept.extend(self._folder / f"{stem}.png" for stem in names[1:])
-        while len(self._kept) > self._keep:
-            self._kept.popleft().unlink(missing_ok=True)
         return True
 
     def close(self) -> None:
@@ -178,9 +170,9 @@ class _Preview:
             parts += [f"{fault} {count}" for fault, count in others[:3]]
         return "     ".join(parts)
 
-    def show(self, picture: Picture, name: str) -> None:
+    def show(self, picture: Picture) -> None:
         self._due = clock.monotonic() + self._pause
-        if self._screen is not None and not self._screen.show(picture, name):
+        if self._screen is not None and not self._screen.show(picture):
             self._screen.close()
             self._screen = None
 
@@ -189,16 +181,16 @@ class _Preview:
             self._screen.close()
 
 
-def _open_screen(where: Where, folder: Path, keep: int) -> _Window | _Files:
+def _open_screen(where: Where, folder: Path) -> _Window | _Files:
     if where == "files":
-        return _Files(folder, keep)
+        return _Files(folder)
     reason = _why_no_window()
     if reason is None:
         return _Window()
     if where == "window":
         raise InputError(f"preview: {reason}; `where`=files writes pictures instead")
     warn(f"preview: {reason}; pictures go to {folder / 'latest.png'}")
-    return _Files(folder, keep)
+    return _Files(folder)
 
 
 def _why_no_window() -> str | None:

@@ -18,7 +18,7 @@ import pytest
 import serial
 
 from tactograph.graph import InputError
-from tactograph.rings.live.nodes.controller._led_line import frame
+from tactograph.rings.live.firmware.protocol import frame
 from tactograph.rings.live.nodes.controller._led_port import open_port
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
@@ -55,7 +55,7 @@ def test_one_led_is_lit_at_a_time(board: SimulatedController, controller: LedCon
         controller.set(led)
         time.sleep(0.001)
         assert lit(board) == [led]
-    controller.off()
+    controller.set(0)
     time.sleep(0.001)
     assert lit(board) == []
 
@@ -218,7 +218,6 @@ def in_step(board: SimulatedController, controller: LedController) -> bool:
 
 @pytest.fixture
 def flashing(controller: LedController) -> LedController:
-    controller.brightness(2, 0.5)
     controller.start_cycle([1, 2, 3, 4], step_s=STEP)
     time.sleep(4 * STEP)
     return controller
@@ -241,11 +240,9 @@ def recovered(
             seen.clear()
         else:
             start = start or now
-            seen |= {(led, round(share, 3)) for led, share in board.lit_between(now - 1e-4, now)}
+            seen |= {led for led, _ in board.lit_between(now - 1e-4, now)}
         time.sleep(0.002)
-    # Each was seen, the brightness being as it was; at a change of LEDs shares are smaller.
-    assert {(1, 1.0), (2, 0.5), (3, 1.0), (4, 1.0)} <= seen
-    assert (2, 1.0) not in seen
+    assert seen == {1, 2, 3, 4}
     record("recovery_s", round(start - since, 3))
     return start - since
 
@@ -275,7 +272,6 @@ def test_it_is_found_again_on_another_port_by_its_unique_id(
         on_usb(monkeypatch, other, board)
         before = board.port
         with open_controller(before) as flashing:
-            flashing.brightness(2, 0.5)
             flashing.start_cycle([1, 2, 3, 4], step_s=STEP)
             board.unplug()
             wait_until(lambda: not flashing.connected)
@@ -306,11 +302,9 @@ def test_garbage_and_lines_cut_off(
 
     board.garble = garble
     board.noise(bytes(range(256)) * 4)
-    for led in (1, 2, 3, 4):
-        flashing.brightness(led, 0.5)
+    for _ in range(4):
+        assert flashing.status().state == "cycle"
     board.garble = None
-    for led, share in ((1, 1.0), (2, 0.5), (3, 1.0), (4, 1.0)):
-        flashing.brightness(led, share)
     assert recovered(board, flashing, time.monotonic(), record_property) < 5
     assert flashing.faults["bad line"] > 2
     assert flashing.faults["controller lost"] == 0
@@ -396,18 +390,6 @@ def test_leds_go_off_by_themselves_when_the_host_dies(board: SimulatedController
         wait_until(lambda: lit(board) == [])
 
 
-def test_an_led_without_current_is_named() -> None:
-    with SimulatedController(senses=True) as board, open_controller(board.port) as controller:
-        board.burnt_out.add(3)
-        controller.start_cycle([1, 2, 3, 4], step_s=0.005, on_s=0.004)
-        wait_until(lambda: controller.status().burnt_out == (3,))
-
-
-def test_a_board_that_measures_no_current_says_so(controller: LedController) -> None:
-    controller.set(1)
-    assert controller.status().burnt_out is None
-
-
 def test_closing_switches_the_leds_off(board: SimulatedController, tmp_path: Path) -> None:
     with open_controller(board.port) as controller:
         controller.start_cycle([1, 2, 3, 4], step_s=STEP)
@@ -433,9 +415,8 @@ def test_what_the_controller_refuses_is_told_with_its_reason(controller: LedCont
 
 
 def test_many_threads_may_ask(controller: LedController) -> None:
-    def ask(led: int) -> None:
-        for _ in range(20):
-            controller.brightness(led, 0.5)
+    def ask(_: int) -> None:
+        for _ in range(40):
             assert controller.status().state == "off"
 
     with ThreadPoolExecutor(4) as pool:

@@ -17,11 +17,11 @@ except ImportError:
 
 
 RIGHT = (
-    "1 id", "2 set 3", "3 level 3 250", "4 set 0", "5 watchdog 3000", "6 status",
+    "1 id", "2 set 3", "3 off", "4 set 0", "5 watchdog 3000", "6 status",
     "7 cycle 1,2,3,4,0 33333 20000 100",
 )  # fmt: skip
 WRONG = (
-    "9 set 5", "10 set", "11 set x", "12 set -1", "13 level 1 1001",
+    "9 set 5", "10 set", "11 set x", "12 set -1", "13 off 1",
     "14 cycle 1,,2 33333 20000 0", "15 cycle 1,2 33333 33300 0", "16 cycle 1,2 33333 33333 5",
     "17 cycle 9 33333 20000 0", "18 cycle 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1 33333 20000 0",
     "19 watchdog 99999", "20 dance", "x id", "21", "", "22 status",
@@ -35,22 +35,18 @@ class Board:
         self.wrap = wrap
         self.tick = wrap - 100000
         self.levels = [0] * 5
-        self.broken = 0
 
     def ticks(self):
         return self.tick
 
-    def light(self, led, level):
-        self.levels[led] = level
+    def light(self, led, on):
+        self.levels[led] = on
 
     def run(self, period, on, trigger):
         print("run", period, on, trigger)
 
     def halt(self):
         print("halt")
-
-    def sense(self):
-        return self.levels[self.broken] == 0
 
     def send(self, data):
         print("sent", data)
@@ -78,7 +74,6 @@ def converse(Controller, frame, wrap):
     for body in RIGHT:
         say(body)
         later(1000)
-    board.broken = 2
     for _ in range(11):
         interrupt(controller.step)
         later(20000)

@@ -8,7 +8,7 @@ import builtins
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -134,11 +134,11 @@ class Pico:
                 self.changes.append((self.time, "trigger", self.trigger[0]))
             self.time += 1
 
-    def light(self, pin: int, duty: int) -> None:
-        assert 0 <= duty <= 65535
-        if self.lit.get(pin, 0) != duty:
-            self.changes.append((self.time, f"GP{pin}", duty))
-        self.lit[pin] = duty
+    def light(self, pin: int, on: int) -> None:
+        assert on in (0, 1)
+        if self.lit.get(pin, 0) != on:
+            self.changes.append((self.time, f"GP{pin}", on))
+        self.lit[pin] = on
 
     def state_machine(self, *given: Any, **named: Any) -> StateMachine:
         machine = StateMachine(*given, **named)
@@ -148,12 +148,21 @@ class Pico:
 
     def modules(self, read: Callable[[int], bytes]) -> dict[str, Any]:
         """What main.py imports."""
+        light = self.light
+
+        class Pin:
+            OUT = 1
+
+            def __init__(self, number: int, mode: int, value: int) -> None:
+                assert (mode, value) == (self.OUT, 0)
+                self.number = number
+
+            def value(self, on: int) -> None:
+                light(self.number, on)
+
         poll = SimpleNamespace(register=lambda *_: None, poll=lambda wait_ms: wait_ms)
         return {
             "machine": SimpleNamespace(
-                PWM=lambda pin, freq, duty_u16: SimpleNamespace(
-                    duty_u16=lambda duty: self.light(pin, duty)
-                ),
                 Pin=Pin,
                 unique_id=lambda: b"\xe6\x61",
             ),
@@ -173,15 +182,6 @@ class Pico:
             "time": SimpleNamespace(ticks_us=lambda: self.time),
             "firmware.controller": controller,
         }
-
-
-class Pin(int):
-    """The number of a pin."""
-
-    OUT = 1
-
-    def __new__(cls, number: int, mode: int = 0, value: int = 0) -> Self:
-        return super().__new__(cls, number)
 
 
 def run_main(*host: str | int) -> Pico:
@@ -241,7 +241,7 @@ def test_without_on_time_or_pulse_one_led_follows_the_other_at_once() -> None:
 
 
 def test_a_new_cycle_starts_clean() -> None:
-    pico = run_main("1 cycle 1,2 1000 500 0", 3300, "2 cycle 3,4 700 300 20", 7000, "3 stop", 5000)
+    pico = run_main("1 cycle 1,2 1000 500 0", 3300, "2 cycle 3,4 700 300 20", 7000, "3 off", 5000)
     started = times(pico, "GP4", on=True)[0]
     assert 3300 <= started <= 3310
     # No pulse is left over from the cycle before, which asked for none.
@@ -249,12 +249,6 @@ def test_a_new_cycle_starts_clean() -> None:
     assert set(np.diff(times(pico, "trigger", on=True))) == {700}
     assert max(times(pico, "GP5", on=True)) < 3300 + 7000 + 10
     assert set(pico.lit.values()) == {0}
-
-
-def test_brightness_is_a_duty() -> None:
-    pico = run_main("1 level 2 250", "2 set 2", 10, "3 set 3", 10)
-    assert ("GP3", 16383) in [change[1:] for change in pico.changes]
-    assert ("GP4", 65535) in [change[1:] for change in pico.changes]
 
 
 def test_silence_switches_the_leds_off() -> None:

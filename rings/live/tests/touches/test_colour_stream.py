@@ -19,14 +19,11 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     SimulatedColourSensor,
 )
 from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
-from tactograph.rings.live.nodes.touches import colour_stream
-from tactograph.rings.live.nodes.touches.colour_stream import (
-    ColourStream,
-    open_colour_sensor,
-    planes_of,
-)
+from tactograph.rings.live.nodes.touches import sensor as live_sensor
+from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, planes_of
 from tactograph.rings.live.nodes.touches.read_camera import read_camera
 from tactograph.rings.live.nodes.touches.read_colour_camera import read_colour_camera
+from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor
 from tests.fixtures import Calibration, MadeOnce
 
 pytestmark = pytest.mark.realtime
@@ -143,7 +140,7 @@ def test_a_grey_camera_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
             there, frame = super().retrieve()
             return there, None if frame is None else frame[..., 0]
 
-    monkeypatch.setattr(colour_stream, "SimulatedCamera", Grey)
+    monkeypatch.setattr(live_sensor, "SimulatedCamera", Grey)
     with pytest.raises(InputError, match="delivers grey pictures"):
         open_colour_sensor(DRIVER, SIZE)
 

@@ -39,7 +39,7 @@ SCENE = (
 )
 LATEST = 2.5
 """Seconds within which a stream has to be back, on a machine that does much else besides."""
-FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._flat[k] for k in range(4)])
+FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._bare[k] for k in range(4)])
 DARK = np.zeros((HEIGHT, WIDTH), np.float32)
 
 

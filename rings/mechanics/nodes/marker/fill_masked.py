@@ -81,7 +81,7 @@ def _launch(run: Launch) -> None:
     """A work-item for each pixel; only those that are masked look around."""
     radius = int(run.settings["radius_px"])
     _, weights = _taps(radius)
-    taps = run.keep(weights.tobytes(), lambda: run.upload(weights))
+    taps = run.keep(weights.tobytes(), lambda: run.put(weights))
     sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     planes = run.inputs["light"], run.inputs["mask"], taps, run.outputs["fill_masked"]
     held = TILT_REGULARISATION * (radius / 2) ** 2

@@ -1,7 +1,7 @@
-"""Read the height maps of many touches: the results of a stream, of a batch, or of a recording."""
+"""Read the height maps of many touches: results of a stream or batch, or a recording's."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -15,8 +15,6 @@ from tactograph.sdk import (
     PixelSize,
     Port,
     View,
-    bring,
-    brought,
     load,
     node,
     read_height_file,
@@ -68,11 +66,10 @@ def read_touches(
     Parameters
     ----------
     folder
-        Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or
-        holds ``.mcap`` files: heights, as `write_mcap` writes them, which state no pixel size, or
-        with a calibration frames, as `record` writes them.
+        Holds one folder per result, as `write_result` leaves them; or is the store of a batch; or,
+        with a calibration, holds frames, as `record` writes them.
     most : number of touches; of more, so many are taken, evenly spread
-    pixel_size_mm : for heights in ``.mcap`` files, and stores of graphs that put out no pixel size
+    pixel_size_mm : for stores of graphs that put out no pixel size
     calibration
         Of the sensor whose frames `folder` holds: `replay` makes heights of them, without errors.
 
@@ -83,13 +80,9 @@ def read_touches(
     """
     if (folder / RESULT_FILE).is_file():
         raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
-    read: Callable[..., Touches] = _read_results
     if calibration is not None:
         return _replayed(folder, most, calibration)
-    if (folder / "zarr.json").is_file():
-        read = _read_store
-    elif _stream_files(folder):
-        read = _read_recording
+    read = _read_store if (folder / "zarr.json").is_file() else _read_results
     touches = read(folder, most, pixel_size_mm)
     for name, height in zip(touches.names, touches.heights, strict=True):
         check_heights(height, folder / name, unknown=True)
@@ -105,7 +98,10 @@ def _spread(count: int, most: int, folder: Path, advice: str) -> list[int]:
 
 def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
-    advice = "give a folder that 'tactograph run reconstruct' wrote for a stream"
+    advice = (
+        "give a folder that 'tactograph run reconstruct' wrote for a stream, or a recording with "
+        "its sensor's `calibration`"
+    )
     results = [every[n] for n in _spread(len(every), most, folder, advice)]
     files = [result / "height.npy" for result in results]
     heights = [read_height_file(file).height for file in files]
@@ -155,26 +151,6 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     return _even(heights, errors, [view] * len(heights), pixel, names)
 
 
-def _read_recording(folder: Path, most: int, pixel: float | None) -> Touches:
-    """Heights in files of a format that a ring reads (its ``streams/EXT.py``)."""
-    files = _stream_files(folder)
-    reader = bring("streams", files[0].suffix[1:])
-    heights = reader.read_heights(files) if reader is not None else []
-    if pixel is None:
-        raise InputError(f"{folder}: states no pixel size; give `pixel_size_mm`=MM")
-    every = dict(enumerate(heights))
-    return _of_recording(every, most, pixel, folder, "no topic /height holds more")
-
-
-def _stream_files(folder: Path) -> list[Path]:
-    """The files of the first format of streams that a file or folder holds; none without one."""
-    suffixes = [f".{name}" for name in brought("streams")]
-    if folder.is_file():
-        return [folder] if folder.suffix in suffixes else []
-    held = (sorted(folder.glob(f"*{suffix}")) for suffix in suffixes)
-    return next((files for files in held if files), [])
-
-
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     """Heights of a recording's frames, at most twice `most` at a time; one warning of each kind."""
     graph = "replay_oneshot" if calibrated_film(calibration).one_shot else "replay"
@@ -196,15 +172,6 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
     for line in warnings_by_kind.values():
         warn(line)
-    return _of_recording(heights, most, pixel, folder, "record more touches")
-
-
-def _of_recording(
-    heights: dict[int, F4], most: int, pixel: float, folder: Path, advice: str
-) -> Touches:
-    """Heights by the number of their frame, whose errors nothing states."""
-    taken = [[*heights][n] for n in _spread(len(heights), most, folder, advice)]
-    if len({heights[n].shape for n in taken}) > 1:
-        raise InputError(f"{folder}: its heights differ in size")
+    taken = [[*heights][n] for n in _spread(len(heights), most, folder, "record more touches")]
     chosen = np.stack([heights[n] for n in taken])
     return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in taken])

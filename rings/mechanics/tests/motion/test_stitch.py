@@ -38,7 +38,6 @@ from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
-from tactograph.rings.recording.nodes.write_mcap import write_mcap
 from tests.fixtures import Calibration, Raytraced
 
 COUNT = 9
@@ -208,7 +207,7 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
 
 
 def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
-    job = Job("", "", "", {}, {}, "capture", ("height", "error"))
+    job = Job("", "", "", {}, {}, ("height", "error"))
     store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
     store.append(["touches/one", "touches/two"])
     kind = MapType(touches[0].shape[1:], "float32", "mm", ("H", "W"), PIXEL)
@@ -223,39 +222,20 @@ def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> 
     np.testing.assert_array_equal(found.errors, touches[1][:2])
 
 
-def test_heights_of_a_recording_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
-    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
-    for height in touches[0]:
-        touch = Touch(height, np.zeros((1, *height.shape), np.float32), PIXEL)
-        write_mcap(touch, folder=tmp_path, wait=True, provenance=made_by, session=session)
-    session.close()
-    found = read_touches(folder=tmp_path, most=3, pixel_size_mm=PIXEL)
-    assert found.names == ["00000", "00004", "00008"]
-    np.testing.assert_allclose(found.heights, touches[0][::4], atol=1e-6)
-    assert np.isnan(found.errors).all()
-    with pytest.raises(InputError, match="states no pixel size"):
-        read_touches(folder=tmp_path)
-
-
 def test_touches_through_a_lens_are_put_on_the_even_grid(
     touches: tuple[F4, F4], tmp_path: Path
 ) -> None:
-    """Results, and heights of a recording, as a camera near the film sees them."""
+    """Results as a camera near the film sees them."""
     view, height = (
         View(np.array([-0.03, 0.01, 0.02, -0.01, 0, 0.01, 0.02, 0.01], np.float32), 1 / 65),
         touches[0][0],
     )
     touch = Touch(height, np.ones((4, *height.shape), np.float32), PIXEL, view=view)
-    session, made_by = Session(), Provenance({"name": "toy"}, None, [], {}, {}, [], [])
+    made_by = Provenance({"name": "toy"}, None, [], {}, {}, [], [])
     for name in "a", "b":
-        folder, made = tmp_path / "results" / name, {"pictures": False}
-        write_result(touch, folder=folder, provenance=made_by, **made)
-        write_mcap(touch, folder=tmp_path / "log", provenance=made_by, session=session, wait=True)
-    session.close()
+        write_result(touch, folder=tmp_path / name, provenance=made_by, pictures=False)
     even, _ = on_even_grid(height, [], view.lens, 1 / 65)
-    for folder, pixel in ((tmp_path / "results", None), (tmp_path / "log", PIXEL)):
-        found = read_touches(folder=folder, pixel_size_mm=pixel).heights[1]
-        np.testing.assert_allclose(found, even, atol=1e-5)
+    np.testing.assert_allclose(read_touches(folder=tmp_path).heights[1], even, atol=1e-5)
 
 
 def test_frames_of_a_recording_become_one(
@@ -274,7 +254,7 @@ def test_frames_of_a_recording_become_one(
         record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
     session.close()
     given = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
-    with pytest.raises(InputError, match="holds frames, not heights; give the sensor's calib"):
+    with pytest.raises(InputError, match="or a recording with its sensor's"):
         list(open_pipeline("stitch", given).items())
     doubtful = tmp_path / "cal.npz"
     with np.load(calibration("near33")) as file:

@@ -1,6 +1,8 @@
 """Height maps in micrometres, as surfalize, a package for surface metrology, takes them."""
 
 import importlib
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,8 @@ from numpy.typing import NDArray
 
 from tactograph.sdk import Height, need
 from tactograph.sdk.unstable import UM_PER_MM
+
+METRES_PER_UM = 1e-6
 
 
 def surfalize() -> Any:
@@ -27,3 +31,9 @@ def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | No
     return surfalize().Surface(
         UM_PER_MM * height.astype(np.float64), UM_PER_MM * pixel, UM_PER_MM * pixel, mask=left_out
     )
+
+
+def surface_in_metres(file: Path) -> Sequence[Any]:
+    """Width and length of a pixel, and the heights, of a file that surfalize reads."""
+    surface = surfalize().Surface.load(str(file))
+    return tuple(METRES_PER_UM * each for each in (surface.step_x, surface.step_y, surface.data))

@@ -1,1 +1,0 @@
-"""Streams of touches, by the suffix of their files."""
