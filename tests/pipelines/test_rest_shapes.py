@@ -212,7 +212,7 @@ def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
 def test_a_ray_traced_dome_is_calibrated_and_measured(
     rig: str, quick_um: float, careful_um: float, tmp_path: Path
 ) -> None:
-    scene = SHARED / "data/raytraced" / rig
+    scene = SHARED / "raytraced" / rig
     if not scene.is_dir():
         pytest.skip("the ray-traced domes are not here")
     for press in ("calibration", "calibration_off", "calibration_left"):
