@@ -7,10 +7,11 @@ Long because light, heights and what must hold of them are one system of equatio
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
+from annotated_types import Gt
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
@@ -110,7 +111,7 @@ def film_of_objects(
     flat: Light,
     pixel: PixelSize,
     *,
-    camera_mm: float | None = None,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FilmOfObjects:
     """Return the LEDs and the film that make one surface of each press.
