@@ -7,6 +7,7 @@ Long because light, heights and what must hold of them are one system of equatio
 """
 
 import math
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import cv2
@@ -26,20 +27,12 @@ from tactograph.nodes import (
     PixelSize,
     ScaleError,
 )
-from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
-from tactograph.nodes.calibrate.film._film_at_rest import rest_left
-from tactograph.nodes.calibrate.film._film_misfit import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.film._film_unknowns import (
-    EMISSION_UNKNOWN,
-    SHARED_UNKNOWNS,
-    USUAL_NEARNESS,
-)
 from tactograph.nodes.calibrate.film.fit_film import stored
 from tactograph.nodes.calibrate.lights.light_fit import places_within, positions
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import matt_film, predict
+from tactograph.nodes.optics.film import matt_film, predict, rest_light
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -53,7 +46,7 @@ FIRST_SLANT = 0.65
 """Tangent of an LED's slant from which the search starts."""
 MAX_SLOPE, MIN_RISE = 3.0, 0.05
 """Steepest slope, and least n_z."""
-FIRST_ROUNDS, ROUNDS = 8, 4
+FIRST_ROUNDS, LATER_ROUNDS = 8, 4
 """Rounds in which heights and the light from film to film are found, at first and later."""
 MAX_TURNS, MAX_STEPS, MAX_CHANGE = 14, 4, 0.03
 """Most turns of heights and LEDs, steps of each, and the change, in units, that ends them."""
@@ -63,7 +56,28 @@ DOUBTFUL_SCALE = 0.03
 """Relative error of the heights' scale from which it is doubted."""
 DERIVATIVE_STEP = 1e-3
 """Relative step of derivatives, above what heights in 32 bits resolve."""
-COAT = "albedo", "roughness", "refraction"
+USUAL_NEARNESS = 0.2
+"""Widths of the image over the distance of an LED."""
+BOUNCE_ERROR = 0.015
+"""Relative error of the light from film to film."""
+
+
+class Usual(NamedTuple):
+    """A parameter that all LEDs share: where the search starts, how far it may be, and bounds."""
+
+    start: float
+    spread: float
+    low: float
+    high: float
+
+
+EMISSION_RANGE = Usual(0.0, 0.7, -1.0, 4.0)
+"""Of m: an LED that faces the middle of the film emits as cos^m of the angle from its axis."""
+COAT_RANGES = {
+    "albedo": Usual(0.5, 0.4, 0.0, 0.95),
+    "roughness": Usual(0.25, 0.15, 0.08, 0.6),
+    "refraction": Usual(1.5, 0.05, 1.3, 1.6),
+}
 
 
 class FilmOfObjects(NamedTuple):
@@ -146,7 +160,7 @@ def film_of_objects(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     scene = _Scene(presses, rest, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)
-    coat = np.r_[matt.x, [SHARED_UNKNOWNS[name].start for name in COAT]]
+    coat = np.r_[matt.x, [usual.start for usual in COAT_RANGES.values()]]
     best = min(matt, _solved(scene, coat, coated=True), key=lambda found: found.cost)
     return _stated(scene, best)
 
@@ -165,48 +179,46 @@ def _start(scene: _Scene) -> F8:
     grows = np.linalg.lstsq(plane, rest.logarithm.T, rcond=None)[0][:2].T
     ways = FIRST_SLANT * grows / np.linalg.norm(grows, axis=1, keepdims=True)
     nearness = np.full(len(ways), USUAL_NEARNESS / scene.width)
-    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_UNKNOWN.start]
+    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_RANGE.start]
 
 
 def _units(scene: _Scene, unknowns: F8) -> F8:
     """How far an unknown is expected to move."""
     leds = np.tile([0.1, 0.1, USUAL_NEARNESS / scene.width / 2], len(scene.presses[0]))
-    spreads = [EMISSION_UNKNOWN.spread, *(SHARED_UNKNOWNS[name].spread for name in COAT)]
+    spreads = [usual.spread for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
     return np.r_[leds, spreads][: unknowns.size]
 
 
-def _film(scene: _Scene, unknowns: F8) -> Fitted:
+def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
-    emission, *coat = unknowns[3 * count :]
-    leds = np.column_stack(
-        [unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, emission)]
-    )
-    film = matt_film(positions(leds))._replace(camera=scene.camera, rim=USUAL_RIM_MM)
+    coat = unknowns[3 * count + 1 :].tolist()
+    film = matt_film(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
     if coat:
-        film = film._replace(base=coat[0], **dict(zip(COAT, coat, strict=True)))
-    return Fitted(leds, film, np.zeros((0, 3)), LIGHT_ERROR)
+        film = film._replace(base=coat[0], **dict(zip(COAT_RANGES, coat, strict=True)))
+    return film
 
 
 def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
     """Heights and LEDs in turn."""
     units = _units(scene, unknowns)
-    about = [EMISSION_UNKNOWN, *(SHARED_UNKNOWNS[name] for name in COAT)][: 4 if coated else 1]
+    about = [EMISSION_RANGE, *COAT_RANGES.values()] if coated else [EMISSION_RANGE]
     free = np.full(unknowns.size - len(about), np.inf)
     bounds = np.r_[-free, [u.low for u in about]], np.r_[free, [u.high for u in about]]
     nothing = [_State(0 * p[0], 0 * p[:2], 0 * p) for p in scene.presses]
     states, rounds = nothing, FIRST_ROUNDS
     for _ in range(MAX_TURNS):
-        fitted = _film(scene, unknowns)
+        film = _film(scene, unknowns)
         states = [
-            _raised(scene, press, state, fitted.film, rounds)
+            _raised(scene, press, state, film, rounds)
             for press, state in zip(scene.presses, states, strict=True)
         ]
         found = least_squares(
-            lambda tried, at=states: _left(scene, tried, at),
-            unknowns, loss="soft_l1", x_scale=units, bounds=bounds, max_nfev=MAX_STEPS,
-            diff_step=DERIVATIVE_STEP,
+            partial(_left, scene), unknowns, args=(states,), loss="soft_l1", x_scale=units,
+            bounds=bounds, max_nfev=MAX_STEPS, diff_step=np.full(unknowns.size, DERIVATIVE_STEP),
         )  # fmt: skip
-        change, unknowns, rounds = np.abs((found.x - unknowns) / units).max(), found.x, ROUNDS
+        change, unknowns = np.abs((found.x - unknowns) / units).max(), found.x
+        rounds = LATER_ROUNDS
         if change < MAX_CHANGE:
             break
     return found
@@ -231,8 +243,8 @@ def _matt(scene: _Scene, press: F8, state: _State, film: Film, vectors: F8) -> F
     p, q = state.slope
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     nearer = 1 - scene.camera * state.height
-    at = ((part * nearer).ravel() for part in (u, v))
-    made = predict(film, n.reshape(3, -1), *at, state.height.ravel()).reshape(press.shape)
+    x, y, z = (u * nearer).ravel(), (v * nearer).ravel(), state.height.ravel()
+    made = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
     direct = np.einsum("kihw,ihw->khw", vectors, n)
     return np.asarray(press - film.albedo * state.bounced - (made - direct))
 
@@ -260,7 +272,8 @@ def _raised(scene: _Scene, press: F8, state: _State, film: Film, rounds: int) ->
         n, _ = _normals(_matt(scene, press, state, film, vectors), press, vectors)
         z, slope = _height(scene, n)
         # Half way to the height's own slopes: a coat's light under spoilt ones is far off.
-        slope = (slope + np.stack(np.gradient(z, scene.pixel)[::-1])) / 2
+        down, right = np.gradient(z, scene.pixel)
+        slope = (slope + np.stack([right, down])) / 2
         state = _State(z, slope, (state.bounced + _bounced(scene, press, z, film)) / 2)
     return state
 
@@ -276,19 +289,18 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
 
 def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     """What LEDs and film leave unexplained, in standard deviations."""
-    fitted = _film(scene, unknowns)
-    units, count = _units(scene, unknowns), len(scene.presses[0])
-    about = [EMISSION_UNKNOWN.start, *(SHARED_UNKNOWNS[name].start for name in COAT)]
+    film, count = _film(scene, unknowns), len(scene.presses[0])
+    about = [usual.start for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
     shared = unknowns[3 * count :]
     usual = USUAL_NEARNESS / scene.width
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
-        (shared - about[: shared.size]) / units[3 * count :],
-        _own(rest_left(scene.rest, fitted)).ravel() / FLAT_ERROR,
+        (shared - about[: shared.size]) / _units(scene, unknowns)[3 * count :],
+        _fall_off(scene.rest, film, shared[0]).ravel() / FLAT_ERROR,
     ]
     for press, state in zip(scene.presses, states, strict=True):
-        vectors = _vectors(scene, fitted.film, state.height)
-        n, left = _normals(_matt(scene, press, state, fitted.film, vectors), press, vectors)
+        vectors = _vectors(scene, film, state.height)
+        n, left = _normals(_matt(scene, press, state, film, vectors), press, vectors)
         z, (p, q) = _height(scene, n)
         length = np.sqrt(np.square(n).sum(axis=0)) - 1
         parts += [left.ravel() / LIGHT_ERROR, length.ravel() / LIGHT_ERROR]
@@ -299,14 +311,22 @@ def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     return np.concatenate(parts)
 
 
-def _own(left: F8) -> F8:
-    """Without each LED's strength, which the flat frame does not tell."""
+def _fall_off(rest: Rest, film: Film, emission: float) -> F8:
+    """What the LEDs leave of the flat frame's logarithm, without their strengths: K x M."""
+    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
+    high = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
+    cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
+    model = np.log(rest_light(film, rest.x, rest.y)) + emission * np.log(
+        np.maximum(cosine, MIN_RISE)
+    )
+    left = rest.logarithm - (model - model.mean(axis=0))
     return np.asarray(left - left.mean(axis=1, keepdims=True))
 
 
 def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
     """The film, and how well it is known."""
-    film, count = _film(scene, found.x).film, len(scene.presses[0])
+    film, count = _film(scene, found.x), len(scene.presses[0])
     independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
     variance = 2 * found.cost / found.fun.size * max(1, found.fun.size / independent)
     spread = variance * np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
@@ -324,6 +344,6 @@ def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
-    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
+    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, BOUNCE_ERROR, 0], np.float32)
     film = stored(film)._replace(others=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)
