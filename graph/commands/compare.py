@@ -75,16 +75,15 @@ def command(
     )
 
     if former_report is None:
-        values = [word for word in words if "=" in word]
         out = out or Path("report")
-        _compare(_read_study(words, out, repeats=repeats, **choices), values, out, columns)
+        _compare(_read_study(words, out, repeats=repeats, **choices), out, columns)
         return
     if words or any(choices.values()) or repeats > 1:
         raise InputError("--again repeats what was recorded; it goes with --out and --columns only")
     then = read_record(former_report)
     former = read_rows(former_report)
     folder = out or former_report.with_name(f"{former_report.resolve().name}_again")
-    rows, now = _compare(study_again(then, former_report), then.values, folder, columns)
+    rows, now = _compare(study_again(then, former_report), folder, columns)
     for line in what_changed(then, now):
         say(f"changed: {line}")
     say(deviation(former, rows))
@@ -106,10 +105,8 @@ def _read_study(
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.files.captures_in import captures_in
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
-    from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.open_pipeline import refuse_to_write_over
 
-    values = [word for word in words if "=" in word]
     others = [word for word in words if "=" not in word]
     folders = [*over, *(Path(word) for word in others if Path(word).is_dir())]
     names = [word for word in others if not Path(word).is_dir()]
@@ -122,7 +119,7 @@ def _read_study(
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
     return Study(
         graphs=graphs,
-        given={graph.name: read_words(graph, values) for graph in graphs},
+        values=[word for word in words if "=" in word],
         captures=captures,
         backends=_read_backends(backends),
         device=device,
@@ -141,9 +138,7 @@ def _read_backends(text: str | None) -> list[str | None]:
     return [*names]
 
 
-def _compare(
-    study: Study, values: Sequence[str], out: Path, columns: str | None
-) -> tuple[list[Row], Record]:
+def _compare(study: Study, out: Path, columns: str | None) -> tuple[list[Row], Record]:
     from tactograph.graph.extras import need
 
     need("report", "the report of a comparison", "jinja2")
@@ -153,7 +148,7 @@ def _compare(
 
     study.check()
     rows = _run_all(study, out)
-    record = make_record(study, values, rows, sys.argv[1:])
+    record = make_record(study, rows, sys.argv[1:])
     write_tables(rows, out)
     write_record(record, study, out)
     width = shutil.get_terminal_size((160, 24)).columns

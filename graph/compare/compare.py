@@ -6,6 +6,7 @@ Nothing here knows optics: a row holds the figures among a graph's outputs.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from statistics import fmean
@@ -21,6 +22,7 @@ from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.typed_values import read_words
 from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -32,16 +34,21 @@ REPEATS_PER_ITEM = 3
 
 @dataclass(frozen=True)
 class Study:
-    """The settings of a comparison, which decide its runs."""
+    """The settings of a comparison, which decide its runs; `values` are ``name=value`` words."""
 
     graphs: Sequence[Graph]
-    given: Mapping[str, Mapping[str, Any]]
+    values: Sequence[str] = ()
     captures: Sequence[Path] = ()
     backends: Sequence[str | None] = (None,)
     device: str | None = None
     sweeps: Sequence[Sweep] = ()
     seed: str | None = None
     repeats: int = 1
+
+    @cached_property
+    def given(self) -> dict[str, dict[str, Any]]:
+        """The values of each graph's params, by its name.  Raises what `read_words` does."""
+        return {graph.name: read_words(graph, self.values) for graph in self.graphs}
 
     def check(self) -> None:
         """Refuse a comparison that cannot be run.

@@ -17,7 +17,6 @@ from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.typed_values import read_words
 
 RECORD_FILE = "report.json"
 RECORD_FORMAT = 1
@@ -44,15 +43,13 @@ class Record:
     format: int = RECORD_FORMAT
 
 
-def make_record(
-    study: Study, values: Sequence[str], rows: Sequence[Row], argv: list[str]
-) -> Record:
+def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> Record:
     """Describe a comparison that has been run."""
     return Record(
         command=shlex.join(["tactograph", *argv]),
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         graphs={graph.name: graph.hash for graph in study.graphs},
-        values=_absolute(study, values),
+        values=_absolute(study),
         captures=[str(capture.resolve()) for capture in study.captures],
         capture_hashes={capture.name: content_hash(capture) for capture in study.captures},
         backends=list(study.backends),
@@ -129,7 +126,7 @@ def study_again(record: Record, folder: Path) -> Study:
         raise InputError(f"{gone[0]}: the capture is no longer there")
     return Study(
         graphs=graphs,
-        given={graph.name: read_words(graph, record.values) for graph in graphs},
+        values=record.values,
         captures=[Path(capture) for capture in record.captures],
         backends=record.backends,
         device=record.device,
@@ -174,10 +171,10 @@ def _pairs(then: Mapping[str, str], now: Mapping[str, str]) -> list[tuple[str, s
     return [(n, then.get(n, ""), now.get(n, "")) for n in dict.fromkeys([*then, *now])]
 
 
-def _absolute(study: Study, values: Sequence[str]) -> list[str]:
+def _absolute(study: Study) -> list[str]:
     """The ``name=value`` words with paths that hold from any folder."""
     words = []
-    for word in values:
+    for word in study.values:
         name, _, text = word.partition("=")
         is_path = any(g.params[name].kind == "path" for g in study.graphs if name in g.params)
         words.append(f"{name}={Path(text).resolve()}" if is_path else word)

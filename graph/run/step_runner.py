@@ -94,7 +94,8 @@ class StepRunner:
         task = self.plan.tasks[step.name]
         sized = self._around(task, known)
         if step.kind == "fill":
-            shapes = self._fill(task, step, sized)
+            self.side("device" if step.on_device else "host").fill(task, sized.sizes)
+            self.times[task.id], shapes = 0.0, {}
         elif step.on_device:
             assert self.device is not None
             shapes = self.device.launch(task, step, sized.sizes)
@@ -152,11 +153,6 @@ class StepRunner:
         sized = self.plan.sizes.around(task, known, self._sized.get(task.id))
         self._sized[task.id] = sized
         return sized
-
-    def _fill(self, task: Task, step: Step, sized: Sized) -> Shapes:
-        self.side("device" if step.on_device else "host").fill(task, sized.sizes)
-        self.times[task.id] = 0.0
-        return {}
 
     def _call(self, task: Task, step: Step, sized: Sized) -> Shapes:
         """Call a node's function."""

@@ -1,16 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "group.clh"
-
-// The place of the j-th pixel of the border: top, bottom, and both ends of the rows between.
-static int on_border(const int j, const int H, const int W, const int border)
-{
-    const int across = border * W;
-    if (H <= 2 * border || W <= 2 * border || j < across) return j;
-    if (j < 2 * across) return (H - border) * W + j - across;
-    const int end = (j - 2 * across) % (2 * border), row = border + (j - 2 * across) / (2 * border);
-    return row * W + (end < border ? end : W - 2 * border + end);
-}
+#include "ring.clh"
 
 LANED __kernel ONE_GROUP void border_median(
     __global const float *restrict height,
@@ -20,9 +11,9 @@ LANED __kernel ONE_GROUP void border_median(
     const int border)
 {
     SHARED float parts[GROUP];
-    const int inner = max(H - 2 * border, 0) * max(W - 2 * border, 0), size = H * W - inner;
+    const int size = ring_size(H, W, border);
     for (int j = PLACE_IN_GROUP; j < size; j += GROUP)
-        values[j] = height[on_border(j, H, W, border)];
+        values[j] = height[on_ring(j, H, W, border)];
     barrier(CLK_GLOBAL_MEM_FENCE);
     const float found = group_median(values, size, parts);
     if (PLACE_IN_GROUP == 0) median[0] = found;

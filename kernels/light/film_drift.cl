@@ -6,6 +6,7 @@
 #include "cells.clh"
 #include "group.clh"
 #include "drift.clh"
+#include "ring.clh"
 
 #define DRIFT_TERMS 6
 #define TERM_PAIRS 21
@@ -198,10 +199,10 @@ static ONCE float border_level(
     SHARED float *parts)
 {
     const int H = film->H, W = film->W;
-    const int size = ring_size(H, W);
+    const int size = ring_size(H, W, 1);
     const float scale = 2.0f / (float)W;
     for (int j = PLACE_IN_GROUP; j < size; j += GROUP) {
-        const int at = on_ring(j, H, W), row = at / W;
+        const int at = on_ring(j, H, W, 1), row = at / W;
         const float u = ((float)(at - row * W) - 0.5f * (float)(W - 1)) * scale;
         const float v = ((float)row - 0.5f * (float)(H - 1)) * scale;
         const float gain =

@@ -5,6 +5,7 @@
 
 #define MIN_TESTED_SLOPE 0.1f
 #define BLOCK_PX 16
+#define MAX_LEDS 8
 #define LIGHT_NOISE_SHARE 0.01f
 
 // The residual of the light under a normal and the film's brightness, and 1 where all LEDs are used
@@ -25,20 +26,19 @@ LANED __kernel void leave(
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
     floats x, y;
     places(at, H, W, pixel, &x, &y);
-    floats along = 0.0f, whole = 0.0f;
+    floats shown[MAX_LEDS], departs[MAX_LEDS], along = 0.0f, whole = 0.0f;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats shown = (v.z - v.x * p - v.y * q) * nz;
-        along += shown * (load_floats(light + k * size + at, count) - shown);
-        whole += shown * shown;
+        shown[k] = (v.z - v.x * p - v.y * q) * nz;
+        departs[k] = load_floats(light + k * size + at, count) - shown[k];
+        along += shown[k] * departs[k];
+        whole += shown[k] * shown[k];
     }
     const float noise = LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE;
     const floats brighter = along * brightness_share(whole, noise, uneven);
     for (int k = 0; k < K; ++k) {
-        const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats shown = (v.z - v.x * p - v.y * q) * nz;
-        const floats departs = load_floats(light + k * size + at, count) - shown;
-        store_floats(tells ? departs - brighter * shown : none, left + k * size + at, count);
+        const floats rest = departs[k] - brighter * shown[k];
+        store_floats(tells ? rest : none, left + k * size + at, count);
     }
     store_floats(tells ? one : none, counts + at, count);
 }
@@ -64,16 +64,4 @@ LANED __kernel void add_blocks(
         }
     total[row * columns + column] = sum_of_lanes(product) / (float)K;
     known[row * columns + column] = sum_of_lanes(pairs);
-}
-
-__kernel void give(
-    __global float *restrict misfit, const float level, const float width, const float light,
-    const float bounce, const float tilt)
-{
-    GRID_1(i, 1)
-    misfit[0] = level;
-    misfit[1] = width;
-    misfit[2] = light;
-    misfit[3] = bounce;
-    misfit[4] = tilt;
 }

@@ -108,12 +108,6 @@ static Vector chosen_of(const ints first, const Vector a, const Vector b)
     return c;
 }
 
-static Vector scaled(const Vector n, const floats by)
-{
-    const Vector s = {n.x * by, n.y * by, n.z * by};
-    return s;
-}
-
 static Vector unit(const Vector n)
 {
     return scaled(n, 1.0f / (sqrt(dot_of(n, n)) + MIN_DIVISOR));

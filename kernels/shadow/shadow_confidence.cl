@@ -1,26 +1,9 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
-#include "border.clh"
+#include "label_edges.clh"
 
 #define MIN_EXPECTED_LIGHT 0.02f
-
-// The LEDs whose label varies among the pixels within `reach` along each axis.
-static ints edges(
-    __global const uchar *labels, const int y, const int x, const int count, const int H,
-    const int W, const int reach)
-{
-    ints some = 0, every = 255;
-    for (int dy = -reach; dy <= reach; ++dy) {
-        __global const uchar *row = labels + clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -reach; dx <= reach; ++dx) {
-            const ints there = load_bytes_within_border(row, x + dx, count, W, REPLICATE);
-            some |= there;
-            every &= there;
-        }
-    }
-    return some & ~every;
-}
 
 // The share of the expected light that is present, less a half; noisy light counts less.
 static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)

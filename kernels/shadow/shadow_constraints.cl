@@ -2,6 +2,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
+#include "bilinear.clh"
 
 #define HALF_LIGHT 0.5f
 #define MIN_EXPECTED_LIGHT 0.02f
@@ -69,35 +70,6 @@ __kernel void lit_part(
     }
 }
 
-// Four pixels around a point of the frame, and its place between them.
-typedef struct {
-    int a, b, c, d;
-    float u, v;
-} Around;
-
-static Around around(const float x, const float y, const int H, const int W)
-{
-    const int left = (int)x, upper = (int)y;
-    const int right = min(left + 1, W - 1), lower = min(upper + 1, H - 1);
-    const Around found = {
-        upper * W + left, upper * W + right, lower * W + left, lower * W + right,
-        x - (float)left, y - (float)upper};
-    return found;
-}
-
-static float between(
-    const Around at, const float a, const float b, const float c, const float d)
-{
-    const float above = a * (1.0f - at.u) + b * at.u;
-    const float below = c * (1.0f - at.u) + d * at.u;
-    return above * (1.0f - at.v) + below * at.v;
-}
-
-static float part_at(__global const float *part, const Around at)
-{
-    return between(at, part[at.a], part[at.b], part[at.c], part[at.d]);
-}
-
 static int are_dark(__global const uchar *shadow, const int k, const Around at)
 {
     return (shadow[at.a] & shadow[at.b] & shadow[at.c] & shadow[at.d]) >> k & 1;
@@ -128,13 +100,13 @@ static float2 march(
     const float row, const float ux, const float uy, const int H, const int W, const float step_,
     const float longest)
 {
-    float end = HALF_LIGHT, before = part_at(part, around(column, row, H, W));
+    float end = HALF_LIGHT, before = bilinear(part, around(column, row, H, W));
     for (float t = step_; t <= longest; t += step_) {
         const float x = column + ux * t, y = row + uy * t;
         if (!(x >= 0.0f && x <= (float)(W - 1) && y >= 0.0f && y <= (float)(H - 1))) break;
         const Around at = around(x, y, H, W);
         if (t - step_ < MAX_END_PX) {
-            const float now = part_at(part, at);
+            const float now = bilinear(part, at);
             if (now < HALF_LIGHT && before >= HALF_LIGHT) {
                 const float back = step_ * (HALF_LIGHT - now) / fmax(before - now, 1e-6f);
                 end = clamp(t - back, 0.0f, MAX_END_PX);
@@ -218,13 +190,13 @@ __kernel void measure(
     for (int k = 0; k < K; ++k) counts[k * H * across + n] = found[k];
 }
 
-// The measurements of all spans without gaps; those of a span end at `ends`.
+// The measurements of all spans without gaps, from the film at rest; those of a span end at `ends`.
 __kernel void gather_spans(
     __global const int *restrict top_of, __global const int *restrict foot_of,
     __global const float *restrict rise_of, __global const int *restrict counts,
-    __global const int *restrict ends, __global int *restrict top, __global int *restrict foot,
-    __global float *restrict rise, __global uchar *restrict led, const int K, const int H,
-    const int W, const int span)
+    __global const int *restrict ends, __global const float *restrict rest,
+    __global int *restrict top, __global int *restrict foot, __global float *restrict rise,
+    __global uchar *restrict led, const int K, const int H, const int W, const int span)
 {
     const int across = (W + span - 1) / span;
     GRID_1(n, K * H * across)
@@ -234,6 +206,7 @@ __kernel void gather_spans(
         top[at + c] = top_of[from + c];
         foot[at + c] = foot_of[from + c];
         rise[at + c] = rise_of[from + c];
+        if (rest) rise[at + c] -= rest[top[at + c]] - rest[foot[at + c]];
         led[at + c] = line / H + 1;
     }
 }

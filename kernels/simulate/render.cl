@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "extent.clh"
+#include "bilinear.clh"
 #define reals float
 #include "coat.clh"
 
@@ -20,7 +21,7 @@ typedef struct {
     float p, q, norm;
 } Spot;
 
-// From a spot towards an LED, mm (unit length if distant).
+// From a spot towards an LED, mm.
 typedef struct {
     float x, y, z, length;
 } Ray;
@@ -44,24 +45,6 @@ float slope_y(const Surface s, const int x, const int y)
                       s.pixel);
 }
 
-// Bilinear interpolation between four values at a fraction of the way.
-float mixed(const float a, const float b, const float c, const float d, const float fx,
-            const float fy)
-{
-    const float upper = a + fx * (b - a), lower = c + fx * (d - c);
-    return upper + fy * (lower - upper);
-}
-
-// The height at a point inside the image.
-float interpolated(const Surface s, const float x, const float y)
-{
-    const int left = (int)x, top = (int)y;
-    const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
-    return mixed(s.height[top * s.W + left], s.height[top * s.W + right],
-                 s.height[bottom * s.W + left], s.height[bottom * s.W + right],
-                 x - (float)left, y - (float)top);
-}
-
 Spot spot_at(const Surface s, const float column, const float row)
 {
     Spot spot;
@@ -69,14 +52,14 @@ Spot spot_at(const Surface s, const float column, const float row)
     spot.row = clamp(row, 0.0f, (float)(s.H - 1));
     const int left = (int)spot.column, top = (int)spot.row;
     const int right = min(left + 1, s.W - 1), bottom = min(top + 1, s.H - 1);
-    const float fx = spot.column - (float)left, fy = spot.row - (float)top;
+    const Around at = around(spot.column, spot.row, s.H, s.W);
     spot.x = (spot.column - 0.5f * (float)(s.W - 1)) * s.pixel;
     spot.y = (spot.row - 0.5f * (float)(s.H - 1)) * s.pixel;
-    spot.z = interpolated(s, spot.column, spot.row);
-    spot.p = mixed(slope_x(s, left, top), slope_x(s, right, top), slope_x(s, left, bottom),
-                   slope_x(s, right, bottom), fx, fy);
-    spot.q = mixed(slope_y(s, left, top), slope_y(s, right, top), slope_y(s, left, bottom),
-                   slope_y(s, right, bottom), fx, fy);
+    spot.z = bilinear(s.height, at);
+    spot.p = between(at, slope_x(s, left, top), slope_x(s, right, top),
+                     slope_x(s, left, bottom), slope_x(s, right, bottom));
+    spot.q = between(at, slope_y(s, left, top), slope_y(s, right, top),
+                     slope_y(s, left, bottom), slope_y(s, right, bottom));
     spot.norm = sqrt(1.0f + spot.p * spot.p + spot.q * spot.q);
     return spot;
 }
@@ -89,34 +72,31 @@ float outside(const float foot, const int size, const float pixel)
 
 typedef struct {
     float alpha, index, albedo, camera_mm;
+    __global const float *let_in;
 } Coat;
 
 // Irradiance of the flat film under an LED, at the image point nearest to the LED's foot.
-float flat_irradiance(const Surface s, const float x, const float y, const float z,
-                      const int distant)
+float flat_irradiance(const Surface s, const float x, const float y, const float z)
 {
-    if (distant)
-        return z / sqrt(x * x + y * y + z * z);
     const float dx = outside(x, s.W, s.pixel), dy = outside(y, s.H, s.pixel);
     const float square = dx * dx + dy * dy + z * z;
     return z / (square * sqrt(square));
 }
 
 // The exposure: `level` divided by the largest flat irradiance.
-float exposure(const Surface s, __global const float *lights, const int K, const int distant,
-               const float level)
+float exposure(const Surface s, __global const float *lights, const int K, const float level)
 {
     float brightest = 0.0f;
     for (int k = 0; k < K; k++)
-        brightest = fmax(brightest, flat_irradiance(s, lights[3 * k], lights[3 * k + 1],
-                                                    lights[3 * k + 2], distant));
+        brightest = fmax(
+            brightest, flat_irradiance(s, lights[3 * k], lights[3 * k + 1], lights[3 * k + 2]));
     return level / brightest;
 }
 
 // Ray to point i of `count` on sunflower spirals over an LED's disk, which faces the middle of the
 // film or lies parallel to it.  Points come in opposite pairs; an odd one lies at the centre.
 Ray towards(const Spot spot, __global const float *led, const float size_mm, const int i,
-            const int count, const int distant, const int facing)
+            const int count, const int facing)
 {
     const int odd = count % 2, pair = (i + odd) / 2;
     const float side = (i + odd) % 2 ? -1.0f : 1.0f;
@@ -136,13 +116,7 @@ Ray towards(const Spot spot, __global const float *led, const float size_mm, con
         x += u;
         y += v;
     }
-    Ray ray;
-    if (distant) {
-        const float far = sqrt(x * x + y * y + z * z);
-        ray.x = x / far, ray.y = y / far, ray.z = z / far;
-    } else {
-        ray.x = x - spot.x, ray.y = y - spot.y, ray.z = z - spot.z;
-    }
+    Ray ray = {x - spot.x, y - spot.y, z - spot.z, 0.0f};
     ray.length = sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z);
     return ray;
 }
@@ -180,8 +154,8 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
     const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
         * masking(lit, coat.alpha) * masking(seen, coat.alpha);
-    const float matt =
-        n_l * let_in(lit, coat.alpha, coat.index) * let_in(seen, coat.alpha, coat.index);
+    const float matt = n_l * let_in_by(coat.let_in, fmax(lit, MIN_COSINE))
+        * let_in_by(coat.let_in, fmax(seen, MIN_COSINE));
     return matt + mirrored * PI_ / (4.0f * coat.albedo * seen);
 }
 
@@ -198,21 +172,20 @@ float highlight(const Spot spot, const Ray ray, const float gloss, const float s
 }
 
 // Whether a ray reaches its end without meeting the surface.
-int unobstructed(const Surface s, const Spot spot, const Ray ray, const int distant,
-                 const float step)
+int unobstructed(const Surface s, const Spot spot, const Ray ray, const float step)
 {
     const float start = spot.z + LIFT_PX * s.pixel;
     const float across = fmax(sqrt(ray.x * ray.x + ray.y * ray.y), 1e-6f);
     const float dx = ray.x / across * step, dy = ray.y / across * step;
     const float dz = ray.z / across * step * s.pixel;
     const float right = (float)(s.W - 1), bottom = (float)(s.H - 1);
-    // A ray ends at the LED; rays to a distant LED end at the border of the image.
-    const float last = distant ? INFINITY : across / (step * s.pixel);
+    // A ray ends at the LED.
+    const float last = across / (step * s.pixel);
     for (float i = 1.0f; i < last; i += 1.0f) {
         const float x = spot.column + i * dx, y = spot.row + i * dy, z = start + i * dz;
         if (z > s.top || x < 0.0f || x > right || y < 0.0f || y > bottom)
             return 1;
-        if (interpolated(s, x, y) > z)
+        if (bilinear(s.height, around(x, y, s.H, s.W)) > z)
             return 0;
     }
     return 1;
@@ -230,18 +203,19 @@ __kernel void render(
     const float pixel,
     __global const float *restrict lights,
     __global const float *restrict extent,
+    __global const float *let_in_curve,
     __global float *restrict light,
     __global uchar *restrict labels,
     const int H, const int W, const int K,
-    const int distant, const float level, const float gloss, const float shininess,
+    const float level, const float gloss, const float shininess,
     const float led_size_mm, const int rays, const int samples, const float step_px,
     const int cosine_leds, const float coat_alpha, const float refractive_index,
     const float albedo, const float camera_mm)
 {
     GRID_2(y, x, H, W)
     const Surface surface = {height, H, W, pixel, extent[0]};
-    const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm};
-    const float gain = exposure(surface, lights, K, distant, level);
+    const Coat coat = {coat_alpha, refractive_index, albedo, camera_mm, let_in_curve};
+    const float gain = exposure(surface, lights, K, level);
     const int points = led_size_mm > 0.0f ? rays : 1;
     const int count = samples * samples * points;
     uchar label = 0;
@@ -253,15 +227,15 @@ __kernel void render(
                 const Spot spot = spot_at(surface, (float)x + offset(i, samples),
                                           (float)y + offset(j, samples));
                 for (int n = 0; n < points; n++) {
-                    const Ray ray = towards(spot, lights + 3 * k, led_size_mm, n, points, distant,
-                                            cosine_leds);
+                    const Ray ray =
+                        towards(spot, lights + 3 * k, led_size_mm, n, points, cosine_leds);
                     const float n_l = cosine(spot, ray);
-                    if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, distant, step_px))
+                    if (!(n_l > 0.0f) || !unobstructed(surface, spot, ray, step_px))
                         continue;
                     const float radiance = coat_alpha > 0.0f
                         ? coated(spot, ray, n_l, coat)
                         : n_l + highlight(spot, ray, gloss, shininess);
-                    float falloff = distant ? 1.0f : 1.0f / (ray.length * ray.length);
+                    float falloff = 1.0f / (ray.length * ray.length);
                     if (cosine_leds)
                         falloff *= emitted(lights + 3 * k, ray);
                     total += radiance * falloff;

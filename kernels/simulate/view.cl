@@ -1,5 +1,6 @@
 #include "common.clh"
 #include "extent.clh"
+#include "bilinear.clh"
 
 #define BISECTION_STEPS 24
 
@@ -9,31 +10,11 @@ typedef struct {
     float camera_mm;
 } Scene;
 
-// The four pixels around a point of an image, and its position between them.
-typedef struct {
-    int left, right, upper, lower;
-    float x, y;
-} Between;
-
-Between between(const float x, const float y, const int H, const int W)
+// The value at a point; beyond the image its border repeats.
+static float value_at(__global const float *plane, const float2 at, const int H, const int W)
 {
-    Between b;
-    b.left = (int)clamp(floor(x), 0.0f, (float)(W - 1));
-    b.upper = (int)clamp(floor(y), 0.0f, (float)(H - 1));
-    b.right = min(b.left + 1, W - 1);
-    b.lower = min(b.upper + 1, H - 1);
-    b.x = clamp(x - (float)b.left, 0.0f, 1.0f);
-    b.y = clamp(y - (float)b.upper, 0.0f, 1.0f);
-    return b;
-}
-
-float bilinear(__global const float *plane, const Between b, const int W)
-{
-    const float above =
-        plane[b.upper * W + b.left] * (1.0f - b.x) + plane[b.upper * W + b.right] * b.x;
-    const float below =
-        plane[b.lower * W + b.left] * (1.0f - b.x) + plane[b.lower * W + b.right] * b.x;
-    return above * (1.0f - b.y) + below * b.y;
+    const float x = clamp(at.x, 0.0f, (float)(W - 1)), y = clamp(at.y, 0.0f, (float)(H - 1));
+    return bilinear(plane, around(x, y, H, W));
 }
 
 // Position at height z of the line of sight through (u, v), in px from the middle at rest.
@@ -45,8 +26,7 @@ float2 place_at(const Scene s, const float u, const float v, const float z)
 
 int met(const Scene s, const float u, const float v, const float z)
 {
-    const float2 at = place_at(s, u, v, z);
-    return bilinear(s.height, between(at.x, at.y, s.H, s.W), s.W) >= z;
+    return value_at(s.height, place_at(s, u, v, z), s.H, s.W) >= z;
 }
 
 // Images and ground truth as seen by a camera with a pupil and a lens.
@@ -93,12 +73,11 @@ __kernel void view(
         }
     }
     const float2 at = place_at(scene, u, v, below);
-    const Between b = between(at.x, at.y, H, W);
     const int i = row * W + column, size = H * W;
-    for (int k = 0; k < K; ++k) light_out[k * size + i] = bilinear(light + k * size, b, W);
-    height_out[i] = bilinear(height, b, W);
-    slope_out[i] = bilinear(slope, b, W);
-    slope_out[size + i] = bilinear(slope + size, b, W);
+    for (int k = 0; k < K; ++k) light_out[k * size + i] = value_at(light + k * size, at, H, W);
+    height_out[i] = value_at(height, at, H, W);
+    slope_out[i] = value_at(slope, at, H, W);
+    slope_out[size + i] = value_at(slope + size, at, H, W);
     const int nearest_x = (int)clamp(floor(at.x + 0.5f), 0.0f, (float)(W - 1));
     const int nearest_y = (int)clamp(floor(at.y + 0.5f), 0.0f, (float)(H - 1));
     labels_out[i] = labels[nearest_y * W + nearest_x];

@@ -1,7 +1,7 @@
 // Equation W2 of docs/model.md.
 #include "common.clh"
 #include "lanes.clh"
-#include "border.clh"
+#include "label_edges.clh"
 
 // The light of the brightest LED for which the next pixel away from it is dark; else 0.
 static float cliff(
@@ -26,20 +26,7 @@ static float cliff(
     return brightest;
 }
 
-// Whether any LED is dark at `count` pixels of a row, or beside them: cliffs occur only there.
-static int is_near_shadow(
-    __global const uchar *shadow, const int H, const int W, const int y, const int x,
-    const int count)
-{
-    ints labels = 0;
-    for (int dy = -1; dy <= 1; ++dy) {
-        __global const uchar *row = shadow + clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -1; dx <= 1; ++dx)
-            labels |= load_bytes_within_border(row, x + dx, count, W, REPLICATE);
-    }
-    return ANY(labels != 0);
-}
-
+// Cliffs occur only where a label varies.
 LANED __kernel void find_cliffs(
     __global const float *restrict light,
     __global const uchar *restrict shadow,
@@ -49,7 +36,7 @@ LANED __kernel void find_cliffs(
     const float pixel)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const int near = is_near_shadow(shadow, H, W, y, x, count);
+    const int near = ANY(edges(shadow, y, x, count, H, W, 1) != 0);
     for (int l = 0; l < count; ++l)
         cliffs[y * W + x + l] =
             near ? cliff(light, shadow, lights, pixel, K, H, W, y, x + l) : 0.0f;
@@ -64,14 +51,8 @@ LANED __kernel void add_steps(
     const float jump, const float grazing)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    floats largest = grazing;
-    for (int dy = -1; dy <= 1; ++dy) {
-        __global const float *row = cliffs + clamp(y + dy, 0, H - 1) * W;
-        for (int dx = -1; dx <= 1; ++dx) {
-            const floats there = load_within_border(row, x + dx, count, W, REPLICATE);
-            largest = MORE_OF(largest, there);
-        }
-    }
+    const floats least = grazing, found = largest_around(cliffs, y, x, count, H, W);
+    const floats largest = MORE_OF(found, least);
     const floats step = jump * (largest - grazing);
     const int size = H * W, i = y * W + x;
     store_floats(load_floats(variance + i, count) + step * step, out + i, count);

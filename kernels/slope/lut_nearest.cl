@@ -5,77 +5,6 @@
 #include "lanes.clh"
 #include "table_tree.clh"
 
-#if LANES == 1
-// The nearest entry of one pixel; of equally near ones the first in the table.
-typedef struct {
-    float square;
-    int number;
-} Found;
-
-static void scan_entries(Found *found, const float *light, const Table *table, const int leaf)
-{
-    for (int e = leaf * LEAF_ENTRIES; e < (leaf + 1) * LEAF_ENTRIES; ++e) {
-        float square = 0.0f;
-        for (int k = 0; k < LIGHTS; ++k) {
-            const float away = table->entries[e * LIGHTS + k] - light[k];
-            square += away * away;
-        }
-        const int number = table->numbers[e];
-        if (square > found->square || (square == found->square && number >= found->number)) continue;
-        found->square = square;
-        found->number = number;
-    }
-}
-
-static void walk_tree(Found *found, const float *light, const float *point, const Table *table)
-{
-    scan_entries(found, light, table, descend(table, point, point));
-    for (int group = 0; group < table->groups; ++group) {
-        Boxes tops = within(gaps(point, point, boxes_of_tops(table, group)), found->square);
-        while (tops) {
-            const int top = 16 * group + take(&tops);
-            if (top >= table->tops) continue;
-            Boxes middles
-                = within(gaps(point, point, boxes_of_middles(table, top)), found->square);
-            while (middles) {
-                const int middle = 16 * top + take(&middles);
-                Boxes leaves
-                    = within(gaps(point, point, boxes_of_leaves(table, middle)), found->square);
-                while (leaves)
-                    scan_entries(found, light, table, 16 * middle + take(&leaves));
-            }
-        }
-    }
-}
-
-// The slope of the entry nearest in light, a pixel per work-item.
-__kernel void lut_nearest(
-    __global const float *restrict light,
-    __global const uchar *restrict shadow,
-    INDEX,
-    __global float *restrict out,
-    const int H, const int W)
-{
-    GRID_2(y, x, H, W)
-    const int size = H * W, pixel = y * W + x;
-    const int t = table_of(light, shadow[pixel], pixel, size);
-    const Table table = read_table(t, GIVEN_INDEX);
-    float value[LIGHTS], point[LIGHTS];
-    for (int k = 0; k < LIGHTS; ++k)
-        value[k] = k == t - 1 ? 0.0f : tame(light[k * size + pixel]);
-    for (int j = 0; j < LIGHTS; ++j) {
-        point[j] = -table.centre[j];
-        for (int k = 0; k < LIGHTS; ++k) point[j] += table.axes[j * LIGHTS + k] * value[k];
-    }
-    Found found = {INFINITY, INT_MAX};
-    if (table.tops) walk_tree(&found, value, point, &table);
-    for (int axis = 0; axis < 2; ++axis)
-        out[axis * size + pixel] = table.tops ? table.slopes[2 * found.number + axis] : 0.0f;
-}
-
-#else
-#include "sort_by_light.clh"
-
 // The entries nearest to a packet of pixels: of equally near ones the first in the table.
 typedef struct {
     floats square;
@@ -179,6 +108,35 @@ static void place(Packet *packet, const Table *table)
         packet->high[j] = highest_lane(packet->point[j]);
     }
 }
+
+#if LANES == 1
+// The slope of the entry nearest in light, a pixel per work-item: a packet of one.
+__kernel void lut_nearest(
+    __global const float *restrict light,
+    __global const uchar *restrict shadow,
+    INDEX,
+    __global float *restrict out,
+    const int H, const int W)
+{
+    GRID_2(y, x, H, W)
+    const int size = H * W, pixel = y * W + x;
+    const int t = table_of(light, shadow[pixel], pixel, size);
+    const Table table = read_table(t, GIVEN_INDEX);
+    Packet packet;
+    for (int k = 0; k < LIGHTS; ++k)
+        packet.light[k] = k == t - 1 ? 0.0f : tame(light[k * size + pixel]);
+    Nearest nearest = {FLT_MAX, INT_MAX, 0};
+    if (table.tops) {
+        place(&packet, &table);
+        packet.first = packet.second = descend(&table, packet.low, packet.high);
+        walk(&nearest, &packet, &table);
+    }
+    for (int axis = 0; axis < 2; ++axis)
+        out[axis * size + pixel] = table.tops ? table.slopes[2 * nearest.number + axis] : 0.0f;
+}
+
+#else
+#include "sort_by_light.clh"
 
 // Find the entries of `count` pixels; the leaves of one packet are where the next one starts.
 static ONCE void search(

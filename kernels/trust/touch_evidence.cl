@@ -3,6 +3,7 @@
 #include "near_light.clh"
 #include "group.clh"
 #include "drift.clh"
+#include "ring.clh"
 #include "model_error.clh"
 
 #define MIN_CELLS 20
@@ -234,9 +235,9 @@ static ONCE void look_at_rest(
                 shape = fmax(shape, fabs(drift[DRIFT_TERMS * k + j]));
         for (int k = me; k < K; k += GROUP) level[k] = drift[DRIFT_TERMS * k];
     } else {
-        const int around = ring_size(h, w);
+        const int around = ring_size(h, w, 1);
         for (int k = 0; k < K; ++k) {
-            for (int j = me; j < around; j += GROUP) ring[j] = light[k * size + on_ring(j, h, w)];
+            for (int j = me; j < around; j += GROUP) ring[j] = light[k * size + on_ring(j, h, w, 1)];
             WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
             const float middle = group_median(ring, around, parts);
             if (me == 0) level[k] = middle;

@@ -1,5 +1,4 @@
-"""Formats of files: images, arrays of images, calibrations, presets, recordings, surfaces.
+"""Formats of files: images, arrays of images, calibrations, presets, results, surfaces.
 
-Plain functions that nodes share, and the ROS messages of which recordings are made.  A new format
-goes here.
+Plain functions that nodes share.  A new format goes here.
 """

@@ -184,8 +184,9 @@ class HeightSolver:
         group = self._group
         run.kernel("reach", group, self._parts, self._distance, gain, local=group)
         run.kernel(
-            "advance", run.in_lanes(stack.top.size), planes.direction, planes.moved, stack.inverse,
-            planes.z, planes.force, planes.lifted, self._distance, *there, gain,
+            "advance", run.in_lanes(stack.top.size), *self._networks.arguments(stack),
+            planes.direction, planes.moved, planes.z, planes.force, planes.lifted, self._distance,
+            *there, gain,
         )  # fmt: skip
         self._cycle(stack, gain)
         run.kernel("end_step", group, self._parts, gain, enough, number, local=group)

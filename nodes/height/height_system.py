@@ -1,14 +1,13 @@
 """The weighted equations for the heights: steps between neighbours, rises, film at rest."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, I4, Mask, PixelSize, ShadowRises, Slope, SlopeVariance
 from tactograph.nodes.height.height_equations import (
     STATE_AWAY,
@@ -17,9 +16,6 @@ from tactograph.nodes.height.height_equations import (
     HeightSystem,
     Window,
 )
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MARGIN_PX = 8
 """Width in pixels of the margin around touched film."""

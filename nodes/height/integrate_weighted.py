@@ -1,23 +1,19 @@
 """Integrate slopes of different variance, with the height differences that shadows measure."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, U1, Height
 from tactograph.nodes.height.height_equations import STATE_AWAY, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
 from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MIN_ENERGY_SHARE = 4e-9
 """Stop when less than this share of the steps' energy is left to gain."""

@@ -11,6 +11,7 @@ from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
+from tactograph.nodes.optics.near_light import places
 
 WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""
@@ -79,10 +80,7 @@ def _powers() -> list[tuple[int, int]]:
 
 def _axes(shape: tuple[int, ...]) -> tuple[F4, F4]:
     """x and y from the middle, divided by half the width: 1 x W and H x 1."""
-    rows, columns = shape
-    scale = np.float32(2 / columns)
-    u = (np.arange(columns, dtype=np.float32) - np.float32(0.5 * (columns - 1))) * scale
-    v = (np.arange(rows, dtype=np.float32) - np.float32(0.5 * (rows - 1))) * scale
+    v, u = (places(count, np.float32(2 / shape[1])) for count in shape)
     return u[None, :], v[:, None]
 
 

@@ -3,16 +3,15 @@
 Long because cells of two sizes throw it, each laid out and swept by a kernel of its own.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, InputError, node
+from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope, Still
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.coat import upload_curve
@@ -27,9 +26,6 @@ from tactograph.nodes.optics.radiosity import (
     means,
 )
 from tactograph.nodes.optics.sweep import arriving, azimuth_directions, matt
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 MAX_ALBEDO = 0.95
 CELL_ITEMS, GROUP_CELLS = 8, 32

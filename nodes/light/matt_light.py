@@ -1,13 +1,12 @@
 """Convert the light of a real film into that of a matt one."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
@@ -21,10 +20,7 @@ from tactograph.nodes.optics.film import (
     touch_gain,
     turned,
 )
-from tactograph.nodes.optics.near_light import places, unwrapped, vectors_at, wrapped
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
+from tactograph.nodes.optics.near_light import lights_around, places, unwrapped, vectors_at, wrapped
 
 STRETCH_PX = 64
 """Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
@@ -160,18 +156,18 @@ def _is_matt(
 
 @matt_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and light that a film may have.
+    """Light that a film may have."""
+    light = rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32)
+    return example_film(rng, K, H, W) | {"light": light}
 
-    One in three films is matt; every other one has a soft light.
-    """
-    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
-    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
-    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+
+def example_film(rng: np.random.Generator, K: int, H: int, W: int) -> dict[str, Any]:
+    """A film of any slope and LEDs around it: one in three is matt, every other one has a soft
+    light."""
     matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
     return (matt if rng.random() < 1 / 3 else {}) | {
-        "film.lights": lights.astype(np.float32),
+        "film.lights": lights_around(rng, K),
         "film.wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
-        "light": rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32),
         "slope": rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32),
     }
 

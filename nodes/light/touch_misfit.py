@@ -3,14 +3,13 @@
 Long because noise, brightness and what normals have in common are told apart.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node, warn
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     F4,
     FULL_MISFIT_SLOPE,
@@ -32,9 +31,6 @@ from tactograph.nodes.optics.near_light import (
     places,
     vectors_at,
 )
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MIN_LAG_PX = 2
 """The noise of pixels this far apart is independent."""
@@ -197,7 +193,7 @@ def _launch(run: Launch) -> None:
             left, counts, total, known, count, height, width, lag, rows, columns,
         )  # fmt: skip
     widened = _widened(misfit, run.download(total), run.download(known))
-    run.kernel("give", (1,), run.outputs["touch_misfit"], *(float(v) for v in widened))
+    run.send(widened, run.outputs["touch_misfit"])
 
 
 @touch_misfit.example

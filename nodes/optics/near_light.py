@@ -21,12 +21,22 @@ MIN_LIT_SHARE = 0.1
 """Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
 MIN_WRAP = 1e-9
 """Smallest 4 w that is divided by."""
+MIN_VIEW_SHARE = np.float32(0.1)
+"""Smallest denominator of a slope in a camera's view: beyond it film is seen from behind."""
 
 
 def places(count: int, pixel: np.float32) -> F4:
     """Return the pixels' x, or y, in mm from the middle of the image."""
     middle = np.float32(0.5) * np.float32(count - 1)
     return (np.arange(count, dtype=np.float32) - middle) * pixel
+
+
+def lights_around(rng: np.random.Generator, count: int) -> F4:
+    """Return LEDs around a film, K x 3 in mm, for generated examples."""
+    azimuth = (np.arange(count) + rng.uniform(-0.2, 0.2, count)) * 2 * np.pi / count
+    reach, z = rng.uniform(20, 40, count), rng.uniform(30, 60, count)
+    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    return np.asarray(lights, np.float32)
 
 
 def light_vectors(lights: F4, height: F4, pixel: float) -> F4:

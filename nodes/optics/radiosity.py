@@ -12,7 +12,7 @@ import numpy as np
 from tactograph.nodes import F4
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.difference import difference
-from tactograph.nodes.optics.near_light import irradiance_ratio
+from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, irradiance_ratio
 
 MAX_RIM_CELLS = 64
 """Cells beyond the frame after which the film's light is negligible."""
@@ -20,8 +20,6 @@ SWEEP_MARGIN_CELLS = 22
 """Cells beyond the film that a sweep may read, by a kernel's lanes or a step that overshoots."""
 COATED_AZIMUTHS = 32
 """Number of azimuths under a coat; what it mirrors is narrower than the light of matt film."""
-MIN_VIEW_SHARE = np.float32(0.1)
-"""Smallest denominator: beyond it the camera sees the film from behind."""
 
 MISSED_SHARE = 0.7
 """Light that cells still miss, as a share of their excess over cells twice as large.  It would

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, F8, Film
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
 
-MIN_VIEW_SHARE = np.float32(0.1)
-"""Smallest denominator: beyond it the camera sees the film from behind."""
 MIN_REST_LIGHT = 0.02
 """Least light of the film at rest, over that of a plane, that is divided by: an LED that hardly
 reaches a place says nothing of it."""

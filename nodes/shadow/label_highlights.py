@@ -12,6 +12,7 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.near_light import (
     expected_light,
     light_vectors,
+    lights_around,
     places,
     vectors_at,
 )
@@ -102,10 +103,7 @@ label_highlights.opencl(grid="H W", lanes="grid")
 @label_highlights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """Random slopes under LEDs around the film, with highlights and shadows here and there."""
-    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
-    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
-    places_mm = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
-    lights = np.asarray(places_mm, np.float32)
+    lights = lights_around(rng, K)
     height = rng.uniform(0, 1, (H, W)).astype(np.float32)
     slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
     light = expected_light(light_vectors(lights, height, 0.1), slope)

@@ -32,6 +32,7 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.near_light import (
     expected_light,
     light_vectors,
+    lights_around,
     places,
     unwrapped,
     vectors_at,
@@ -247,9 +248,7 @@ label_lights.opencl(grid="H W", lanes="grid")
 @label_lights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """LEDs around the film, and moderate noise; every other film is tilted in a soft light."""
-    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
-    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
-    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
+    lights = lights_around(rng, K)
     sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
     made: dict[str, Any] = {
         "wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
@@ -258,12 +257,12 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     if made["wrap"]:
         sigma = rng.uniform(0.015, 0.03, (K, H, W)).astype(np.float32)
         slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
-        vectors = light_vectors(lights.astype(np.float32), np.zeros((H, W), np.float32), 0.05)
+        vectors = light_vectors(lights, np.zeros((H, W), np.float32), 0.05)
         shown = wrapped(expected_light(vectors, slope), made["wrap"])
         shown = np.where(rng.random(shown.shape) < 0.05, -made["wrap"], shown)
         seen = np.asarray(shown + rng.normal(0, sigma), np.float32)
         made["light"], sigma = unwrapped(seen, sigma, made["wrap"])
-    return made | {"lights": lights.astype(np.float32), "sigma": sigma}
+    return made | {"lights": lights, "sigma": sigma}
 
 
 def _label(

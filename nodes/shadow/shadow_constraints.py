@@ -5,7 +5,7 @@ Long because a ray has two ends to find and to measure between, on the device in
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +13,7 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     F4,
     Height,
@@ -25,9 +26,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.optics.bilinear import bilinear
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 STEP_PX = np.float32(0.5)
 """Step along a ray."""
@@ -70,6 +68,7 @@ def shadow_constraints(
     height: Height,
     lights: LightPositions,
     pixel: PixelSize,
+    rest: Height | None = None,
     *,
     longest_px: Annotated[float, Ge(0)] = 10_000.0,
 ) -> ShadowRises:
@@ -91,6 +90,8 @@ def shadow_constraints(
     height : H x W in mm, roughly; the elevation of a near LED depends on it a little
     lights : K x 3 in mm
     pixel : mm per px
+    rest
+        H x W in mm, the seen height of the film at rest, from which rises then are; None: a plane
     longest_px : longest shadow that is measured; with 0 no shadow is
 
     Returns
@@ -112,7 +113,12 @@ def shadow_constraints(
     if not measurements:
         nowhere = np.zeros(0, np.int32)
         return ShadowRises(nowhere, nowhere, np.zeros(0, np.float32), np.zeros(0, np.uint8))
-    return ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
+    rises = ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
+    if rest is None:
+        return rises
+    low = rest.ravel()
+    rise = rises.rise - (low[rises.top] - low[rises.foot])
+    return rises._replace(rise=np.asarray(rise, np.float32))
 
 
 def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> Rays:
@@ -218,8 +224,9 @@ def _launch(run: Launch) -> None:
         return
     out = [run.outputs[name] for name in ShadowRises._fields]
     run.kernel(
-        "gather_spans", counts.shape, top, foot, rise, counts, run.put(ends), *out, *sizes, span
-    )
+        "gather_spans", counts.shape, top, foot, rise, counts, run.put(ends), inputs.get("rest"),
+        *out, *sizes, span,
+    )  # fmt: skip
 
 
 @shadow_constraints.example

@@ -1,17 +1,12 @@
 """A Gaussian filter."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.ndimage import correlate1d
 
+from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import DeviceArray, Launch
 
 CUTOFF_SIGMAS = 4.0
 """The Gaussian is cut off at this many standard deviations."""

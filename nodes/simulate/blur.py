@@ -1,17 +1,13 @@
 """Blur the images like a lens that is slightly out of focus."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from annotated_types import Interval
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Light
 from tactograph.nodes.simulate._gaussian import launch_smoothed, smoothed
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-6, why="sums of many terms"))

@@ -6,8 +6,8 @@ import numpy as np
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Film, Height, Labels, Light, PixelSize, Slope
-from tactograph.nodes.light.matt_light import STRETCH_PX
+from tactograph.nodes import Film, Height, Labels, Light, PixelSize, Slope
+from tactograph.nodes.light.matt_light import STRETCH_PX, example_film
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import LIGHT_FIELDS, predict, touch_gain
@@ -82,12 +82,5 @@ def _launch(run: Launch) -> None:
 
 @film_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film; one film in three is matt, and every other one has a soft light."""
-    azimuth = (np.arange(K) + rng.uniform(-0.2, 0.2, K)) * 2 * np.pi / K
-    reach, z = rng.uniform(20, 40, K), rng.uniform(30, 60, K)
-    lights = np.column_stack([reach * np.cos(azimuth), reach * np.sin(azimuth), z])
-    matt = {"film.refraction": 1.0, "film.camera": 0.0, "film.harmonics": np.zeros((K, 8, 6), "f4")}
-    slope: F4 = rng.uniform(-0.8, 0.8, (2, H, W)).astype(np.float32)
-    chosen = matt if rng.random() < 1 / 3 else {}
-    chosen = {"film.wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])), **chosen}
-    return chosen | {"film.lights": lights.astype(np.float32), "slope": slope}
+    """The film that `matt_light` is tried on."""
+    return example_film(rng, K, H, W)

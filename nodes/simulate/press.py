@@ -1,19 +1,15 @@
 """Press an object into the film and compute the film's surface."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, InputError, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, PixelSize
 from tactograph.nodes.simulate._gaussian import launch_smoothed, smoothed
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 MAX_REMAINING_ERROR = 1e-6
 """Largest share of an initial error that remains after the sweeps."""

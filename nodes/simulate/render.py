@@ -3,24 +3,28 @@
 Long because one node is one algorithm: rays, lobe, coat and occlusion, as in its kernel.
 """
 
-from __future__ import annotations
-
 import itertools
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.bilinear import bilinear
-from tactograph.nodes.optics.coat import beckmann, fresnel, let_in, masking
+from tactograph.nodes.optics.coat import (
+    MIN_COSINE,
+    beckmann,
+    fresnel,
+    let_in_by,
+    let_in_curve,
+    masking,
+    upload_curve,
+)
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import to_pupil
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 B1 = NDArray[np.bool_]
 I4 = NDArray[np.int32]
@@ -92,7 +96,6 @@ class Coat(NamedTuple):
 class _Film(NamedTuple):
     """Emission of the LEDs, reflection of the film, and tracing of shadows."""
 
-    distant: bool
     gloss: float
     shininess: float
     step_px: float
@@ -101,7 +104,7 @@ class _Film(NamedTuple):
 
 
 class _Rays(NamedTuple):
-    """Rays from every pixel to one point of an LED: H x W, mm (unit length if distant)."""
+    """Rays from every pixel to one point of an LED: H x W, mm."""
 
     x: F4
     y: F4
@@ -122,7 +125,6 @@ def render(
     pixel: PixelSize,
     lights: LightPositions,
     *,
-    distant: bool = False,
     level: Annotated[float, Interval(gt=0, le=1)] = 0.75,
     gloss: Annotated[float, Ge(0)] = 0.0,
     shininess: Annotated[float, Gt(0)] = 30.0,
@@ -154,7 +156,6 @@ def render(
     height : H x W, mm above the film at rest
     pixel : mm per pixel
     lights : K x 3, LED positions in mm from pixel ((W-1)/2, (H-1)/2) of the film at rest
-    distant : whether the LEDs are infinitely far away: parallel light, no fall-off
     level
         Exposure: light of the film at rest at its brightest point in the image, under the LED
         that is brightest there.  Slopes that face an LED are brighter.
@@ -182,14 +183,14 @@ def render(
     Raises
     ------
     InputError
-        If a near LED is not above the surface's highest point, or a distant one not above the
-        film (NumPy only; the kernel cannot refuse and renders such an LED anyway).
+        If an LED is not above the surface's highest point (NumPy only; the kernel cannot refuse
+        and renders such an LED anyway).
     """
     p, q = (difference(height, axis) / np.float32(pixel) for axis in (1, 0))
     surface = _Surface(height, p, q, np.float32(pixel), height.max())
-    _check_above(lights, surface.top, distant)
-    film = _Film(distant, gloss, shininess, step_px, cosine_leds, coat)
-    gain = _gain(lights, height.shape, surface.pixel, distant, level)
+    _check_above(lights, surface.top)
+    film = _Film(gloss, shininess, step_px, cosine_leds, coat)
+    gain = _gain(lights, height.shape, surface.pixel, level)
     offsets = (np.arange(samples, dtype=np.float32) + np.float32(0.5)) / np.float32(samples)
     offsets -= np.float32(0.5)
     spots = [_spot(surface, dx, dy) for dy in offsets for dx in offsets]
@@ -214,8 +215,10 @@ def _launch(launch: Launch) -> None:
     launch.kernel("ends", (1,), rows, ends, size[0])
     images = launch.outputs["light"], launch.outputs["labels"]
     sizes = *size, launch.sizes["K"]
+    coat = launch.settings["coat_alpha"], launch.settings["refractive_index"]
+    curve = upload_curve(launch, *coat) if coat[0] > 0 else None
     settings = (launch.settings[name] for name in render.parameters)
-    launch.kernel("render", size, height, pixel, lights, ends, *images, *sizes, *settings)
+    launch.kernel("render", size, height, pixel, lights, ends, curve, *images, *sizes, *settings)
 
 
 @render.example
@@ -232,7 +235,7 @@ def _lit_from(
     total = np.zeros(surface.size, np.float32)
     reached = np.zeros(surface.size, np.int32)
     for spot, point in itertools.product(spots, points):
-        ray = _towards(spot, point, film.distant)
+        ray = _towards(spot, point)
         # n.L, negative in an attached shadow (section 3.3).
         cosine = (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
         lit = cosine > 0
@@ -241,7 +244,7 @@ def _lit_from(
         radiance = (
             _coat(spot, ray, cosine, film) if coated else cosine + _highlight(spot, ray, film)
         )
-        falloff = 1.0 if film.distant else 1.0 / (ray.length * ray.length)
+        falloff = 1.0 / (ray.length * ray.length)
         if film.cosine_leds:
             falloff = falloff * _emitted(led, ray)
         total += np.where(lit, radiance * falloff, np.float32(0))
@@ -260,32 +263,25 @@ def _spot(surface: _Surface, dx: np.float32, dy: np.float32) -> _Spots:
     return _Spots(column, row, x, y, z, p, q, np.sqrt(1 + p * p + q * q))
 
 
-def _check_above(lights: F4, top: np.float32, distant: bool) -> None:
-    floor = 0.0 if distant else top
+def _check_above(lights: F4, top: np.float32) -> None:
     for k, z in enumerate(lights[:, 2], start=1):
-        if z <= floor:
+        if z <= top:
             raise InputError(
                 f"render: LED {k} stands {z:g} mm above the film at rest and the surface rises "
-                f"to {floor:g} mm; raise the LED or lower the surface"
+                f"to {top:g} mm; raise the LED or lower the surface"
             )
 
 
-def _gain(
-    lights: F4, size: tuple[int, ...], pixel: np.float32, distant: bool, level: float
-) -> np.float32:
+def _gain(lights: F4, size: tuple[int, ...], pixel: np.float32, level: float) -> np.float32:
     """The exposure: `level` divided by the flat film's largest irradiance inside the image.
 
-    Under a point light the maximum lies at the image point nearest to the LED's foot.
+    The maximum lies at the image point nearest to the LED's foot.
     """
     brightest = np.float32(0)
     for x, y, z in lights:
-        if distant:
-            flat = z / np.sqrt(x * x + y * y + z * z)
-        else:
-            dx, dy = _outside(x, size[1], pixel), _outside(y, size[0], pixel)
-            square = dx * dx + dy * dy + z * z
-            flat = z / (square * np.sqrt(square))
-        brightest = np.maximum(brightest, flat)
+        dx, dy = _outside(x, size[1], pixel), _outside(y, size[0], pixel)
+        square = dx * dx + dy * dy + z * z
+        brightest = np.maximum(brightest, z / (square * np.sqrt(square)))
     return np.float32(level) / brightest
 
 
@@ -328,12 +324,8 @@ def _emitted(led: F4, ray: _Rays) -> F4:
     return np.maximum((x * ray.x + y * ray.y + z * ray.z) / ray.length, np.float32(0))
 
 
-def _towards(spot: _Spots, point: F4, distant: bool) -> _Rays:
-    if distant:
-        unit = point / np.sqrt(point[0] * point[0] + point[1] * point[1] + point[2] * point[2])
-        x, y, z = (np.broadcast_to(c, spot.z.shape) for c in unit)
-    else:
-        x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
+def _towards(spot: _Spots, point: F4) -> _Rays:
+    x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
     return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
 
 
@@ -361,7 +353,8 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     alpha, index = film.coat.coat_alpha, film.coat.refractive_index
     mirrored = beckmann(upright, alpha) * fresnel(between, index)
     mirrored = mirrored * masking(lit, alpha) * masking(seen, alpha)
-    matt = cosine * let_in(lit, alpha, index) * let_in(seen, alpha, index)
+    through = let_in_by(let_in_curve(alpha, index), np.maximum([lit, seen], MIN_COSINE))
+    matt = cosine * through[0] * through[1]
     return np.asarray(
         matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / seen, np.float32
     )
@@ -379,10 +372,8 @@ def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film:
     across: F4 = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     step = np.float32(film.step_px)
     dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel
-    # A ray ends at the LED; rays to a distant LED end at the border of the image.
+    # A ray ends at the LED.
     last: F4 = across / (step * surface.pixel)
-    if film.distant:
-        last[:] = np.inf
 
     free = np.ones(x.size, bool)
     open_ = np.arange(x.size)

@@ -1,20 +1,16 @@
 """Convert a film rendered from straight above to the view of a near camera."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, InputError, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, Slope
 from tactograph.nodes.optics.bilinear import bilinear
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 BISECTION_STEPS = 24
 """Bisections of a step; this many reach the precision of a float32."""

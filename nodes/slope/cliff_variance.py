@@ -1,18 +1,14 @@
 """Trust slopes less at the edges that cast shadows: the height may jump there."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Flips, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 JUMP_SLOPE = np.float32(3)
 """Standard deviation of the slope across an edge, per light above `GRAZING_LIGHT`."""

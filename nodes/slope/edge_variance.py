@@ -1,18 +1,14 @@
 """Trust slopes less where the camera's blur mixes two sides of an edge."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import cv2
 import numpy as np
 from annotated_types import Ge
 
 from tactograph.graph import Close, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Blur, Slope, SlopeVariance
-
-if TYPE_CHECKING:
-    from tactograph.graph.backends.launch import Launch
 
 
 @node(neutral="variance", tolerance=Close(1e-5, 1e-3, why="differences of rounded normals"))

@@ -63,4 +63,4 @@ def _change(planes: F4, axis: int) -> F4:
     return np.asarray(np.gradient(planes, axis=axis), np.float32)
 
 
-pixel_mean_slope.opencl(grid="H W", lanes="grid")
+pixel_mean_slope.opencl(grid="H W", lanes="rows")

@@ -4,10 +4,7 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, PixelSize, Slope, Vergence
-from tactograph.nodes.optics.near_light import places
-
-MIN_VIEW_SHARE = np.float32(0.1)
-"""Smallest denominator: beyond it the camera sees the film from behind."""
+from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
 
 
 def is_orthographic(camera: Vergence) -> bool:

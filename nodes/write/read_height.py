@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError, node
+from tactograph.graph import node
 from tactograph.nodes import F4, Height
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import Crop, check_heights
+from tactograph.nodes.files.image_files import Crop, check_heights, cropped
 from tactograph.nodes.files.result_view import refuse_view
 
 
@@ -44,14 +44,7 @@ def read_height(
 def checked_heights(height: F4, file: Path, crop: Crop | None, unknown: bool) -> F4:
     """The part of a height map, or of its error, that is asked for."""
     check_heights(height, file, unknown=unknown)
-    if crop is None:
-        return height
-    x0, y0, x1, y1 = crop
-    if not (0 <= x0 < x1 <= height.shape[1] and 0 <= y0 < y1 <= height.shape[0]):
-        raise InputError(
-            f"`crop`={x0},{y0},{x1},{y1}: {file} is {height.shape[1]} x {height.shape[0]}"
-        )
-    return np.ascontiguousarray(height[y0:y1, x0:x1])
+    return np.ascontiguousarray(cropped(height, crop, file))
 
 
 @read_height.handed_in

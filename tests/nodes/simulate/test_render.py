@@ -20,6 +20,8 @@ from tactograph.nodes.slope.height_slopes import height_slopes
 from tests.fixtures import Raytraced
 
 PIXEL = 0.1
+FAR_MM = 1e6
+"""Distance from which light is parallel."""
 
 
 def towards(slant_deg, azimuth_deg, distance=1.0):
@@ -54,7 +56,7 @@ azimuths = st.floats(0, 360)
 @given(p=st.floats(-2, 2), q=st.floats(-2, 2), slant=slants, azimuth=azimuths)
 def test_plane_under_distant_light_obeys_lamberts_cosine(p, q, slant, azimuth):
     led = towards(slant, azimuth)
-    found = render(plane(p, q), PIXEL, led, distant=True, level=0.5)
+    found = render(plane(p, q), PIXEL, towards(slant, azimuth, FAR_MM), level=0.5)
     cosine = float(led[0] @ [-p, -q, 1]) / np.sqrt(1 + p * p + q * q)
     expected = 0.5 * max(cosine, 0) / np.cos(np.deg2rad(slant))
     np.testing.assert_allclose(found.light, expected, rtol=1e-4, atol=1e-4)
@@ -79,18 +81,17 @@ def test_film_closer_to_the_light_is_brighter_by_the_inverse_square():
 
 
 @pytest.mark.parametrize("lights", [light_ring(), light_ring(slant_deg=45.0, distance_mm=7.07)])
-@pytest.mark.parametrize("distant", [False, True])
-def test_level_is_the_brightest_light_of_the_film_at_rest(lights, distant):
+def test_level_is_the_brightest_light_of_the_film_at_rest(lights):
     # One LED much closer than the others, and all of them: the brightest counts.
     lights = np.concatenate([lights, lights[:1] * np.float32(0.9)])
-    light = render(plane(0, 0, (81, 101)), PIXEL, lights, distant=distant, level=0.6).light
+    light = render(plane(0, 0, (81, 101)), PIXEL, lights, level=0.6).light
     assert light.max() == pytest.approx(0.6, rel=1e-3)
 
 
 @settings(max_examples=20)
 @given(rise=st.floats(0.5, 3), slant=st.floats(10, 65))
 def test_distant_light_casts_a_step_s_shadow_of_height_over_tan_elevation(rise, slant):
-    found = render(wall(rise), PIXEL, towards(slant, 180), distant=True)
+    found = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM))
     expected = rise / np.tan(np.deg2rad(90 - slant))
     assert shadow_length(found.labels) == pytest.approx(expected, abs=1.5 * PIXEL)
 
@@ -107,21 +108,21 @@ def test_hemisphere_s_shadow_is_as_long_as_equation_1_says():
     # D = h = 5 mm and r = 1 mm, the paper's example: x is about 0.4 mm.
     pixel, radius = 0.02, 1.0
     ball = shape_ball(radius_mm=radius, width_px=200, height_px=201, pixel_size_mm=pixel)
-    found = render(*ball, towards(45, 180), distant=True)
+    found = render(*ball, towards(45, 180, FAR_MM))
     row = found.labels[100]
     rim = round(99.5 + radius / pixel)
     assert np.count_nonzero(row[rim:]) * pixel == pytest.approx(np.sqrt(2) - 1, abs=2 * pixel)
 
 
 def test_shadow_of_a_steep_light_ends_where_the_wall_ends():
-    assert shadow_length(render(wall(2.0), PIXEL, towards(0, 0), distant=True).labels) == 0
+    assert shadow_length(render(wall(2.0), PIXEL, towards(0, 0, FAR_MM)).labels) == 0
 
 
 def test_slope_that_faces_away_is_an_attached_shadow():
-    found = render(plane(1.5, 0), PIXEL, towards(60, 0), distant=True)
+    found = render(plane(1.5, 0), PIXEL, towards(60, 0, FAR_MM))
     assert (found.labels == 1).all()
     assert (found.light == 0).all()
-    assert (render(plane(1.5, 0), PIXEL, towards(60, 180), distant=True).labels == 0).all()
+    assert (render(plane(1.5, 0), PIXEL, towards(60, 180, FAR_MM)).labels == 0).all()
 
 
 def test_bit_of_each_led_marks_exactly_where_a_point_light_leaves_black():
@@ -177,7 +178,7 @@ def test_several_samples_per_pixel_measure_a_shadow_to_a_fraction_of_a_pixel():
     exact = rise * np.tan(np.deg2rad(slant))
     # The wall slopes over the pixel between its two levels; the rays clear its upper edge.
     after_edge = exact - PIXEL
-    found = render(wall(rise), PIXEL, towards(slant, 180), distant=True, samples=4, step_px=0.1)
+    found = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM), samples=4, step_px=0.1)
     row = found.light[0, 2, 100:] / found.light[0, 2, -1]
     assert (1 - row).sum() * PIXEL == pytest.approx(after_edge + 0.5 * PIXEL, abs=0.2 * PIXEL)
     assert np.count_nonzero((row > 0.02) & (row < 0.98)) <= 2
@@ -194,7 +195,7 @@ def test_gloss_adds_a_highlight_where_the_normal_is_half_way_to_the_camera():
     ball = shape_ball(radius_mm=5.0, width_px=121, height_px=121, pixel_size_mm=PIXEL)
     slant = 40
     dull, glossy = (
-        render(*ball, towards(slant, 0), distant=True, gloss=g, shininess=200.0).light[0]
+        render(*ball, towards(slant, 0, FAR_MM), gloss=g, shininess=200.0).light[0]
         for g in (0.0, 0.5)
     )
     y, x = np.unravel_index(np.argmax(glossy - dull), dull.shape)
@@ -231,11 +232,11 @@ def test_a_disk_that_faces_the_film_casts_a_penumbra_as_tall_as_it_stands() -> N
 
 def coated(slope: float, slant: float, **coat: float) -> float:
     """Light of a plane tilted along x under a distant LED, over that of a matt one."""
-    led = towards(slant, 0)
+    led = towards(slant, 0, FAR_MM)
     settings = {"coat_alpha": 0.2, "refractive_index": 1.5, "albedo": 0.7, **coat}
     film = plane(slope, 0, (5, 5))
-    light = render(film, PIXEL, led, distant=True, **settings).light[0, 2, 2]
-    return float(light / render(film, PIXEL, led, distant=True).light[0, 2, 2])
+    light = render(film, PIXEL, led, **settings).light[0, 2, 2]
+    return float(light / render(film, PIXEL, led).light[0, 2, 2])
 
 
 def test_a_coat_mirrors_most_where_the_normal_is_half_way_to_the_camera() -> None:
