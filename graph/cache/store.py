@@ -6,7 +6,7 @@ A file (`disk_cache`) holds one node's outputs; a damaged one is made again.
 import io
 import pickle
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
 from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
-from tactograph.graph.errors import TactographError, collect_warnings, warn
-from tactograph.graph.plan.draft import Task
-from tactograph.graph.plan.plan import Plan
+from tactograph.graph.errors import collect_warnings, warn
 
 MIN_STORED_MS = 200.0
 """The least time that justifies a file."""
@@ -58,60 +56,6 @@ def has_stored(node: Node) -> bool:
     """Return whether earlier results of a node are on disk; its inputs decide which one fits."""
     folder = cache_folder()
     return folder is not None and any(folder.glob(f"{node.name}-*{KEPT_SUFFIX}"))
-
-
-def kept_on_disk(plan: Plan) -> dict[str, bool]:
-    """Whether results are on disk of nodes that run once, as far as their inputs are known.
-
-    Files are read that such a node's inputs come from; nothing else runs.
-    """
-    made: dict[str, Mapping[str, Any] | None] = {}
-    kept: dict[str, bool] = {}
-
-    def results(name: str) -> Mapping[str, Any] | None:
-        if name not in made:
-            made[name] = _results(plan, plan.tasks[name], results, kept)
-        return made[name]
-
-    for step in plan.steps:
-        task = plan.tasks.get(step.name)
-        if task is not None and not step.stream and not step.on_device and has_stored(task.node):
-            results(step.name)
-    return kept
-
-
-def _results(
-    plan: Plan,
-    task: Task,
-    results: Callable[[str], Mapping[str, Any] | None],
-    kept: dict[str, bool],
-) -> Mapping[str, Any] | None:
-    """What a node makes, by output, if a file says so; None if that is not known."""
-    node, settings = task.node, dict(task.settings)
-    if task.filled or task.stream or node.session or node.calls:
-        return None
-    if node.wanted is not None:
-        settings[node.wanted] = plan.wanted(task.id)
-    if task.looks_outside:
-        if node.inputs or not any(isinstance(value, Path) for value in settings.values()):
-            return None
-        with suppress(TactographError), collect_warnings([]):
-            return _by_output(node, node(**settings))
-        return None
-    inputs: dict[str, Any] = {}
-    for name, value in task.reads.items():
-        found = results(value.node)
-        if found is None:
-            return None
-        inputs[name] = found[value.port]
-    folder = cache_folder()
-    stored = folder and _read(_file(folder, node, settings, node.in_order(inputs)), node)
-    kept[task.id] = bool(stored)
-    return _by_output(node, stored[0]) if stored else None
-
-
-def _by_output(node: Node, made: Any) -> dict[str, Any]:
-    return dict(zip(node.outputs, node.results(made), strict=True))
 
 
 def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:

@@ -32,13 +32,11 @@ def command(
     place: Path | None,
     options: RunOptions,
 ) -> None:
-    """Print the plan of GRAPH, how long its steps took before, and what is kept on disk.
+    """Print the plan of GRAPH, how long its steps took before, and what may be kept on disk.
 
     A group that is used is one line.
-    Params that are not given do not matter to the plan.  No node runs; files are read
-    to find whether a result is on disk.
+    Params that are not given do not matter to the plan.  No node runs.
     """
-    from tactograph.graph.cache.store import kept_on_disk
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
@@ -49,10 +47,9 @@ def command(
     last = _last_times(plan, place)
     known = last.ms if last else {}
     shown = [step for step in plan.steps if every or not step.is_transfer]
-    kept = kept_on_disk(plan)
-    rows = [_row(plan, step, known, kept) for step in shown]
+    rows = [_row(plan, step, known) for step in shown]
     _print(title, rows if every else _by_box(rows, plan))
-    say(_duration(plan, last, kept))
+    say(_duration(plan, last))
     if moves and not every:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -81,16 +78,12 @@ def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
     return None
 
 
-def _duration(plan: Plan, last: LastTimes | None, kept: Mapping[str, bool]) -> str:
-    """Time of an item, in one line; what is read from disk takes no time worth a count."""
+def _duration(plan: Plan, last: LastTimes | None) -> str:
+    """Time of an item, in one line."""
     if last is None or not last.ms:
         return "how long: not known; run it, or give an earlier result or bench with --times"
     each, once = (
-        sum(
-            last.ms.get(step.name, 0.0)
-            for step in plan.steps
-            if step.stream == stream and not kept.get(step.name)
-        )
+        sum(last.ms.get(step.name, 0.0) for step in plan.steps if step.stream == stream)
         for stream in (True, False)
     )
     unknown = [name for name in plan.tasks if name not in last.ms]
@@ -107,10 +100,10 @@ class _Row(NamedTuple):
     why: str
 
 
-def _row(plan: Plan, step: Step, known: Mapping[str, float], kept: Mapping[str, bool]) -> _Row:
+def _row(plan: Plan, step: Step, known: Mapping[str, float]) -> _Row:
     task = plan.tasks.get(step.name)
     op = task.node.name if task else step.kind
-    when = _when(step, task, kept)
+    when = _when(step, task)
     return _Row(step.name, op, step.backend, when, known.get(step.name), step.why)
 
 
@@ -152,16 +145,14 @@ def _print(title: str, rows: Iterable[_Row]) -> None:
     console.print(table)
 
 
-def _when(step: Step, task: Task | None, kept: Mapping[str, bool]) -> str:
-    """Occasion of a step's run, and whether an earlier result replaces it."""
+def _when(step: Step, task: Task | None) -> str:
+    """Occasion of a step's run, and whether an earlier result may replace it."""
     from tactograph.graph.cache.store import has_stored
 
     if step.conditions:
         return f"if {' and '.join(map(str, step.conditions))}"
     if step.stream:
         return "every item"
-    if step.name in kept:
-        return "kept on disk" if kept[step.name] else "once"
     if task is None or step.on_device or task.looks_outside or not has_stored(task.node):
         return "once"
     return "once, unless on disk"

@@ -113,15 +113,11 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
         }
         fixed = {len(get_args(part)) for part in tuples if Ellipsis not in get_args(part)}
         named = [each for part in parts for each in get_args(part) if isinstance(each, str)]
-        split = _split_numbers if {int, float} & members else _split_commas
-        return partial(_of_length, split, fixed, "".join(named))
+        are_numbers = bool({int, float} & members)
+        return partial(_split, are_numbers, fixed, "".join(named))
     if float in parts or (int in parts and bool not in parts):
         return _refuse_bool if {str, Path} & {*parts} else _only_number
     return _only_flag if bool in parts and not {str, int} & {*parts} else None
-
-
-def _split_commas(value: Any) -> Any:
-    return _words(value) if isinstance(value, str) else value
 
 
 def _words(text: str) -> list[str]:
@@ -132,23 +128,19 @@ def _words(text: str) -> list[str]:
     return [word.strip() for word in inside.split(",")] if inside.strip() else []
 
 
-def _of_length(
-    split: Callable[[Any], Any], lengths: Collection[int], names: str, value: Any
-) -> Any:
-    """Refuse another number of values than `lengths`; an annotation may name the values."""
-    values = split(value)
-    if lengths and isinstance(values, list | tuple) and len(values) not in lengths:
-        wanted = " or ".join(map(str, sorted(lengths)))
-        raise ValueError(f"{wanted} values are needed{names and f' ({names})'}")
-    return values
+def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) -> Any:
+    """The values of ``a,b``, or of a list; another number of them than `lengths` is refused.
 
-
-def _split_numbers(value: Any) -> Any:
+    An annotation may name the values.
+    """
     if isinstance(value, str):
-        return [_scalar_of(part) for part in _words(value)]
-    if isinstance(value, list | tuple):
+        value = [_scalar_of(word) if are_numbers else word for word in _words(value)]
+    elif are_numbers and isinstance(value, list | tuple):
         for part in value:
             _only_number(part)
+    if lengths and isinstance(value, list | tuple) and len(value) not in lengths:
+        wanted = " or ".join(map(str, sorted(lengths)))
+        raise ValueError(f"{wanted} values are needed{names and f' ({names})'}")
     return value
 
 

@@ -3,7 +3,7 @@
 import collections.abc
 import inspect
 import typing
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -101,12 +101,17 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
                         f"{function.__name__}: the default of '{name}' has to be a node"
                     )
                 calls[name] = argument.default
-            elif is_record(annotation):
-                parameter_records[name] = annotation
-                _add_parameters(function.__name__, parameters, _fields_as_parameters(annotation))
             else:
-                own = Parameter(name, annotation, argument.default)
-                _add_parameters(function.__name__, parameters, [own])
+                stated = [Parameter(name, annotation, argument.default)]
+                if is_record(annotation):
+                    parameter_records[name] = annotation
+                    stated = _fields_as_parameters(annotation)
+                for each in stated:
+                    if each.name in parameters:
+                        raise TypeError(
+                            f"{function.__name__}: two parameters are called '{each.name}'"
+                        )
+                    parameters[each.name] = each
         elif argument.kind is argument.VAR_POSITIONAL:
             repeated = read_port(name, annotation)
         elif argument.kind is argument.VAR_KEYWORD:
@@ -174,13 +179,6 @@ def _fields_as_parameters(record: type) -> list[Parameter]:
         Parameter(field, annotation, defaults.get(field, inspect.Parameter.empty))
         for field, annotation in record_fields(record).items()
     ]
-
-
-def _add_parameters(name: str, parameters: dict[str, Parameter], more: Iterable[Parameter]) -> None:
-    for parameter in more:
-        if parameter.name in parameters:
-            raise TypeError(f"{name}: two parameters are called '{parameter.name}'")
-        parameters[parameter.name] = parameter
 
 
 def _kernel_package(module: str) -> str:

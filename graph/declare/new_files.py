@@ -25,9 +25,7 @@ RING_FILES = {
     "{package}/__init__.py": "package.py.j2",
     "{package}/nodes/__init__.py": "empty.py.j2",
     "{package}/kernels/__init__.py": "empty.py.j2",
-    "{package}/nodes/{name}.py": "node.py.j2",
-    "{package}/kernels/{name}.cl": "node.cl.j2",
-    "{package}/kernels/{name}.mutants.toml": "node.mutants.toml.j2",
+    **{f"{{package}}/{file}": template for file, template in NODE_FILES.items()},
     "{package}/pipelines/{ring}/{name}_paper.yaml": "graph.yaml.j2",
     "{package}/layers/__init__.py": "empty.py.j2",
     "{package}/layers/{name}.py": "layer.py.j2",
@@ -83,7 +81,7 @@ def write_ring(folder: Path, name: str) -> list[Path]:
         raise InputError(f"new-ring {folder}: a ring '{ring}' is installed; name another folder")
     major, minor = (int(part) for part in __version__.split(".")[:2])
     versions = f">={major}.{minor},<{major}.{minor + 1}"
-    where = {"name": name, "package": package, "ring": ring}
+    where = {"name": name, "room": "", "package": package, "ring": ring}
     files = _placed(RING_FILES, folder, where)
     about = {"package": package, "ring": ring, "distribution": distribution, "versions": versions}
     return _write(name, files, module=f"{package}.nodes", **about)

@@ -18,27 +18,23 @@ class Tolerance(Protocol):
 
 
 @dataclass(frozen=True)
-class Exact:
-    """All elements are equal, NaN equal to NaN."""
-
-    why: str = "the same operations in the same order"
-
-    def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
-        differs = _differs(reference, other, 0.0, 0.0)
-        return _first(differs, reference, other) if differs.any() else None
-
-
-@dataclass(frozen=True)
 class Close:
     """All elements are within ``absolute + relative * |reference|``."""
 
-    absolute: float
+    absolute: float = 0.0
     relative: float = 0.0
     why: str = "rounding"
 
     def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
         differs = _differs(reference, other, self.absolute, self.relative)
         return _first(differs, reference, other) if differs.any() else None
+
+
+@dataclass(frozen=True)
+class Exact(Close):
+    """All elements are equal, NaN equal to NaN."""
+
+    why: str = "the same operations in the same order"
 
 
 @dataclass(frozen=True)

@@ -46,12 +46,11 @@ def atomic_files(
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
     except (FileExistsError, NotADirectoryError):
-        raise WriteError(
-            f"{folder}: cannot be written: a folder is needed, and a file is there; give another "
-            "place"
+        raise _refusal(
+            folder, "a folder is needed, and a file is there; give another place"
         ) from None
     except OSError as error:
-        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        raise _refusal(folder, error.strerror or error) from None
     try:
         yield stage
         names = sorted(file.name for file in stage.iterdir())
@@ -67,10 +66,8 @@ def atomic_files(
     except OSError as error:
         if _is_elsewhere(error, folder):
             raise InputError(f"{error.filename}: {error.strerror or error}") from None
-        if full_disk(error):
-            reason = "No space left on device; make room, or give another place"
-            raise WriteError(f"{folder}: cannot be written: {reason}") from None
-        raise WriteError(f"{folder}: cannot be written: {error.strerror or error}") from None
+        full = "No space left on device; make room, or give another place"
+        raise _refusal(folder, full if full_disk(error) else error.strerror or error) from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         if lock is not None:
@@ -105,12 +102,14 @@ def _refuse_special(path: Path) -> None:
     try:
         is_special = path.exists() and not path.is_file()
     except OSError as error:  # a name that is too long
-        raise WriteError(f"{path}: cannot be written: {error.strerror or error}") from None
+        raise _refusal(path, error.strerror or error) from None
     if is_special:
         kind = "a folder" if path.is_dir() else "a device or a pipe"
-        raise WriteError(
-            f"{path.parent}: cannot be written: {path.name} is {kind}; give another place"
-        )
+        raise _refusal(path.parent, f"{path.name} is {kind}; give another place")
+
+
+def _refusal(place: Path, reason: object) -> WriteError:
+    return WriteError(f"{place}: cannot be written: {reason}")
 
 
 def _is_elsewhere(error: OSError, folder: Path) -> bool:

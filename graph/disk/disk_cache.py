@@ -6,13 +6,14 @@ large.
 """
 
 import os
-import tempfile
-import time
 import zlib
 from contextlib import suppress
 from pathlib import Path
 
 import platformdirs
+
+from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.errors import InputError
 
 FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
 """The environment variable with another folder, or ``off``."""
@@ -20,7 +21,6 @@ MAX_FOLDER_BYTES = 10**9
 """The most bytes of a folder's files."""
 KEPT_SUFFIX = ".kept"
 _FIRST_LINE = b"tactograph kept 1\n"
-_ABANDONED_S = 3600.0
 
 
 def cache_folder() -> Path | None:
@@ -48,38 +48,26 @@ def read_cached(file: Path) -> bytes | None:
     return body
 
 
-def write_cached(file: Path, body: bytes, most_bytes: int | None = None) -> None:
+def write_cached(file: Path, body: bytes, most_bytes: int = MAX_FOLDER_BYTES) -> None:
     """Write a file; a full or read-only disk is no error."""
-    most = MAX_FOLDER_BYTES if most_bytes is None else most_bytes
-    if len(body) > most // 4:
+    if len(body) > most_bytes // 4:
         return
-    stage: Path | None = None
-    with suppress(OSError):
+    with suppress(OSError, InputError):
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        number, name = tempfile.mkstemp(prefix=".writing-", dir=file.parent)
-        stage = Path(name)
-        with os.fdopen(number, "wb") as stream:
-            check = f"{zlib.crc32(body):08x}"
-            stream.write(_FIRST_LINE + check.encode() + b"\n" + body)
-        stage.replace(file)
-        _make_room(file, most)
-    if stage is not None:
-        with suppress(OSError):
-            stage.unlink(missing_ok=True)
+        check = f"{zlib.crc32(body):08x}"
+        with atomic_file(file) as stage:
+            stage.write_bytes(_FIRST_LINE + check.encode() + b"\n" + body)
+        _make_room(file, most_bytes)
 
 
 def _make_room(new: Path, most: int) -> None:
-    """Delete the files that were read longest ago, and a killed writer's leftovers."""
+    """Delete the files that were read longest ago."""
     stats = []
-    for file in new.parent.iterdir():
+    for file in new.parent.glob(f"*{KEPT_SUFFIX}"):
         with suppress(OSError):
             stats.append((file.stat().st_mtime, file.stat().st_size, file))
     total = 0
-    for changed, size, file in sorted(stats, reverse=True):
-        if file.name.startswith(".writing-"):
-            if time.time() - changed > _ABANDONED_S:
-                file.unlink(missing_ok=True)
-        elif file.suffix == KEPT_SUFFIX:
-            total += size
-            if total > most and file != new:
-                file.unlink(missing_ok=True)
+    for _, size, file in sorted(stats, reverse=True):
+        total += size
+        if total > most and file != new:
+            file.unlink(missing_ok=True)

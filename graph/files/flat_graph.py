@@ -13,8 +13,6 @@ from tactograph.graph.declare.check_settings import NOT_GIVEN
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
-from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.sketch import Box, Edge, Sketch, fold, use_of
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
@@ -54,16 +52,13 @@ class Entry:
 
     def where(self, key: str = "") -> str:
         """``file:line:column: path`` of a key such as ``with.threshold``, or of the node."""
-        parts = key.split(".") if key else []
-        while True:
-            place = self.places.get(".".join(parts))
-            if place is not None:
-                return str(
-                    replace(place, path=f"{place.path}.{key}" if key and not parts else place.path)
-                )
-            if not parts:
+        known = key
+        while known not in self.places:
+            if not known:
                 return key
-            parts.pop()
+            known = known.rpartition(".")[0]
+        place = self.places[known]
+        return str(place if known or not key else place._replace(path=f"{place.path}.{key}"))
 
     def as_dict(self) -> dict[str, Any]:
         plain: dict[str, Any] = {"op": self.op}
@@ -144,23 +139,6 @@ class Graph:
             "nodes": {node_id: entry.as_dict() for node_id, entry in self.nodes.items()},
             "outputs": dict(self.outputs),
         }
-
-    def _repr_svg_(self) -> str:
-        return to_svg(fold(self._sketch()))
-
-    def _sketch(self) -> Sketch:
-        """Nodes and the references between them, without back ends."""
-        edges: list[Edge] = []
-        recalls: list[Edge] = []
-        for name, entry in self.nodes.items():
-            for reference in dict.fromkeys(entry.inputs.values()):
-                bare, previous = split_previous(reference)
-                source, port = split_reference(bare, self.nodes)
-                if source in self.nodes:
-                    (recalls if previous else edges).append((source, name, port or ""))
-        boxes = [Box(n, e.op, "run", "numpy", use_of(n)) for n, e in self.nodes.items()]
-        groups = {name: use.group for name, use in self.uses.items()}
-        return Sketch(self.name, boxes, edges, recalls, groups)
 
     @property
     def placeholders(self) -> dict[str, Any]:
@@ -291,6 +269,11 @@ class Group:
     inputs: Mapping[str, Param]
     """A default is a reference of the graph around, or None: the input may be left out."""
     body: Graph
+
+    @property
+    def nodes(self) -> dict[str, Entry | Use]:
+        """Its nodes, then its uses of other groups."""
+        return {**self.body.nodes, **self.body.uses}
 
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:

@@ -260,6 +260,10 @@ AnyGroup = Annotated[
 ]
 
 
+NO_VALUE: Any = None
+"""A key that is not there; null is no value of it."""
+
+
 class PatchModel(_Strict):
     """One change to the graph that is extended; exactly one verb.
 
@@ -267,27 +271,27 @@ class PatchModel(_Strict):
     them is the same change to each, but for `replace` and `insert`.
     """
 
-    set: References | None = Field(
-        None,
+    set: References = Field(
+        NO_VALUE,
         description="Change parameters (`with`) and inputs (`in`; null: none) of this node, or "
         "parameters of a use of a group.",
     )
-    replace: Reference | None = Field(None, description="Put another node in this one's place.")
-    insert: Reference | None = Field(None, description="Add a node, `after` a reference if given.")
-    remove: References | None = Field(None, description="Remove this node.")
-    backend: References | None = Field(None, description="Run this node on the back end `to`.")
-    neutral: References | None = Field(None, description="Let this node's neutral value stand in.")
-    op: Name | None = None
-    group: Name | None = Field(None, description="In place of `op`: use this group.")
-    inputs: dict[Name, Reference | None] | None = Field(None, alias="in")
-    settings: dict[Name, Any] | None = Field(None, alias="with")
-    repeat: Turns | None = None
-    carry: dict[Name, Reference] | None = None
-    while_: Reference | None = Field(None, alias="while")
-    after: Reference | None = Field(
-        None, description="Every reader of this value reads the inserted node instead."
+    replace: Reference = Field(NO_VALUE, description="Put another node in this one's place.")
+    insert: Reference = Field(NO_VALUE, description="Add a node, `after` a reference if given.")
+    remove: References = Field(NO_VALUE, description="Remove this node.")
+    backend: References = Field(NO_VALUE, description="Run this node on the back end `to`.")
+    neutral: References = Field(NO_VALUE, description="Let this node's neutral value stand in.")
+    op: Name = Field(NO_VALUE)
+    group: Name = Field(NO_VALUE, description="In place of `op`: use this group.")
+    inputs: dict[Name, Reference | None] = Field(NO_VALUE, alias="in")
+    settings: dict[Name, Any] = Field(NO_VALUE, alias="with")
+    repeat: Turns = Field(NO_VALUE)
+    carry: dict[Name, Reference] = Field(NO_VALUE)
+    while_: Reference = Field(NO_VALUE, alias="while")
+    after: Reference = Field(
+        NO_VALUE, description="Every reader of this value reads the inserted node instead."
     )
-    to: Backend | None = None
+    to: Backend = Field(NO_VALUE)
 
 
 class ChangeModel(_Strict):

@@ -33,7 +33,6 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     it needs, a group uses itself, a reference in a group names nothing there, or there are too many
     nodes, or groups in one another.
     """
-    _count(graph, nodes, len(graph.nodes), {}, 1)
     added = _uses(graph, nodes, "", ())
     uses = {path: use for path, (use, _) in added.items()}
     stated = {name: entry for name, entry in nodes.items() if isinstance(entry, Entry)}
@@ -65,9 +64,8 @@ def flat_reference(
         group = graph.definition(use)
         if name in group.inputs:
             return _of_input(graph, use.inputs.get(name), rest, previous, where, whole=whole)
-        known = [*group.body.nodes, *group.body.uses]
-        if name not in known:
-            hint = did_you_mean(name, [*known, *group.inputs])
+        if name not in group.nodes:
+            hint = did_you_mean(name, [*group.nodes, *group.inputs])
             raise GraphError(
                 f"{where}: the group '{use.group}' has no node or input '{name}'{hint}"
             )
@@ -159,13 +157,13 @@ def refuse_idle(name: str, group: Group) -> None:
 
     Raises GraphError with the place of the first.
     """
-    body = group.body
-    entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
-    read = {split_previous(r)[0].partition(".")[0] for e in entries for r in e.inputs.values()}
-    params = {v for e in entries for v in e.settings.values() if isinstance(v, str)}
+    body, nodes = group.body, group.nodes
+    references = [split_previous(r)[0] for e in nodes.values() for r in e.inputs.values()]
+    read = {reference.partition(".")[0] for reference in references}
+    params = {v for e in nodes.values() for v in e.settings.values() if isinstance(v, str)}
     for each in group.inputs:
         where = body.where(f"inputs.{each}")
-        if each in body.nodes or each in body.uses:
+        if each in nodes:
             raise GraphError(f"{where}: a node of the group '{name}' is called '{each}' too")
         if each not in read:
             raise GraphError(f"{where}: no node of the group '{name}' reads the input '{each}'")
@@ -177,39 +175,11 @@ def refuse_idle(name: str, group: Group) -> None:
         where, node = body.where(f"outputs.{output}"), reference.partition(".")[0]
         if node in group.inputs:
             raise GraphError(f"{where}: '{node}' is an input; read it where it comes from")
-        if node not in body.nodes and node not in body.uses:
-            hint = did_you_mean(node, [*body.nodes, *body.uses])
+        if node not in nodes:
+            hint = did_you_mean(node, nodes)
             raise GraphError(f"{where}: the group '{name}' has no node '{node}'{hint}")
-        same = output in body.nodes or output in body.uses
-        if same and node != output:
+        if output in nodes and node != output:
             raise GraphError(f"{where}: output '{output}' has the name of another node")
-
-
-def _count(
-    graph: Graph, nodes: Mapping[str, Entry | Use], total: int, known: dict[str, int], depth: int
-) -> int:
-    """Count nodes and uses in advance, added to `total`; `known` holds counts of groups.
-
-    A few groups that use one another come to more than any memory holds.  Groups that are not
-    there, use themselves or lie too deep are refused later, where they are met in this order.
-    """
-    total += len(nodes)
-    for use in nodes.values():
-        is_known = isinstance(use, Use) and (use.turns or use.group in graph.groups)
-        if isinstance(use, Entry) or not is_known or depth > MAX_GROUP_DEPTH:
-            continue
-        if use.turns or use.group not in known:
-            known[use.group] = 0
-            body = graph.definition(use).body
-            inside: dict[str, Entry | Use] = {**body.nodes, **body.uses}
-            known[use.group] = _count(graph, inside, 0, known, depth + 1)
-        total += known[use.group]
-        if total > MAX_NODES:
-            raise GraphError(
-                f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
-                "and uses of groups; use them less often"
-            )
-    return total
 
 
 def _uses(
@@ -239,6 +209,12 @@ def _uses(
         _check_given(use, "with", "param", use.settings, group.body.params)
         uses[path] = use, scope
         uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
+        if sum(1 + len(graph.definition(each).body.nodes) for each, _ in uses.values()) > MAX_NODES:
+            # A few groups that use one another come to more than any memory holds.
+            raise GraphError(
+                f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
+                "and uses of groups; use them less often"
+            )
     return uses
 
 
@@ -301,8 +277,7 @@ def _taken_apart(graph: Graph, nodes: Mapping[str, Entry | Use], scope: str) -> 
         if isinstance(entry, Entry):
             flat[path] = in_scope(graph, entry, scope, name)
         else:
-            body = graph.definition(entry).body
-            flat |= _taken_apart(graph, {**body.nodes, **body.uses}, path)
+            flat |= _taken_apart(graph, graph.definition(entry).nodes, path)
     return flat
 
 
@@ -329,23 +304,24 @@ def _of_input(
 def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = False) -> str:
     """An output of a use, or a node in it."""
     use = graph.uses[path]
-    name, body = use.group, graph.definition(use).body
+    name, nodes = use.group, graph.definition(use).nodes
+    outputs = graph.definition(use).body.outputs
     first, _, port = rest.partition(".")
     if whole and not rest and len(outputs_of(graph, path)) != 1:
         return path
-    if use.turns and first not in body.uses:
+    if use.turns and first not in nodes:
         return _of_use(graph, last_turn(graph, path), rest, where)
-    if not rest and len(body.outputs) == 1:
-        (first,) = body.outputs
+    if not rest and len(outputs) == 1:
+        (first,) = outputs
     if not first:
-        outputs = ", ".join(f"{path}.{o}" for o in body.outputs) or "none"
-        raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {outputs}")
-    if first in body.outputs:
-        inner = _joined(body.outputs[first], port)
-    elif first in {*body.nodes, *body.uses} or f"{path}.{first}" in {*graph.nodes, *graph.uses}:
+        known = ", ".join(f"{path}.{o}" for o in outputs) or "none"
+        raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {known}")
+    if first in outputs:
+        inner = _joined(outputs[first], port)
+    elif first in nodes or f"{path}.{first}" in {*graph.nodes, *graph.uses}:
         inner = rest
     else:
-        hint = did_you_mean(first, [*body.outputs, *body.nodes, *body.uses])
+        hint = did_you_mean(first, [*outputs, *nodes])
         raise GraphError(f"{where}: the group '{name}' has no output or node '{first}'{hint}")
     head, _, port = inner.partition(".")
     deeper = f"{path}.{head}"
@@ -376,7 +352,7 @@ def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
     given = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
     given |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
     return {
-        key: replace(place, use=use.place(given.get(key, "")))
+        key: place._replace(use=use.place(given.get(key, "")))
         for key, place in entry.places.items()
     }
 

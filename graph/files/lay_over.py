@@ -82,7 +82,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
         graph,
         params={**graph.params, **_params(model.params, document, ("params",))},
         prefer=tuple(model.prefer) if model.prefer is not None else graph.prefer,
-        outputs=_wanted({**graph.outputs, **model.outputs}),
+        outputs={n: r for n, r in {**graph.outputs, **model.outputs}.items() if r is not None},
         places={**graph.places, **_places(document, ())},
         inherited=frozenset(graph.params),
         groups=_with_shared({**graph.groups, **_groups(layer)}, _used(model), layer.file.parent),
@@ -104,8 +104,7 @@ def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
 
 def _stated(change: PatchModel) -> list[Change]:
     """What a change says, of one node at a time."""
-    named = {name: getattr(change, name) for name in change.model_fields_set}
-    stated = {name: value for name, value in named.items() if value is not None}
+    stated = {name: getattr(change, name) for name in change.model_fields_set}
     listed = [verb for verb in VERB_FUNCTIONS if isinstance(stated.get(verb), list)]
     if not listed:
         return [stated]
@@ -113,11 +112,12 @@ def _stated(change: PatchModel) -> list[Change]:
 
 
 def _flat_outputs(graph: Graph) -> Graph:
+    """The graph whose outputs name nodes, none of which a group may leave out."""
     outputs = {
-        name: flat_reference(graph, reference, "", graph.where(f"outputs.{name}"))
+        name: str(flat_reference(graph, reference, "", graph.where(f"outputs.{name}")))
         for name, reference in graph.outputs.items()
     }
-    return replace(graph, outputs=_wanted(outputs))
+    return replace(graph, outputs=outputs)
 
 
 def _entries(
@@ -147,7 +147,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
                 raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
-        group = _group_of(name, file)
+        group = group_in(name, read_yaml(file))
         params = _params(stated.params, layer.document, (*path, "params"))
         body = replace(group.body, params={**group.body.params, **params})
         groups[name] = replace(group, body=body)
@@ -163,9 +163,8 @@ def _used(model: GraphModel | VariantModel) -> list[str]:
     nodes: list[Any] = [*((model.nodes or {}) if isinstance(model, GraphModel) else {}).values()]
     nodes += model.patch or []
     for group in model.groups.values():
-        inside = group.patch if isinstance(group, SharedGroupModel) else group.nodes.values()
-        nodes += inside
-    return [name for node in nodes if (name := getattr(node, "group", None)) is not None]
+        nodes += group.patch if isinstance(group, SharedGroupModel) else group.nodes.values()
+    return [node.group for node in nodes if getattr(node, "group", None) is not None]
 
 
 def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) -> dict[str, Group]:
@@ -176,15 +175,15 @@ def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) ->
     for name in used:
         file = None if name in groups else _group_file(f"{name}.group.yaml", folder)
         if file is not None:
-            groups = {**groups, name: _group_of(name, file)}
-            inside = [use.group for use in groups[name].body.uses.values()]
-            inside += [t.group for u in groups[name].body.uses.values() for t in _turns(u)]
-            groups = _with_shared(groups, inside, file.parent)
+            groups = {**groups, name: group_in(name, read_yaml(file))}
+            groups = _with_shared(groups, _used_in(groups[name]), file.parent)
     return groups
 
 
-def _turns(use: Use) -> Iterable[Use]:
-    return use.turns.body.uses.values() if use.turns else ()
+def _used_in(group: Group) -> Iterator[str]:
+    """The groups that a group uses, as they are or in turns."""
+    for use in group.body.uses.values():
+        yield from (use.group, *_used_in(use.turns)) if use.turns else [use.group]
 
 
 def _group_file(name: str, folder: Path) -> Path | None:
@@ -192,10 +191,6 @@ def _group_file(name: str, folder: Path) -> Path | None:
         return find_file(name, folder, shipped_groups())
     except InputError:
         return None
-
-
-def _group_of(name: str, file: Path) -> Group:
-    return group_in(name, read_yaml(file))
 
 
 def group_in(name: str, document: Document) -> Group:
@@ -242,11 +237,6 @@ def _refuse_taken(
             raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
         if taken.get(name, name) != name:
             raise GraphError(f"{place}: a node is called '{name}' too; give another name")
-
-
-def _wanted(outputs: Mapping[str, str | None]) -> dict[str, str]:
-    """Outputs without those that a variant sets to null."""
-    return {name: reference for name, reference in outputs.items() if reference is not None}
 
 
 def _places(document: Document, path: Path_) -> dict[str, Place]:

@@ -86,7 +86,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
             check_new(graph, flat, place)
         elif flat not in graph.nodes:
             continue
-        here = {key: replace(at, use=graph.uses[use].place("")) for key, at in places.items()}
+        here = {key: at._replace(use=graph.uses[use].place("")) for key, at in places.items()}
         change_flat = put_use if "group" in change else VERB_FUNCTIONS[verb]
         graph = change_flat(graph, flat, flat_change(graph, change, places, use, node), here)
     return graph
@@ -167,8 +167,8 @@ def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) 
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     words = {f"${name}": value for name, value in given.items()}
     for name in given:
-        entries: list[Entry | Use] = [*body.nodes.values(), *body.uses.values()]
-        if not any(f"${name}" in entry.settings.values() for entry in entries):
+        nodes = graph.definition(use).nodes.values()
+        if not any(f"${name}" in each.settings.values() for each in nodes):
             raise GraphError(
                 f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
                 "any more; an earlier change gave a value to what did"

@@ -9,7 +9,7 @@ from typing import Any
 
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
-from tactograph.graph.files.flat_graph import Graph, split_previous, split_reference
+from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
 from tactograph.graph.files.graph_places import (
     find_file,
@@ -116,7 +116,7 @@ def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:
     Raises InputError if there is no such overlay, or it does not fit the graph.
     """
     for name in names:
-        graph = _overlaid(graph, name, None, (), whole=True)
+        graph = _overlaid(graph, name, None, ())
     return graph
 
 
@@ -131,12 +131,9 @@ def _named(name: str, base_folder: Path | None, chain: Chain) -> Graph:
     try:
         file = find_file(file_name, base_folder, shipped_graphs())
     except InputError as error:
-        # A shipped variant may be named FILE.yaml, as a shipped graph may.
-        bare, joined = name.removesuffix(".yaml"), name.replace("/", "_")
-        if _shipped_variant(bare) is None:
-            known = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
-            raise InputError(f"{error}{known}") from None
-        file, name = None, bare
+        joined = name.replace("/", "_")
+        known = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
+        raise InputError(f"{error}{known}") from None
     if file is None:
         return _composed(name, chain)
     layer = read_layer(file)
@@ -262,21 +259,13 @@ def _base_of(layer: Layer) -> str | None:
     return layer.model.base if isinstance(layer.model, VariantModel) else None
 
 
-def _overlaid(
-    graph: Graph, name: str, base_folder: Path | None, chain: Chain, *, whole: bool = False
-) -> Graph:
-    """Lay an overlay or a variant over a graph.
-
-    With `whole`, nothing follows that could give it what it lacks then.
-    """
+def _overlaid(graph: Graph, name: str, base_folder: Path | None, chain: Chain) -> Graph:
+    """Lay an overlay or a variant over a graph."""
     layer = _overlay(graph.variants, name, base_folder, chain)
     try:
-        laid = _lay(graph, layer, chain)
-        if whole:
-            _refuse_gaps(graph, laid)
+        return _lay(graph, layer, chain)
     except GraphError as error:
         raise InputError(f"'{name}' does not fit {graph.name}: {error}") from None
-    return laid
 
 
 def _overlay(
@@ -327,12 +316,3 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
     elif layer.base != graph.name or not title:
         title = ", ".join(filter(None, [graph.title, layer.name if layer.base else title]))
     return replace(laid_over(below, layer), name=f"{graph.name}_{layer.name}", title=title)
-
-
-def _refuse_gaps(before: Graph, graph: Graph) -> None:
-    """Refuse references of an overlay to nodes that the graph below it does not have."""
-    for name, entry in graph.nodes.items():
-        if name not in before.nodes or before.nodes[name].inputs != entry.inputs:
-            for port, reference in entry.inputs.items():
-                read = split_reference(split_previous(reference)[0], graph.nodes)[0]
-                graph.check_node(read, entry.where(f"in.{port}"))

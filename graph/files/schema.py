@@ -30,7 +30,6 @@ def make_schema() -> dict[str, Any]:
     named = {"anyOf": [{"enum": [n.name for n in nodes]}, {"description": "of another package"}]}
     definitions["op"] = {**entry["properties"]["op"], **named}
     definitions["by_op"] = {"allOf": [_rule(each) for each in nodes]}
-    change["properties"] = {key: _given(rule) for key, rule in change["properties"].items()}
     for each in (entry, change):
         each["properties"]["op"] = {"$ref": "#/$defs/op"}
         each["allOf"] = [{"$ref": "#/$defs/by_op"}]
@@ -47,13 +46,6 @@ def make_schema() -> dict[str, Any]:
 
 def _if_it_has(key: str, model: str) -> dict[str, Any]:
     return {"if": {"required": [key]}, "then": {"$ref": f"#/$defs/{model}"}}
-
-
-def _given(rule: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a key that may be left out, where it is given."""
-    words = {key: rule[key] for key in rule.keys() & {"description", "anyOf"}}
-    kinds = [kind for kind in words.pop("anyOf") if kind != {"type": "null"}]
-    return words | (kinds[0] if len(kinds) == 1 else {"anyOf": kinds})
 
 
 def _verb_rule(verb: str) -> dict[str, Any]:

@@ -51,53 +51,44 @@ def bind(
     names = _Names(graph, nodes, {})
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
-    edges: dict[str, tuple[dict[str, Value], dict[str, Value]]] = {}
+    tasks: dict[str, Task] = {}
     for name in graph.nodes:
         if name not in names.passed:
             with errors.gathered():
-                edges[name] = _reads(names, name)
+                tasks[name] = _task(names, name)
     errors.raise_any()
-    whens = {name: _condition(names, name) for name in edges}
-    instead = {name: other for name in edges if (other := _instead(names, name)) is not None}
-    before = {
-        name: {value.node for value in (*reads.values(), whens[name]) if value}
-        | {other for other in [instead.get(name)] if other is not None}
-        for name, (reads, _) in edges.items()
-    }
+    before = {task.id: _read_by(task) for task in tasks.values()}
     _refuse_cycles(graph, before)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     wanted = {value.node for value in values.values()}
-    wanted |= {n for n in edges if names.nodes[n].sink} if sinks else set()
+    wanted |= {name for name, task in tasks.items() if task.node.sink} if sinks else set()
     if not wanted:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
-    recalled = {name: {v.node for v in recalls.values()} for name, (_, recalls) in edges.items()}
-    live = with_all_before({name: before[name] | recalled[name] for name in edges}, wanted)
+    recalled = {name: {v.node for v in task.recalls.values()} for name, task in tasks.items()}
+    live = with_all_before({name: before[name] | recalled[name] for name in tasks}, wanted)
+    unused = [name for name in tasks if name not in live]
+    tasks = {name: task for name, task in tasks.items() if name in live}
     # A stream yields items of its own, for which no array can be handed in.
-    has_stream = any(names.nodes[name].stream for name in live - stand_ins)
-    tasks: dict[str, Task] = {}
-    for name in filter(live.__contains__, graph.nodes):
-        node, entry = names.nodes[name], graph.nodes[name]
-        handed_in = name in stand_ins and not has_stream
+    has_stream = any(tasks[name].node.stream for name in live - stand_ins)
+    for task in tasks.values():
+        task.stand_in = task.id in stand_ins and not has_stream
         with errors.gathered():
-            settings = {} if handed_in else settings_of(entry, graph, node, given)
-            tasks[name] = Task(
-                name,
-                node,
-                entry,
-                settings,
-                *edges[name],
-                stand_in=handed_in,
-                when=whens[name],
-                instead=instead.get(name),
-            )
+            if not task.stand_in:
+                task.settings = settings_of(task.entry, graph, task.node, given)
     errors.raise_any()
     ordered = [tasks[name] for name in in_order(before) if name in tasks]
     _mark_streams(ordered, before)
     for task in ordered:
         task.conditions = _conditions(tasks, task)
     _check_recalls(tasks)
-    return Draft(graph, tasks, values, names.passed, [n for n in edges if n not in live])
+    return Draft(graph, tasks, values, names.passed, unused)
+
+
+def _read_by(task: Task) -> set[str]:
+    """The tasks whose values of the same item a task needs, or may have instead of its own."""
+    makers = {value.node for value in (*task.reads.values(), task.when) if value}
+    return makers if task.instead is None else makers | {task.instead}
 
 
 class _Names(NamedTuple):
@@ -184,8 +175,8 @@ def _passed_through(names: _Names) -> dict[str, Value]:
     return passed
 
 
-def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Value]]:
-    """The values that a node reads, and those that it recalls from the item before."""
+def _task(names: _Names, node_id: str) -> Task:
+    """A node with the values that it reads, and those that it recalls from the item before."""
     entry, node = names.graph.nodes[node_id], names.nodes[node_id]
     _refuse_unknown_inputs(entry, node)
     reads: dict[str, Value] = {}
@@ -211,7 +202,8 @@ def _reads(names: _Names, node_id: str) -> tuple[dict[str, Value], dict[str, Val
     for name in node.input_names:
         if name not in entry.inputs and name not in node.optional_inputs:
             raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
-    return reads, recalls
+    when, instead = _condition(names, node_id), _instead(names, node_id)
+    return Task(node_id, node, entry, {}, reads, recalls, when=when, instead=instead)
 
 
 def _condition(names: _Names, node_id: str) -> Value | None:

@@ -4,9 +4,13 @@ A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends on
 Fixed sizes are checked before anything runs, others as soon as the sources have yielded.
 """
 
-from collections.abc import Iterator, Mapping
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
+
+from networkx.utils import UnionFind
 
 from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
 from tactograph.graph.declare.size_rules import SizeLimit
@@ -144,43 +148,74 @@ def unify(draft: Draft) -> SizeClasses:
     Raises GraphError if two fixed sizes meet, naming the two ports that disagree, or one that a
     node does not accept.
     """
-    root: dict[Symbol, Symbol] = {
-        (task.id, symbol): (task.id, symbol)
-        for task in draft.tasks.values()
-        for symbol in task.node.symbols
-    }
-    fixed: dict[Symbol, Bound] = {}
-    for task, name, wanted, value, offered in _joints(draft, "reads"):
-        _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
-    free = {_find(root, symbol) for symbol in _free_sizes(draft)}
-    for task, name, wanted, value, offered in _joints(draft, "recalls"):
-        # A size that depends on the data may differ from that of the item before.
-        if isinstance(offered, int) or _find(root, (value.node, offered)) not in free:
-            _join(root, fixed, (task, name, wanted), (draft.tasks[value.node], value.port, offered))
-    flat = {symbol: _find(root, symbol) for symbol in root}
+    symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
+    classes: UnionFind[Any] = UnionFind(symbols)
+    joints = _united(classes, _joints(draft, "reads"))
+    free = {classes[symbol] for symbol in _free_sizes(draft)}
+    # A size that depends on the data may differ from that of the item before.
+    recalled = (each for each in _joints(draft, "recalls") if classes[each.maker] not in free)
+    joints += _united(classes, recalled)
+    root = {symbol: classes[symbol] for symbol in symbols}
+    fixed = _fixed(draft, root, joints)
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
     for task in draft.tasks.values():
         for symbol, limit in task.node.sizes.items():
             if not task.filled:
-                limits.setdefault(flat[task.id, symbol], []).append((task.id, limit))
+                limits.setdefault(root[task.id, symbol], []).append((task.id, limit))
     for top, known in fixed.items():
-        for who, limit in limits.get(flat[top], ()):
+        for who, limit in limits.get(top, ()):
             if limit.refuses(known.size):
                 where = draft.tasks[who].entry.where("in")
                 raise GraphError(f"{where}: {known.by} has size {known.size}: {limit.why}")
-    return SizeClasses(flat, fixed, limits)
+    return SizeClasses(root, fixed, limits)
 
 
-def _joints(
-    draft: Draft, edges: Literal["reads", "recalls"]
-) -> Iterator[tuple[Task, str, Dim, Value, Dim]]:
-    """The sizes at both ends of every array's edge: of the reader's input and of the value."""
+class _Joint(NamedTuple):
+    """A size of an input and that of the value there: each a node with a symbol or a number."""
+
+    reader: tuple[str, Dim]
+    maker: tuple[str, Dim]
+    input: str
+    value: Value
+
+
+def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint]:
+    """The sizes at both ends of every array's edge."""
     for task in draft.tasks.values():
         for name, value in getattr(task, edges).items():
             if task.node.inputs[name].kind == "array":
-                offered = draft.tasks[value.node].node.outputs[value.port].dims
-                for one, other in zip(task.node.inputs[name].dims, offered, strict=True):
-                    yield task, name, one, value, other
+                dims = task.node.inputs[name].dims, draft.port_of(value).dims
+                for one, other in zip(*dims, strict=True):
+                    yield _Joint((task.id, one), (value.node, other), name, value)
+
+
+def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
+    """Make one class of the symbols at the ends of each joint."""
+    listed = list(joints)
+    for each in listed:
+        if isinstance(each.reader[1], str) and isinstance(each.maker[1], str):
+            classes.union(each.reader, each.maker)
+    return listed
+
+
+def _fixed(
+    draft: Draft, root: Mapping[Symbol, Symbol], joints: Iterable[_Joint]
+) -> dict[Symbol, Bound]:
+    """The sizes of classes that a joint has as a number."""
+    fixed: dict[Symbol, Bound] = {}
+    for each in joints:
+        names = (each.reader, f"{each.reader[0]}.{each.input}"), (each.maker, str(each.value))
+        known = [Bound(dim, by) for (_, dim), by in names if isinstance(dim, int)]
+        tops = [root[node, dim] for (node, dim), _ in names if isinstance(dim, str)]
+        if not known:
+            continue
+        for top in tops:
+            known.append(fixed.setdefault(top, known[0]))
+        a, b = known[0], known[-1]
+        if a.size != b.size:
+            where = draft.tasks[each.reader[0]].entry.where(f"in.{each.input}")
+            raise GraphError(f"{where}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}")
+    return fixed
 
 
 def _free_sizes(draft: Draft) -> Iterator[Symbol]:
@@ -188,51 +223,3 @@ def _free_sizes(draft: Draft) -> Iterator[Symbol]:
     for task in draft.tasks.values():
         if not task.node.source:
             yield from ((task.id, symbol) for symbol in task.node.free_symbols)
-
-
-def _find(root: dict[Symbol, Symbol], symbol: Symbol) -> Symbol:
-    while root[symbol] != symbol:
-        symbol = root[symbol]
-    return symbol
-
-
-End = tuple[Task, str, Dim]
-
-
-def _join(root: dict[Symbol, Symbol], fixed: dict[Symbol, Bound], a: End, b: End) -> None:
-    (task_a, port_a, dim_a), (task_b, port_b, dim_b) = a, b
-    by_a, by_b = f"{task_a.id}.{port_a}", f"{task_b.id}.{port_b}"
-    if isinstance(dim_a, int) and isinstance(dim_b, int):
-        if dim_a != dim_b:
-            raise _clash(task_a, port_a, Bound(dim_a, by_a), Bound(dim_b, by_b))
-        return
-    if isinstance(dim_a, int) or isinstance(dim_b, int):
-        symbol = (task_a.id, dim_a) if isinstance(dim_a, str) else (task_b.id, str(dim_b))
-        bound = Bound(dim_a, by_a) if isinstance(dim_a, int) else Bound(int(dim_b), by_b)
-        _fix(root, fixed, symbol, bound, task_a, port_a)
-        return
-    root_a, root_b = _find(root, (task_a.id, dim_a)), _find(root, (task_b.id, dim_b))
-    if root_a != root_b:
-        root[root_a] = root_b
-        if root_a in fixed:
-            _fix(root, fixed, root_b, fixed[root_a], task_a, port_a)
-
-
-def _fix(
-    root: dict[Symbol, Symbol],
-    fixed: dict[Symbol, Bound],
-    symbol: Symbol,
-    bound: Bound,
-    task: Task,
-    port: str,
-) -> None:
-    top = _find(root, symbol)
-    if top in fixed and fixed[top].size != bound.size:
-        raise _clash(task, port, bound, fixed[top])
-    fixed.setdefault(top, bound)
-
-
-def _clash(task: Task, port: str, a: Bound, b: Bound) -> GraphError:
-    return GraphError(
-        f"{task.entry.where(f'in.{port}')}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}"
-    )

@@ -9,6 +9,8 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+import numpy as np
+
 from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
 from tactograph.graph.show.sketch import Box, Edge, Sketch
 
@@ -127,6 +129,8 @@ def _centres(
     segments: Mapping[tuple[Spot, Spot], str],
 ) -> dict[Spot, float]:
     """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
+    from scipy.optimize import isotonic_regression  # slow to load
+
     joined = _neighbours(segments)
 
     def distance_px(a: Spot, b: Spot) -> float:
@@ -151,21 +155,9 @@ def _centres(
             offsets = [0.0]
             for a, b in itertools.pairwise(row):
                 offsets.append(offsets[-1] + distance_px(a, b))
-            free = _increasing([w - o for w, o in zip(wanted, offsets, strict=True)])
+            free = isotonic_regression(np.subtract(wanted, offsets)).x
             centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
     return centre
-
-
-def _increasing(wanted: Sequence[float]) -> list[float]:
-    """The non-decreasing numbers nearest to those wanted, by least squares."""
-    blocks: list[tuple[float, int]] = []
-    for value in wanted:
-        mean, size = value, 1
-        while blocks and blocks[-1][0] > mean:
-            before, count = blocks.pop()
-            mean, size = (before * count + mean * size) / (count + size), count + size
-        blocks.append((mean, size))
-    return [mean for mean, size in blocks for _ in range(size)]
 
 
 def _drawn_segment(

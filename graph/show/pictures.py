@@ -55,12 +55,8 @@ def png_of(name: str, port: PortType, array: NDArray[Any]) -> bytes | None:
 def draw_planes(view: View) -> str:
     """Draw all planes of a stack beside each other, on one grey scale."""
     panels = {f"{k}": plane for k, plane in enumerate(view.array, start=1)}
-    figure, axes = _grid(panels)
     top = float(view.array.max(initial=0, where=np.isfinite(view.array)))
-    for ax, (title, plane) in zip(axes, panels.items(), strict=True):
-        ax.imshow(plane, cmap="gray", vmin=0, vmax=top)
-        ax.set_title(title)
-    return _png(figure)
+    return _png(_images(panels, cmap="gray", vmin=0, vmax=top))
 
 
 def draw_maps(panels: Panels, unit: str) -> str:
@@ -94,14 +90,14 @@ def draw_labels(panels: Panels, unit: str) -> str:
     """Draw labels in a colour for each bit, dark where several are set."""
     count = max(int(array.max()).bit_length() for array in panels.values()) or 1
     name = unit.removesuffix("bits").strip() or "bit"
-    figure, axes = _grid(panels, bar=True)
     colours = ListedColormap(["#f2f2f0", *BIT_COLOURS[:count], SEVERAL_COLOUR])
     norm = BoundaryNorm(np.arange(-0.5, count + 2), colours.N)
-    for ax, (title, array) in zip(axes, panels.items(), strict=True):
-        ax.imshow(_numbers(array, count), cmap=colours, norm=norm, interpolation="nearest")
-        ax.set_title(title)
+    numbers = {title: _numbers(array, count) for title, array in panels.items()}
+    figure = _images(numbers, bar=True, cmap=colours, norm=norm, interpolation="nearest")
     scale = ScalarMappable(norm, colours)
-    bar = figure.colorbar(scale, ax=axes, ticks=np.arange(count + 2), fraction=0.03, pad=0.015)
+    bar = figure.colorbar(
+        scale, ax=figure.axes, ticks=np.arange(count + 2), fraction=0.03, pad=0.015
+    )
     bar.ax.set_yticklabels(["none", *(f"{name} {k + 1}" for k in range(count)), "several"])
     bar.ax.tick_params(length=0)
     return _png(figure)
@@ -172,12 +168,11 @@ def _are_numbers(values: Iterable[Any]) -> bool:
 
 
 def _maps(panels: Panels, unit: str, colours: str, norm: Normalize, extend: str) -> str:
-    figure, axes = _grid(panels, bar=True)
-    for ax, (title, array) in zip(axes, panels.items(), strict=True):
-        ax.imshow(array, cmap=colours, norm=norm)
-        ax.set_title(title)
+    figure = _images(panels, bar=True, cmap=colours, norm=norm)
     scale = ScalarMappable(norm, colours)
-    bar = figure.colorbar(scale, ax=axes, label=unit, fraction=0.03, pad=0.015, extend=extend)
+    bar = figure.colorbar(
+        scale, ax=figure.axes, label=unit, fraction=0.03, pad=0.015, extend=extend
+    )
     bar.outline.set_linewidth(0.4)
     return _png(figure)
 
@@ -189,17 +184,19 @@ def _numbers(labels: NDArray[Any], count: int) -> NDArray[np.int64]:
     return np.where(bits.sum(axis=0) > 1, count + 1, single)
 
 
-def _grid(panels: Panels, bar: bool = False) -> tuple[Figure, list[Axes]]:
+def _images(panels: Panels, bar: bool = False, **how: Any) -> Figure:
     """A figure with a bare panel for each array, in rows of equal size."""
     across = min(MAX_PANELS_ACROSS, len(panels))
     down = -(-len(panels) // across)
     rows, columns = next(iter(panels.values())).shape
     width = min(PAGE_WIDTH_IN, 4.6 * across)
     figure = _figure(down * (width * (0.9 if bar else 1) / across * rows / columns + 0.3), width)
-    axes = list(figure.subplots(down, across, squeeze=False).ravel())
-    for ax in axes:
+    for ax in figure.subplots(down, across, squeeze=False).ravel():
         ax.set_axis_off()
-    return figure, axes[: len(panels)]
+    for ax, (title, array) in zip(figure.axes, panels.items(), strict=False):
+        ax.imshow(array, **how)
+        ax.set_title(title)
+    return figure
 
 
 def _figure(height: float, width: float = PAGE_WIDTH_IN) -> Figure:

@@ -2,9 +2,8 @@
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
 
-from tactograph.graph.errors import GraphError
+import networkx as nx
 
 Edge = tuple[str, str, str]
 """A box, a box that reads it, and the ports of the values, separated by commas."""
@@ -42,26 +41,24 @@ def use_of(node: str) -> str:
 
 
 def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
-    """Draw each use as one box, unless it is opened, or reads values that follow from its own.
-
-    Raises GraphError if the edges run in a cycle.
-    """
+    """Draw each use as one box, unless it is opened, or reads values that follow from its own."""
     opened = {*opened}
+    place = {box.name: index for index, box in enumerate(sketch.boxes)}
     while True:
         box_of = {box.name: box_around(box.name, sketch.groups, opened) for box in sketch.boxes}
-        loop = _loop(_renamed(sketch.edges, box_of))
-        if loop is None:
+        edges = _renamed(sketch.edges, box_of)
+        members: dict[str, list[Box]] = {}
+        for box in sketch.boxes:
+            members.setdefault(box_of[box.name], []).append(box)
+        graph = nx.DiGraph((a, b) for a, b, _ in edges)
+        graph.add_nodes_from(members)
+        if nx.is_directed_acyclic_graph(graph):
             break
+        loop = [a for a, _ in nx.find_cycle(graph)]
         # Opened, a use is at least one box more, so this ends.
-        uses = {box for box in loop if box in sketch.groups}
-        if not uses:
-            raise GraphError(f"{sketch.title}: the graph has a cycle: {' -> '.join(loop)}")
-        opened |= uses
-    members: dict[str, list[Box]] = {}
-    for box in sketch.boxes:
-        members.setdefault(box_of[box.name], []).append(box)
-    edges = _renamed(sketch.edges, box_of)
-    boxes = [_folded(sketch, name, members[name]) for name in _in_order(members, edges)]
+        opened |= {box for box in loop if box in sketch.groups}
+    in_order = nx.lexicographical_topological_sort(graph, lambda n: place[members[n][0].name])
+    boxes = [_folded(sketch, name, members[name]) for name in in_order]
     recalls = _renamed(sketch.recalls, box_of, loops=True)
     return Sketch(sketch.title, boxes, edges, recalls, sketch.groups)
 
@@ -87,26 +84,3 @@ def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = Fal
         if loops or box_of[a] != box_of[b]:
             ports.setdefault((box_of[a], box_of[b]), {})[port] = None
     return [(a, b, ", ".join(names)) for (a, b), names in ports.items()]
-
-
-def _sorter(joined: list[Edge]) -> TopologicalSorter[str]:
-    sorter: TopologicalSorter[str] = TopologicalSorter()
-    for a, b, _ in joined:
-        sorter.add(b, a)
-    return sorter
-
-
-def _loop(joined: list[Edge]) -> list[str] | None:
-    try:
-        _sorter(joined).prepare()
-    except CycleError as error:
-        loop: list[str] = error.args[1]
-        return loop
-    return None
-
-
-def _in_order(names: Mapping[str, object], joined: list[Edge]) -> list[str]:
-    sorter = _sorter(joined)
-    for name in names:
-        sorter.add(name)
-    return list(sorter.static_order())

@@ -13,6 +13,7 @@ from tactograph.rings.editor.language.cursor import Cursor, find_cursor
 from tactograph.rings.editor.language.explain import definition_at, words_at
 from tactograph.rings.editor.language.last_times import times_beside
 from tactograph.rings.editor.language.mistakes import Checked, Mistake, check
+from tactograph.sdk.unstable import Graph
 
 PAUSE_S = 0.3
 """Time without a key before a text is checked."""
@@ -33,9 +34,7 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
     if document.version != before:
         return
     found = await asyncio.to_thread(check, document.source, _file(uri))
-    known = _checked.get(uri)
-    graph = found.graph or (known and known.graph)
-    _checked[uri] = found._replace(graph=graph)
+    _checked[uri] = found._replace(graph=found.graph or _graph(uri))
     if document.version == before:
         shown = [_diagnostic(each) for each in found.mistakes]
         server.text_document_publish_diagnostics(
@@ -52,7 +51,7 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
 )
 def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
     """The words that fit at the cursor."""
-    cursor = _cursor(params)
+    cursor, uri = _cursor(params), params.text_document.uri
     if cursor is None:
         return []
     line, end = params.position.line, params.position.character
@@ -61,25 +60,25 @@ def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
         types.CompletionItem(
             word, documentation=about or None, text_edit=types.TextEdit(typed, word)
         )
-        for word, about in offers_at(cursor, _file(params.text_document.uri)).items()
+        for word, about in offers_at(cursor, _file(uri), _graph(uri)).items()
     ]
 
 
 @server.feature(types.TEXT_DOCUMENT_HOVER)
 def explain(params: types.HoverParams) -> types.Hover | None:
     """What the word at the cursor means."""
-    cursor = _cursor(params)
-    words = words_at(cursor, _file(params.text_document.uri)) if cursor else ""
+    cursor, uri = _cursor(params), params.text_document.uri
+    words = words_at(cursor, _file(uri), _graph(uri)) if cursor else ""
     return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, words)) if words else None
 
 
 @server.feature(types.TEXT_DOCUMENT_DEFINITION)
 def define(params: types.DefinitionParams) -> types.Location | None:
     """Where the word at the cursor is defined."""
-    cursor = _cursor(params)
-    spot = definition_at(cursor, _file(params.text_document.uri)) if cursor else None
-    uri = from_fs_path(str(spot.file.resolve())) if spot else None
-    return types.Location(uri, _range(spot.line, 0, 0)) if spot and uri else None
+    cursor, uri = _cursor(params), params.text_document.uri
+    spot = definition_at(cursor, _file(uri), _graph(uri)) if cursor else None
+    there = from_fs_path(str(spot.file.resolve())) if spot else None
+    return types.Location(there, _range(spot.line, 0, 0)) if spot and there else None
 
 
 @server.feature(types.TEXT_DOCUMENT_CODE_ACTION)
@@ -114,6 +113,12 @@ def tell_times(params: types.InlayHintParams) -> list[types.InlayHint]:
         for line, said in times_beside(document.source, found.graph, folders)
         if params.range.start.line <= line <= params.range.end.line
     ]
+
+
+def _graph(uri: str) -> Graph | None:
+    """The graph of a file as it was last right."""
+    found = _checked.get(uri)
+    return found.graph if found else None
 
 
 def _file(uri: str) -> Path:

@@ -6,6 +6,7 @@ from pathlib import Path
 from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.scope import PATCH_VERBS, Scope, scope_at, taken_by
 from tactograph.sdk.unstable import (
+    Graph,
     node_names,
     shipped_groups,
     shipped_names,
@@ -18,11 +19,11 @@ Offers = dict[str, str]
 """Words that may stand at the cursor, and what each is."""
 
 
-def offers_at(cursor: Cursor, file: Path) -> Offers:
+def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
     """The words that fit at the cursor; none where anything may stand."""
     if "extends" in cursor.path[-2:]:
         return _plain([*shipped_names(), *shipped_overlays()])
-    scope = scope_at(cursor, file)
+    scope = scope_at(cursor, file, graph)
     if not cursor.entry:
         return scope.ports if cursor.path[-2:-1] == ("outputs",) else {}
     match cursor.inside:

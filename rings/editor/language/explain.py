@@ -9,7 +9,7 @@ from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
 from tactograph.sdk import InputError, find_node
-from tactograph.sdk.unstable import find_file, graph_file, shipped_groups, shipped_overlays
+from tactograph.sdk.unstable import Graph, find_file, graph_file, shipped_groups, shipped_overlays
 
 
 class Spot(NamedTuple):
@@ -19,9 +19,9 @@ class Spot(NamedTuple):
     line: int = 0
 
 
-def words_at(cursor: Cursor, file: Path) -> str:
+def words_at(cursor: Cursor, file: Path, graph: Graph | None) -> str:
     """What the word at the cursor means, as Markdown; empty if that is not known."""
-    scope, said = scope_at(cursor, file), str(_value(cursor))
+    scope, said = scope_at(cursor, file, graph), str(_value(cursor))
     if said.startswith("$"):
         return scope.params.get(said[1:], "")
     match cursor.inside:
@@ -35,7 +35,7 @@ def words_at(cursor: Cursor, file: Path) -> str:
     return scope.ports.get(said.removeprefix("previous."), "")
 
 
-def definition_at(cursor: Cursor, file: Path) -> Spot | None:
+def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | None:
     """Where the word at the cursor is defined: a node, a group, a graph, or a node's code."""
     said = str(_value(cursor))
     try:
@@ -49,7 +49,7 @@ def definition_at(cursor: Cursor, file: Path) -> Spot | None:
             return Spot(found) if found else None
     except InputError:
         return None
-    return _of_name(said.removeprefix("previous."), scope_at(cursor, file))
+    return _of_name(said.removeprefix("previous."), scope_at(cursor, file, graph))
 
 
 def _of_name(name: str, scope: Scope) -> Spot | None:

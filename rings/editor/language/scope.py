@@ -1,6 +1,6 @@
 """The names that a line may use: those of the graph before it, or of the group around it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -63,20 +63,24 @@ class Scope:
         return of_node(entry.op) if entry is not None else NO_DECLARATION
 
 
-def scope_at(cursor: Cursor, file: Path) -> Scope:
-    """The names at the cursor, as the graph has them before the line takes effect."""
+def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
+    """The names at the cursor: those of its group, else of the graph as it was last right.
+
+    A file that never was right has the names of the graph that it extends.
+    """
     body = _body_around(cursor)
     if body is not None:
         inputs = dict.fromkeys(body.get("inputs") or {}, NO_DECLARATION)
         nodes = (body.get("nodes") or {}).items()
         uses = {name: taken_by(node or {}, Scope(), cursor, file) for name, node in nodes}
         return Scope(inputs | uses, of_data(body).params)
-    for data in _readable(cursor):
+    if graph is None:
+        base = cursor.data.get("base") or cursor.data.get("extends") or BASE_OF_OVERLAYS
         try:
-            return of_graph(graphs_of(as_document(data), file)[-1])
-        except (InputError, IndexError):  # no graph is in it
-            continue
-    return Scope()
+            graph = graphs_of(as_document({"format": 1, "extends": base}), file)[0]
+        except InputError:  # there is no such graph
+            return Scope()
+    return of_graph(graph)
 
 
 def of_graph(graph: Graph) -> Scope:
@@ -120,34 +124,3 @@ def _body_around(cursor: Cursor) -> dict[str, Any] | None:
         body: dict[str, Any] = cursor.at(cursor.path[:2])
         return body
     return None
-
-
-def _readable(cursor: Cursor) -> Iterator[dict[str, Any]]:
-    """The file before the line at the cursor; if that is wrong elsewhere, what it extends."""
-    before = _before(cursor)
-    base = before.get("base") or before.get("extends") or BASE_OF_OVERLAYS
-    if "base" not in before and "nodes" not in before:
-        before["extends"] = base
-    yield before
-    if "nodes" not in before:
-        yield {"format": 1, "extends": base}
-
-
-def _before(cursor: Cursor) -> dict[str, Any]:
-    """The data without the line at the cursor, and without what takes effect after it."""
-    data = {key: value for key, value in cursor.data.items() if key not in ("outputs", "variants")}
-    first, *rest = cursor.path
-    if first == "variants" and len(rest) > 1:
-        variant = {**cursor.at(cursor.path[:2]), "outputs": {}}
-        if rest[1] == "patch":
-            variant["patch"] = variant["patch"][: _index(rest, 2)]
-        return {**data, "variants": {rest[0]: variant}}
-    if first == "patch":
-        data["patch"] = data["patch"][: _index(rest, 0)]
-    if first == "nodes" and rest:
-        data["nodes"] = {name: node for name, node in data["nodes"].items() if name != rest[0]}
-    return data
-
-
-def _index(path: list[str | int], at: int) -> int:
-    return path[at] if len(path) > at and isinstance(path[at], int) else 0  # type: ignore[return-value]

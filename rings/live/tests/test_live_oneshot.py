@@ -46,13 +46,13 @@ def test_leds_that_warm_up_are_followed(mini: Path) -> None:
     assert np.median(errors("live_oneshot", given, 40)[25:]) < 0.012
 
 
-def test_read_colour_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
+def test_read_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
     given = {"camera": "$camera", "calibration": "$calibration"}
     graph = {
         "format": 1,
         "extends": "gelsight_mini",
         "params": {"camera": {"kind": "text"}, "capture": {"kind": "path", "default": None}},
-        "patch": [{"replace": "frames", "op": "read_colour_camera", "with": given}],
+        "patch": [{"replace": "frames", "op": "read_camera", "with": given}],
     }
     given = {"calibration": mini, "camera": MOVING, "out": tmp_path}
     assert np.median(errors(graph, given, 5)) < 0.008

@@ -99,8 +99,8 @@ def test_insert_after_says_what_can_be_named(write: Write, after: str, message: 
     ("change", "message"),
     [
         ("{set: slope}", "set needs 'with' or 'in'"),
-        ("{set: slope, with: null}", "set needs 'with' or 'in'"),
-        ("{set: null, in: {height: again}}", "this one has none"),
+        ("{set: slope, with: null}", "a mapping is needed, not None"),
+        ("{set: null, in: {height: again}}", "a list is needed, not None"),
         ("{replace: slope, op: pixel_size, in: {height: null}}", "only 'set' takes an input away"),
         ("{insert: slope, op: pixel_size}", "insert: there is a node 'slope' already"),
         ("{set: slope, with: {a: 1}, op: x}", "set takes no 'op'"),

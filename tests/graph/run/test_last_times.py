@@ -4,10 +4,8 @@ import json
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from tactograph.graph import load
 from tests.graph.conftest import SLOPES, Command, one_line, tactograph
 
 __all__ = ["tactograph"]
@@ -84,20 +82,3 @@ def test_a_step_that_may_be_taken_from_disk_is_marked(
     (tmp_path / "cache" / "height_slopes-0.kept").touch()
     marked = [line for line in tactograph("explain", graph).out.splitlines() if "unless" in line]
     assert [line.split()[1] for line in marked] == ["slope"]
-
-
-def test_what_is_kept_on_disk_is_told_where_files_tell_its_inputs(
-    graph: str, height_file: str, tactograph: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of the same input only; the steps behind it follow."""
-    monkeypatch.setattr("tactograph.graph.cache.store.MIN_STORED_MS", 0.0)
-    load(graph, file=height_file)._items.prepare()
-
-    def kept(*words: str) -> list[str]:
-        lines = tactograph("explain", graph, *words).out.splitlines()
-        return [line.split()[1] for line in lines if "kept on disk" in line]
-
-    assert kept(f"file={height_file}") == ["pixel", "slope", "again"]
-    np.save(height_file, 2 * np.load(height_file))
-    assert kept(f"file={height_file}", "--set", "pixel.mm=0.1") == ["pixel"]
-    assert kept("file=no_such_file.npy", "--set", "pixel.mm=0.2") == []

@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 import pytest
 
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.errors import GraphError
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
@@ -190,16 +189,3 @@ def test_a_value_of_the_item_before_is_a_dashed_way_back(device: OpenCL) -> None
     back = folded(plan).recalls
     assert back
     assert to_svg(folded(plan)).count("stroke-dasharray") == len(back)
-
-
-def test_a_graph_is_drawn_as_its_plan_is(device: OpenCL) -> None:
-    graph = read_graph("reconstruct")
-    shown = set(re.findall(r'data-node="([^"]+)"', graph._repr_svg_()))
-    assert shown >= {box.name for box in folded(planned("reconstruct", device)).boxes}
-
-
-def test_a_graph_with_a_cycle_is_not_drawn() -> None:
-    one = {"op": "rest_at_border", "in": {"height": "b"}}
-    nodes = {"a": one, "b": {**one, "in": {"height": "a"}}}
-    with pytest.raises(GraphError, match="the graph has a cycle: "):
-        read_graph({"format": 1, "nodes": nodes, "outputs": {"height": "a"}})._repr_svg_()

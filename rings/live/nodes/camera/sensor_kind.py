@@ -20,11 +20,14 @@ def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
     preset = read_preset(sensor)
     if flashing and preset.leds is None:
         raise InputError(
-            f"`sensor`={sensor}: lights its colours at once; 'op: read_colour_camera' reads it, or "
-            "say in its file how many LEDs flash (leds: 4)"
+            f"`sensor`={sensor}: lights its colours at once, but here LEDs flash; say in its file "
+            "how many (leds: 4), or take a graph of one-shot sensors"
         )
     if not flashing and preset.leds is not None:
-        raise InputError(f"`sensor`={sensor}: its LEDs flash; 'op: read_camera' reads it")
+        raise InputError(
+            f"`sensor`={sensor}: its LEDs flash, but here colours are lit at once; take a graph of "
+            "sensors that flash"
+        )
     return preset
 
 

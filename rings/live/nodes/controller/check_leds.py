@@ -28,7 +28,6 @@ def check_leds(
     seconds_each: Annotated[float, Interval(ge=0.01, le=60)] = 1.0,
     rate_hz: Annotated[float, Interval(ge=0.1, le=1000)] = 30.0,
     cycles: Annotated[int, Interval(ge=1, le=10000)] = 15,
-    timeout_s: Annotated[float, Interval(ge=0.05, le=10)] = 0.4,
 ) -> LedCheck:
     """Light every LED for a while, then let them flash, and report the measurements.
 
@@ -41,7 +40,6 @@ def check_leds(
     seconds_each : how long each LED is lit
     rate_hz : steps of the cycle per second, equal to the camera's frame rate
     cycles : number of cycles to run; each ends with a dark step
-    timeout_s : longest time that an answer may take
 
     Returns
     -------
@@ -55,7 +53,7 @@ def check_leds(
     InputError
         If the controller is not found, does not answer, or is lost during the test.
     """
-    with open_controller(port, timeout_s=timeout_s, leds=leds) as controller:
+    with open_controller(port, leds=leds) as controller:
         for led in range(1, leds + 1):
             controller.set(led)
             time.sleep(seconds_each)

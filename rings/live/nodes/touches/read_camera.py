@@ -1,4 +1,4 @@
-"""Read touches from a camera whose LEDs flash in turn."""
+"""Read touches from a running camera, whose LEDs flash in turn or are all lit at once."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -10,12 +10,15 @@ from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
-from tactograph.rings.live.nodes.touches.sensor import open_rig
+from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
+from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import InputError, LiveFrames, LiveState, node
 from tactograph.sdk.unstable import (
     FRACTIONS,
+    Order,
     Refresh,
+    RestFilm,
     UsedCalibration,
     Whole,
     calibrated_film,
@@ -29,6 +32,7 @@ def read_camera(
     driver: CameraParams,
     port: str | None = None,
     used: UsedCalibration,
+    lights: Order | None = None,
     refresh: Refresh = "rolling",
     ambient: bool = False,
     motion: Literal["report", "skip"] = "report",
@@ -43,7 +47,7 @@ def read_camera(
     A frame is matched to its LED by its image, which shows the film at rest under one of the
     LEDs, and by the controller's clock; both must agree.  Frames that show two LEDs, none, the
     wrong one, or not the film at all are counted, reported and discarded.  Camera and controller
-    are reopened whenever they fail.
+    are reopened whenever they fail.  Of a one-shot sensor every colour frame is a touch.
 
     Parameters
     ----------
@@ -51,6 +55,10 @@ def read_camera(
         The LED controller's serial port.  None: found by its USB id.  ``simulated``: a
         software controller.  ``none``: the LEDs flash by themselves, and the image alone
         decides.
+    lights
+        Of colours that are lit at once: the order in which the calibration counts them.  None:
+        that of `sensor`, else "bgr", for a calibration of a one-shot sensor; LEDs that flash for
+        any other.
     refresh
         "rolling": a touch with every frame, which replaces the older one of its LED.  "cycle":
         a touch whenever all LEDs are new.
@@ -74,16 +82,17 @@ def read_camera(
     ------
     InputError
         If at the start the calibration, the camera or the controller cannot be opened, or the
-        camera's image size or serial number differs from the calibration's; if the calibration
-        is of a one-shot sensor, or `sensor` is none whose LEDs flash.
+        camera's image size or serial number differs from the calibration's; if `sensor` is of the
+        other kind, counts its colours in another order, or the calibration is not of three
+        colours.
     """
     flat, dark, one_shot = calibrated_film(used.calibration)
-    if one_shot:
-        raise InputError(
-            f"{used.calibration}: a one-shot sensor, whose colours are lit at once, is read by "
-            "'op: read_colour_camera', not by read_camera"
-        )
     driver.check_calibration(used)
+    if one_shot or lights is not None:
+        colours = _colour_stream(driver, used.calibration, make_film(flat, dark), lights, queue)
+        with closing(colours.sensor):
+            yield from colours.touches(driver.timeout_s / 2, seconds, items)
+        return
     height, width = dark.shape
     preset = preset_of(driver.sensor, flashing=True)
     rig = open_rig(
@@ -112,13 +121,43 @@ def read_camera(
         yield from stream.touches(driver.timeout_s / 2, seconds, items)
 
 
+def _colour_stream(
+    driver: CameraParams, calibration: Path, film: RestFilm, lights: Order | None, queue: int
+) -> ColourStream:
+    """The stream of a sensor whose colours are lit at once."""
+    preset = preset_of(driver.sensor, flashing=False)
+    order = lights or (preset.lights if preset else "bgr")
+    if preset is not None and order != preset.lights:
+        raise InputError(
+            f"`sensor`={driver.sensor}: counts the colours as {preset.lights}, but `lights`={order}"
+        )
+    if len(film.patterns) != len(order):
+        raise InputError(
+            f"{calibration}: is of {len(film.patterns)} LEDs, but a colour picture holds "
+            f"{len(order)} lights; leave out `lights` for LEDs that flash"
+        )
+    height, width = film.size
+    sensor = open_colour_sensor(
+        driver, (width, height), preset=preset, queue=queue, calibration=calibration, order=order
+    )
+    state = LiveState(settings=driver.noted | {"lights": order})
+    return ColourStream(sensor, film, order, driver.full_scale, state)
+
+
 @read_camera.rehearsal
 def _rehearsal(
-    *, calibration: Path, ambient: bool, bits: int | None, whole: bool, **_: Any
+    *,
+    calibration: Path,
+    lights: Order | None,
+    ambient: bool,
+    bits: int | None,
+    whole: bool,
+    **_: Any,
 ) -> LiveFrames:
     """Return the film at rest, in the pixel type that most cameras deliver."""
-    touch = calibrated_film(calibration).touch
-    if not whole or ambient or bits is not None:
+    film = calibrated_film(calibration)
+    touch, is_colour = film.touch, film.one_shot or lights is not None
+    if not whole or ambient or bits is not None or is_colour:
         return touch
     image: Any = np.rint(np.clip(touch.image, 0, 1) * 255).astype(np.uint8)
     return touch._replace(image=image)

@@ -259,7 +259,7 @@ def open_colour_sensor(
 
     Parameters
     ----------
-    driver : as for `read_colour_camera`
+    driver : as for `read_camera`
     size : width and height to request from the camera; None keeps the driver's
     preset
         Completes the settings, and the size where that is None.  Its view is applied to a real

@@ -22,7 +22,6 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import read_scene
 from tactograph.rings.live.nodes.touches import sensor as live_sensor
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream, planes_of
 from tactograph.rings.live.nodes.touches.read_camera import read_camera
-from tactograph.rings.live.nodes.touches.read_colour_camera import read_colour_camera
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor
 from tests.fixtures import Calibration, MadeOnce
 
@@ -76,20 +75,15 @@ def test_the_newest_frame_counts_and_the_others_go_along(stream: ColourStream) -
 
 
 def test_the_calibration_says_that_it_is_a_one_shot_sensor(mini: Path) -> None:
-    touch = next(read_colour_camera(camera=MOVING, calibration=mini))
+    touch = next(read_camera(camera=MOVING, calibration=mini))
     assert touch.image.shape == (3, 72, 96)
     assert touch.truth is not None
     assert touch.state.settings["lights"] == "bgr"
 
 
-def test_read_camera_names_the_node_that_reads_a_one_shot_sensor(mini: Path) -> None:
-    with pytest.raises(InputError, match="is read by 'op: read_colour_camera'"):
-        next(read_camera(camera=MOVING, calibration=mini))
-
-
 def test_red_comes_first_where_the_calibration_counts_so(mini: Path) -> None:
-    blue_first = next(read_colour_camera(camera=MOVING, calibration=mini))
-    red_first = next(read_colour_camera(camera=MOVING, calibration=mini, lights="rgb"))
+    blue_first = next(read_camera(camera=MOVING, calibration=mini))
+    red_first = next(read_camera(camera=MOVING, calibration=mini, lights="rgb"))
     assert np.abs(red_first.image[::-1] - blue_first.image).mean() < 0.02
     assert np.abs(red_first.image - blue_first.image).mean() > 0.05
 
@@ -152,6 +146,4 @@ def test_a_picture_of_another_size_is_refused() -> None:
 
 def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:
     with pytest.raises(InputError, match="is of 4 LEDs, but a colour picture holds 3 lights"):
-        next(
-            read_colour_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr")
-        )
+        next(read_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr"))

@@ -31,7 +31,6 @@ class PressedLayer(NamedTuple):
     side: int
     """Of a cell in pixels."""
     cell_mm: float
-    steps: int = MAX_STEPS
 
     def pressure(self, height: F4, inside: F4) -> F4:
         """The pressure in kPa on each cell's share of contact, by least squares of slopes."""
@@ -73,7 +72,7 @@ class PressedLayer(NamedTuple):
             return inside * filtered(inside * plane.reshape(load.shape), weight)
 
         operator = LinearOperator((load.size, load.size), moved, dtype=np.float32)
-        plane, _ = cg(operator, load.ravel(), rtol=ENOUGH_SHARE, maxiter=self.steps)
+        plane, _ = cg(operator, load.ravel(), rtol=ENOUGH_SHARE, maxiter=MAX_STEPS)
         return np.asarray(plane.reshape(load.shape), np.float32)
 
 

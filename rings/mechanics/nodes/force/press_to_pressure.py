@@ -65,7 +65,6 @@ def press_to_pressure(
     thickness_mm: Thickness,
     poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
-    steps: Annotated[int, Interval(ge=1, le=100)] = 8,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
     most: Most = MAX_MEASURED,
 ) -> PressForce:
@@ -93,7 +92,6 @@ def press_to_pressure(
     thickness_mm : of the gel, between film and window
     poisson : Poisson's ratio; 0.5 cannot be compressed
     modulus_error : relative standard deviation of the modulus
-    steps : of conjugate gradients
     cell_px : side of the cells that have a pressure of their own
     most : largest number of contacts that have figures, the largest; all press
 
@@ -106,7 +104,6 @@ def press_to_pressure(
     _warn_of_limits(height, contact, thickness_mm)
     numbers = largest_contacts(contact, most)
     layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
-    layer = layer._replace(steps=steps)
     place = _Place(height, view or View())
     by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
     size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
