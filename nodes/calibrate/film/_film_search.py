@@ -15,9 +15,14 @@ from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
-from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
+from tactograph.nodes.calibrate.film.film_fit import (
+    MAX_INDEPENDENT_SAMPLES,
+    add_harmonics,
+    fit,
+    place_balls,
+)
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import pays
+from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
@@ -146,8 +151,9 @@ def grow(
 ) -> tuple[Trial, Model, Metrics]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
-    Once the film has a coat or an albedo, the samples are renewed: then the light that it
-    reflects from film to film is known.
+    A part pays that is likelier than none, and lowers the held-out error.  Once the film has a
+    coat or an albedo, the samples are renewed: then the light that it reflects from film to film
+    is known.
     """
     errors = {f"film_heldout_deg/{best}": best.error}
     if "bounce" in parts and may_grow(best):
@@ -159,7 +165,12 @@ def grow(
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        alone = pays(best.errors, better.errors)
+        more, values = (
+            len(PART_UNKNOWNS[left[first]]),
+            min(trial.balls.u.size, MAX_INDEPENDENT_SAMPLES),
+        )
+        odds = log_odds(best.fitted.scale, better.fitted.scale, more, values)
+        alone = odds > 0 and pays(best.errors, better.errors)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:

@@ -20,7 +20,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
+from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight
@@ -84,8 +84,8 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
     matt = _round(given, unknowns, frozenset(), None)
     coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
     now = matt._replace(fitted=coat)
-    gained = independent * math.log(matt.fitted.scale / coat.scale)
-    if gained - len(PART_UNKNOWNS["lobe"]) * math.log(independent) / 2 < math.log(SURE_ODDS):
+    more = len(PART_UNKNOWNS["lobe"])
+    if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
     if not given.is_told:
         raise InputError(

@@ -1,5 +1,6 @@
 """Doubts and verdicts that both kinds of calibration share."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,16 @@ def pays(before: list[float], after: list[float]) -> bool:
     gained = np.subtract(before, after)
     errors = stdtrit(gained.size - 1, ndtr(1))
     return bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
+
+
+def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
+    """Return the logarithm of a larger model's odds, by Schwarz, "Estimating the dimension of a
+    model", 1978.
+
+    `before` and `after` are the deviations that both models leave of so many independent values,
+    `unknowns` is how many more the larger one has.
+    """
+    return values * math.log(before / after) - unknowns * math.log(values) / 2
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:
